@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""What memory costs beside the buffers that code asks for: measures the figures of src/budget/costs.rs again
+"""What memory costs beside the buffers that code asks for: measures the figures of src/budget/costs.rs, cleaning and batches again
 and prints each beside the one that stands there. Standard library only; Linux.
 
     scripts/costs.py [--oct PATH] [--runs 12] [code] [spreads] [workers] [cleaning] [batch]
@@ -36,11 +36,13 @@ KIB = 1 << 10
 
 
 def stated():
-    """Constants of costs.rs by name, in bytes, for an optimised program."""
-    with open(os.path.join(TOP, "src", "budget", "costs.rs"), encoding="utf-8") as source:
-        text = source.read()
+    """Constants of costs.rs, cleaning and batches by name, in bytes, for an optimised program."""
+    text = ""
+    for path in ("budget/costs.rs", "clean/mod.rs", "jobs/batch/mod.rs"):
+        with open(os.path.join(TOP, "src", path), encoding="utf-8") as source:
+            text += source.read()
     found = {}
-    for name, value in re.findall(r"pub const (\w+): \w+ = ([^;]+);", text):
+    for name, value in re.findall(r"^(?:pub )?const (\w+): u(?:64|size) = ((?:if|\d)[^;]+);", text, re.MULTILINE):
         value = value.split("else {")[-1].strip(" }") if "else" in value else value
         found[name] = eval(value, {"__builtins__": {}})  # a number, or a shift of one  # noqa: S307
     return found

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Makes the codestreams in tests/it/common/codec/jpeg2000_vectors.rs, and prints them as Rust arrays.
+"""Writes the codestreams tests/it/common/codec/vectors/*.j2c.
 
 Needs numpy, imagecodecs (OpenJPH, and OpenJPEG to compare) and OpenJPEG's opj_compress. The images are
 formulas, so that the tests know every sample of the lossless ones.
@@ -103,11 +103,8 @@ def high_throughput_passes(width, height, seed, flags=0x40):
     return bytes(head) + struct.pack(">HHHIBB", 0xFF90, 10, 0, 14 + len(packets), 0, 1) + b"\xff\x93" + packets + b"\xff\xd9"
 
 
-def show(name, stream, note):
-    print(f"/// {note}\n#[rustfmt::skip]\npub(super) const {name}: &[u8] = &[")
-    for start in range(0, len(stream), 20):
-        print("    " + " ".join(f"0x{byte:02X}," for byte in stream[start : start + 20]))
-    print("];\n")
+def keep(name, content):
+    Path(__file__).parent.parent.joinpath("tests/it/common/codec/vectors", name).write_bytes(content)
 
 
 def main():
@@ -115,15 +112,16 @@ def main():
         formula(9, 7, 250, -100)[None], 12, True,
         "-n", "2", "-t", "6,7", "-d", "3,1", "-p", "RPCL", "-M", "63", "-r", "4,1", "-b", "4,8", "-c", "[8,8],[4,4]", "-EPH",
     )
-    show("EVERYTHING", everything, "9 by 7, signed 12 bits: tiles, offsets, two layers, all code-block styles.")
+    keep("everything.j2c", everything)
     y, x = numpy.mgrid[0:9, 0:9]
     smooth = numpy.stack([20 * x + 5 * y, 200 - 10 * x, 7 * x + 13 * y])
-    show("IRREVERSIBLE", openjpeg(smooth, 8, False, "-I", "-mct", "1", "-n", "4", "-r", "1"), "9 by 9, three components, 9/7.")
+    keep("irreversible.j2c", openjpeg(smooth, 8, False, "-I", "-mct", "1", "-n", "4", "-r", "1"))
     quads = formula(9, 7, 65536).astype(numpy.uint16)
-    show("HIGH_THROUGHPUT", without_comment(imagecodecs.htj2k_encode(quads, reversible=True)), "9 by 7, 16 bits.")
+    keep("high-throughput.j2c", without_comment(imagecodecs.htj2k_encode(quads, reversible=True)))
     passes = high_throughput_passes(11, 9, 3)
-    show("THREE_PASSES", passes, "11 by 9, 8 bits: a high-throughput code-block of three passes.")
-    print("// decoded by OpenJPEG:", numpy.array2string(imagecodecs.jpeg2k_decode(passes).flatten(), separator=", ", max_line_width=110))
+    keep("three-passes.j2c", passes)
+    # As OpenJPEG decodes it.
+    keep("three-passes.samples", imagecodecs.jpeg2k_decode(passes).astype(numpy.uint8).tobytes())
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
 //! Output files that appear whole or not at all.
 //!
-//! The bytes go to a file beside the target that has no name yet; it is synced, given the target's
+//! The bytes go to a file next to the target that has no name yet; it is synced, given the target's
 //! name in one step, and the folder is synced. A process that is killed leaves the old target, or
 //! none, and no rubbish.
 
@@ -43,7 +43,7 @@ pub(crate) struct AtomicFile {
 #[derive(Debug)]
 enum Storage {
     /// Gone with its last descriptor, even when the process is killed.
-    Nameless(File),
+    Unnamed(File),
     /// Where the file system has no such files.
     Named(tempfile::NamedTempFile),
 }
@@ -73,8 +73,8 @@ impl AtomicFile {
             _ => PathBuf::from("."),
         };
         let storage = match platform::unnamed_file(&folder) {
-            Ok(file) => Storage::Nameless(file),
-            // A clear refusal; anything else may be a file system without nameless files.
+            Ok(file) => Storage::Unnamed(file),
+            // A clear refusal; anything else may be a file system without unnamed files.
             Err(cause) if is_final(&cause) => return Err(cause),
             Err(_) => Storage::Named(named(&folder)?),
         };
@@ -84,7 +84,7 @@ impl AtomicFile {
     /// The file, open for reading and writing.
     pub(crate) fn file(&self) -> &File {
         match &self.storage {
-            Storage::Nameless(file) => file,
+            Storage::Unnamed(file) => file,
             Storage::Named(file) => file.as_file(),
         }
     }
@@ -99,7 +99,7 @@ impl AtomicFile {
             Storage::Named(file) => {
                 file.persist(&self.target).map_err(|e| e.error)?;
             }
-            Storage::Nameless(file) => link(&file, &self.folder, &self.target)?,
+            Storage::Unnamed(file) => link(&file, &self.folder, &self.target)?,
         }
         // Some file systems cannot sync a folder; the file itself is safe by now.
         if let Ok(folder) = File::open(&self.folder) {
@@ -146,7 +146,7 @@ pub(crate) fn sweep(folder: &Path) {
 /// Beginning of the second name; the process and a count follow.
 const SECOND_NAME: &str = ".oct-";
 
-/// Gives a nameless file the target's name. A free name is taken directly; an existing target is
+/// Gives a unnamed file the target's name. A free name is taken directly; an existing target is
 /// replaced by way of a second name, because a link cannot replace.
 fn link(file: &File, folder: &Path, target: &Path) -> io::Result<()> {
     match platform::give_name(file, target) {

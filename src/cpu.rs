@@ -29,7 +29,6 @@ pub(crate) trait Isa: Copy {
     fn avx2(self) -> Option<Avx2>;
 }
 
-/// Any machine.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Portable;
 
@@ -49,7 +48,6 @@ impl Isa for Avx2 {
 
 /// A kernel that can be compiled for more than one instruction set.
 pub(crate) trait Kernel {
-    /// What it returns.
     type Output;
     /// The work; must be `#[inline(always)]` all the way down.
     fn run(self, isa: impl Isa) -> Self::Output;

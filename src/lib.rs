@@ -113,15 +113,14 @@
 mod atomic;
 pub mod budget;
 pub mod builder;
-pub mod catalogue;
 pub mod clean;
 mod codec;
 #[cfg(test)]
 #[path = "../tests/it/common/compress.rs"]
 mod compress;
-pub mod contact;
 mod cpu;
 pub mod csg;
+pub mod discovery;
 mod enclosed;
 pub mod error;
 mod exit;
@@ -129,6 +128,8 @@ pub mod export;
 pub mod facts;
 pub mod format;
 pub mod geom;
+mod identity;
+pub mod intersect;
 pub mod jobs;
 pub mod load;
 mod mark;
@@ -142,7 +143,6 @@ pub mod render;
 pub mod scene;
 mod scratch;
 pub mod source;
-mod stamp;
 pub mod synthetic;
 pub mod text;
 pub mod volume;
@@ -172,13 +172,13 @@ use jobs::build::BuildJob;
 use budget::Budget;
 use volume::Workspace;
 
-/// Opens the volume in a file or a folder, ready to be built from; see [`catalogue::open`] for several files, or
+/// Opens the volume in a file or a folder, ready to be built from; see [`discovery::open`] for several files, or
 /// to choose among several volumes.
 ///
 /// # Errors
 /// [`Error::Source`], whose text names the input and says what was found and what to add.
 pub fn open(input: impl Into<PathBuf>) -> Result<Box<dyn VolumeSource>, Error> {
-    Ok(catalogue::open(&[input.into()], &OpenOptions::default())?)
+    Ok(discovery::open(&[input.into()], &OpenOptions::default())?)
 }
 
 /// Builds the skin octree of a volume into the file `output`, which appears whole or not at all.

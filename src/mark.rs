@@ -1,5 +1,5 @@
-//! What is written into every picture of a model, and by which such a picture is told from a slice of a volume,
-//! whatever it is called and wherever it lies.
+//! The mark in every picture of a model, which distinguishes such a picture from a slice of a volume,
+//! under any name and in any folder.
 
 /// Keyword of the PNG text chunk: the standard's own for the program that made a picture.
 pub(crate) const KEYWORD: &str = "Software";
@@ -7,7 +7,6 @@ pub(crate) const KEYWORD: &str = "Software";
 /// The text: the same for every version, so that equal pictures are equal files.
 pub(crate) const PROGRAM: &str = "infobyte";
 
-/// Signature of a PNG.
 const SIGNATURE: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// Does a PNG, which begins with these bytes, say that this program made it?

@@ -17,7 +17,7 @@ pub trait Progress: Sync {
     }
 }
 
-/// Reports to nobody, and never stops.
+/// Reports nothing, and never stops.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct Silent;
 

@@ -1,16 +1,18 @@
 //! Nameless files for what does not fit into memory: gone with their last descriptor, even when the
 //! process is killed.
 
-use std::fmt;
 use std::fs::File;
 use std::io;
 use std::path::Path;
+
+use thiserror::Error;
 
 use crate::budget::Bytes;
 use crate::platform;
 
 /// A disk with less room than a scratch file needs; held by an [`io::Error`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("{} are needed, and {} are free", Bytes(*.needed_bytes), Bytes(*.free_bytes))]
 pub(crate) struct NoRoom {
     /// Bytes that are needed.
     pub needed_bytes: u64,
@@ -18,29 +20,21 @@ pub(crate) struct NoRoom {
     pub free_bytes: u64,
 }
 
-impl fmt::Display for NoRoom {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} are needed, and {} are free", Bytes(self.needed_bytes), Bytes(self.free_bytes))
-    }
-}
-
-impl std::error::Error for NoRoom {}
-
-/// A new nameless file in `folder`, open for reading and writing.
+/// A new unnamed file in `folder`, open for reading and writing.
 ///
 /// # Errors
 /// The folder is missing, read-only or full.
-pub(crate) fn nameless(folder: &Path) -> io::Result<File> {
+pub(crate) fn unnamed(folder: &Path) -> io::Result<File> {
     tempfile::tempfile_in(folder)
 }
 
-/// A new nameless file that will hold about `bytes`; refused at once where the file system of `folder`
+/// A new unnamed file that will hold about `bytes`; refused at once where the file system of `folder`
 /// has less to give.
 ///
 /// # Errors
-/// As [`nameless`], and [`io::ErrorKind::StorageFull`] with both figures.
-pub(crate) fn nameless_for(folder: &Path, bytes: u64) -> io::Result<File> {
-    let file = nameless(folder)?;
+/// As [`unnamed`], and [`io::ErrorKind::StorageFull`] with both figures.
+pub(crate) fn unnamed_for(folder: &Path, bytes: u64) -> io::Result<File> {
+    let file = unnamed(folder)?;
     if let Some(free_bytes) = platform::free_bytes(&file)
         && free_bytes < bytes
     {
@@ -57,8 +51,8 @@ mod tests {
     #[test]
     fn more_than_the_disk_has_is_refused_at_once() {
         let folder = tempfile::tempdir().unwrap();
-        assert!(nameless_for(folder.path(), 1).is_ok());
-        let refused = nameless_for(folder.path(), u64::MAX).unwrap_err();
+        assert!(unnamed_for(folder.path(), 1).is_ok());
+        let refused = unnamed_for(folder.path(), u64::MAX).unwrap_err();
         let fault = refused.get_ref().and_then(|inner| inner.downcast_ref::<NoRoom>());
         assert_eq!(fault.map(|fault| fault.needed_bytes), Some(u64::MAX));
         assert_eq!(refused.kind(), io::ErrorKind::StorageFull);

@@ -1,9 +1,10 @@
-//! What memory costs beside the buffers that code asks for: one place for every figure that was measured.
+//! Measured memory costs of every job, other than the buffers that code asks for. Decoders, cleaning, merging and batches
+//! have theirs where they are used.
 //!
 //! A buffer's size is chosen where the buffer is, and is exact. What stands here is caused by others (the
 //! system that maps code, the C library's allocator, stacks, the insides of decoders) or bounds what cannot
 //! be known beforehand, and holds for the machines that it was measured on: x86-64 Linux, pages of 4 KiB,
-//! glibc 2.36. `scripts/costs.py` measures them again with a release build and prints each beside the figure
+//! glibc 2.36. `scripts/costs.py` measures them again with a release build and prints each next to the figure
 //! that stands here; run it after the compiler, a large dependency or the allocator's settings have changed.
 //!
 //! | figures of | measured by |
@@ -54,7 +55,7 @@ pub const WORKER_STACK: usize = 512 << 10;
 /// with two threads, less that with one, less the buffers of one worker.
 pub const WORKER_OVERHEAD: u64 = 192 << 10;
 
-/// What a job holds beside its workers, and what the allocator wastes, in a process that does other things too:
+/// Memory that a job holds outside its workers, and that the allocator wastes, in a process that does other things too:
 /// the census, the output's buffer, the walk over the bricks, and the rounding of some twenty buffers.
 pub const SHARE_OVERHEAD: u64 = 256 << 10;
 
@@ -63,67 +64,13 @@ pub const SHARE_OVERHEAD: u64 = 256 << 10;
 /// the smallest cap that is stated does for every threshold.
 pub const MIN_WORKER: u64 = 1124 << 10;
 
-/// Small lists of a merging worker (chains of fragments, groups of bricks, summaries) at their longest: a column
-/// of bricks that are all skin, `noise` in `scripts/memory.py`.
-pub const MERGE_LISTS: u64 = 64 << 10;
-
-// ---- Cleaning.
-
-/// What cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
-/// [`crate::clean::CleanOptions::clean`], less that before.
-pub const CLEANING_LEFT_OVER: u64 = 640 << 10;
-
 // ---- Opening.
 
 /// Putting the images of a series in order may always take this: some 2,600 images.
 pub const MIN_OPENING: u64 = 1 << 20;
 
-/// What is held of a frame of a DICOM image while the images of its series are put in order: heap of opening a
+/// Memory of a frame of a DICOM image while the images of its series are put in order: heap of opening a
 /// series of 10,000 images, by image (`tests/it/catalogue_memory.rs` counts it).
 pub const OPENING_FRAME: u64 = 400;
-
-/// The same of a tiled (mosaic) image, whose tables hold every tile.
-pub const OPENING_MOSAIC: u64 = 2600;
-
-// ---- Readers: what their decoders hold beside the rows that are counted exactly.
-
-/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000, which counts its own.
-pub const DICOM_DECODER: u64 = 256 << 10;
-
-/// The tables of a palette, read as it is turned into grey.
-pub const DICOM_PALETTE: u64 = 384 << 10;
-
-/// The table of a modality look-up, 2^16 entries of 16 bits.
-pub const DICOM_LOOKUP: u64 = 128 << 10;
-
-/// The state of an inflater beside its input and output buffers: its window, twice, and tables.
-pub const INFLATER: u64 = 64 << 10;
-
-/// The state of a bzip2 decoder beside its block, which is 2.5 times as long as its level says.
-pub const BZIP2: u64 = 128 << 10;
-
-/// The decoder of a compressed TIFF page: an inflater's window or a table of LZW codes, and the directory.
-pub const TIFF_DECODER: u64 = 160 << 10;
-
-/// The decoder of a PNG file: the inflater, its window, and two rows.
-pub const PNG_DECODER: u64 = 512 << 10;
-
-// ---- A batch.
-
-/// Code that is resident beside that of one stage of one job: other jobs are at other stages.
-pub const BATCH_CODE: u64 = 1 << 20;
-
-/// What opening a small input and watching a job take, for each job.
-pub const JOB_OVERHEAD: u64 = 704 << 10;
-
-/// Least memory that a job is of use with: a build of small slices.
-pub const MIN_JOB: u64 = 1536 << 10;
-
-/// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
-/// is stated.
-pub const USUAL_OPENING: u64 = 16 << 20;
-
-/// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
-pub const THUMBNAIL_PAGES: u64 = 5 << 20;
 
 const _: () = assert!(HELD_SPREAD.is_multiple_of(STATED_STEP) && OPENING_SPREAD.is_multiple_of(STATED_STEP));

@@ -15,7 +15,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `costs` | every measured figure: code, stacks, allocator, spreads, decoders |
+//! | `costs` | measured figures of every job: code, stacks, allocator, spreads |
 //! | `size` | sizes as people write them |
 
 pub mod costs;
@@ -28,12 +28,12 @@ pub use size::{Bytes, ExactSize, SizeArgument, parse_size};
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
-/// What bounds the memory of a job.
+/// The bound on the memory of a job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum MemoryCap {
     /// The resident memory of the whole process; the job is all that it does.
     Process(u64),
-    /// What the job may add to a process that does other things too.
+    /// Memory that the job may add to a process that does other things too.
     Share(u64),
 }
 
@@ -45,7 +45,7 @@ impl MemoryCap {
         }
     }
 
-    /// Bytes that count against the bound beside what the job allocates from now on: in a process, all that
+    /// Bytes that count against the bound in addition to what the job allocates from now on: in a process, all that
     /// is allocated now, and code. What code is resident at the moment says little, as more is mapped while a
     /// job runs, and differs with every start; so the most that it comes to is counted.
     pub fn held(self) -> u64 {
@@ -81,17 +81,16 @@ impl MemoryCap {
 #[derive(Clone, Debug)]
 pub struct Budget(Arc<Account>);
 
-/// The books of a budget.
 #[derive(Debug)]
 struct Account {
     limit_bytes: u64,
-    /// The cap's kind, whatever its bound.
+    /// The cap's kind.
     alone: bool,
     /// Peak of the process when the budget was made; 0 for a share.
     peak_bytes: u64,
     state: Mutex<State>,
     changed: Condvar,
-    /// What the whole budget is reserved as in another one.
+    /// The reservation of the whole budget in another one.
     _within: Option<Reservation>,
 }
 
@@ -134,7 +133,7 @@ impl Budget {
         Self::with(limit_bytes, false, None)
     }
 
-    /// What may be held under a cap from now on: what is held already is taken.
+    /// The memory left under a cap: what is held already is taken.
     ///
     /// Cost: in a process the kernel is asked what is resident (some 20 us).
     pub fn of(cap: MemoryCap) -> Self {
@@ -143,7 +142,7 @@ impl Budget {
         budget
     }
 
-    /// As [`Budget::of`], with what a job holds beside its workers taken, too. (In a process of its own that is
+    /// Like [`Budget::of`], with what a job holds outside its workers taken, too. (In a process of its own that is
     /// part of what code is counted for.)
     pub fn of_job(cap: MemoryCap) -> Self {
         let budget = Self::of(cap);
@@ -151,7 +150,7 @@ impl Budget {
         budget
     }
 
-    /// As [`Budget::of_job`] under a cap of this kind, but without a limit: what a job reserves from it is measured.
+    /// Like [`Budget::of_job`] under a cap of this kind, but without a limit: what a job reserves from it is measured.
     pub fn dry(kind: MemoryCap) -> Self {
         let budget = Self::with(u64::MAX, kind.is_process(), None);
         budget.take(kind.held());
@@ -189,12 +188,12 @@ impl Budget {
         self.0.limit_bytes
     }
 
-    /// What is reserved now, and what was held when the budget was made.
+    /// The memory reserved now, and that held when the budget was made.
     pub fn reserved_bytes(&self) -> u64 {
         self.0.lock().reserved
     }
 
-    /// What may still be reserved.
+    /// The memory that may still be reserved.
     pub fn left_bytes(&self) -> u64 {
         self.0.left(&self.0.lock())
     }
@@ -219,7 +218,7 @@ impl Budget {
         Ok(Reservation { account: Arc::clone(&self.0), bytes })
     }
 
-    /// As [`Budget::reserve`], but waits for others to give back. First come, first served: a large request is not
+    /// Like [`Budget::reserve`], but waits for others to give back. First come, first served: a large request is not
     /// overtaken for ever by small ones.
     ///
     /// # Errors
@@ -270,7 +269,7 @@ impl Budget {
         self.0.stated(self.0.lock().most, readings)
     }
 
-    /// The smallest limit under which so many bytes beside what is reserved now would be granted, likewise.
+    /// The smallest limit, likewise, under which so many bytes would be granted on top of what is reserved now.
     pub fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
         self.0.stated(self.reserved_bytes().saturating_add(more_bytes), 1)
     }

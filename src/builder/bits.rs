@@ -1,4 +1,4 @@
-//! One bit per voxel in a nameless scratch file, rows padded to whole words.
+//! One bit per voxel in a unnamed scratch file, rows padded to whole words.
 
 use std::fs::File;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use super::error::BuildError;
 use crate::geom::Dims;
 use crate::platform::FileExt;
-use crate::scratch::nameless_for;
+use crate::scratch::unnamed_for;
 
 /// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.
 #[derive(Debug)]
@@ -15,17 +15,15 @@ pub(crate) struct BitVolume {
     file: File,
     folder: PathBuf,
     dims: Dims,
-    /// Words of a row.
     pub(crate) row_words: usize,
 }
 
 impl BitVolume {
-    /// An empty volume.
     pub(crate) fn create(folder: &Path, dims: Dims) -> Result<Self, BuildError> {
         let row_words = dims.nx().div_ceil(64) as usize;
         let bytes = row_words as u64 * 8 * u64::from(dims.ny()) * u64::from(dims.nz());
         let failed = |cause| scratch_error(folder, cause);
-        let file = nameless_for(folder, bytes).map_err(failed)?;
+        let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
         Ok(Self { file, folder: folder.to_path_buf(), dims, row_words })
     }
@@ -44,7 +42,6 @@ impl BitVolume {
         self.row_words as u64 * 8 * self.rows()
     }
 
-    /// Rows of all slices.
     pub(crate) fn rows(&self) -> u64 {
         u64::from(self.dims.ny()) * u64::from(self.dims.nz())
     }
@@ -59,12 +56,11 @@ impl BitVolume {
         self.file.read_exact_at(bytemuck::cast_slice_mut(words), self.offset(row, first))
     }
 
-    /// As [`BitVolume::read`], into bytes of words.
+    /// Like [`BitVolume::read`], into bytes of words.
     pub(crate) fn read_bytes(&self, row: u64, first: usize, bytes: &mut [u8]) -> io::Result<()> {
         self.file.read_exact_at(bytes, self.offset(row, first))
     }
 
-    /// Writes `words` at word `first` of row `row`.
     pub(crate) fn write(&self, row: u64, first: usize, words: &[u64]) -> Result<(), BuildError> {
         self.file
             .write_all_at(bytemuck::cast_slice(words), self.offset(row, first))
@@ -81,7 +77,6 @@ impl BitVolume {
     }
 }
 
-/// The error of a scratch file in `folder`.
 pub(crate) fn scratch_error(folder: &Path, cause: io::Error) -> BuildError {
     BuildError::Scratch { path: folder.to_path_buf(), cause }
 }

@@ -16,7 +16,6 @@ const VOXELS: usize = EDGE * EDGE * EDGE;
 /// Boxes of 4^3 voxels: one word of 64 voxels each.
 const WORDS: usize = VOXELS / 64;
 
-/// One channel of the brick at hand.
 pub(super) struct BrickChannel {
     channel: Channel,
     form: ItemForm,
@@ -63,12 +62,10 @@ impl BrickChannel {
         self.channel.row().is_sparse
     }
 
-    /// Corners of a cell that has them.
     pub(super) fn corner(&self, cell: Corner) -> &[u8] {
         self.scan.as_chunks::<CORNERS>().0.get(usize::from(cell.scanned)).unwrap_or(&[1; CORNERS])
     }
 
-    /// Bytes of a stored item.
     pub(super) fn item_bytes(&self) -> usize {
         self.form.stored_bytes()
     }
@@ -146,7 +143,6 @@ pub(super) struct BrickReader {
     rows: Box<[u32; EDGE * EDGE]>,
     /// Skin bits in Morton order, 4^3 voxels a word.
     pub(super) words: Box<[u64; WORDS]>,
-    /// Voxels before each word.
     before: Box<[u32; WORDS]>,
     /// Cells with corners, in Morton order.
     pub(super) corners: Vec<Corner>,
@@ -315,7 +311,6 @@ struct MortonOrder<'a> {
 }
 
 impl MortonOrder<'_> {
-    /// Voxels of the brick.
     #[inline(always)]
     fn voxels(&self) -> usize {
         self.before[WORDS - 1] as usize + self.words[WORDS - 1].count_ones() as usize

@@ -1,6 +1,6 @@
 //! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
 
-use super::error::{BuildError, Sought};
+use super::error::{BuildError, Criterion};
 use super::histogram::Kind;
 use super::range::{Ordered, SampleRange, highest_below};
 use super::report::BuildNote;
@@ -64,7 +64,6 @@ impl<T> Chosen<T> {
     }
 }
 
-/// What a choice needs to know.
 #[derive(Clone, Copy)]
 pub(super) struct Chooser<'a> {
     pub(super) source: &'a dyn VolumeSource,
@@ -87,7 +86,7 @@ impl Chooser<'_> {
                 self.progress.stage("histogram", 1);
                 let (threads, _memory) = self.reserve_histogram()?;
                 let Some(split) = histogram::otsu::<T>(self.source, threads, self.progress)? else {
-                    return Err(self.empty::<T>(Sought::Split));
+                    return Err(self.empty::<T>(Criterion::Split));
                 };
                 self.progress.advance(1);
                 // On a falling scale the samples below the split are the high values, and the split itself is
@@ -115,7 +114,7 @@ impl Chooser<'_> {
         }
         match SampleRange::of_selection(&selection, rescale) {
             Some(range) => Ok(Chosen { selection, range, note }),
-            None => Err(self.empty::<T>(Sought::Within(selection))),
+            None => Err(self.empty::<T>(Criterion::Within(selection))),
         }
     }
 
@@ -134,13 +133,13 @@ impl Chooser<'_> {
         Ok((1 + others.unwrap_or(0), memory))
     }
 
-    /// What is shared, and what one worker holds.
+    /// The shared memory, and that of one worker.
     fn least_histogram(&self, budget: &Budget) -> Result<[Reservation; 2], TooSmall> {
         let shared = budget.reserve(histogram::SHARED_BYTES)?;
         Ok([shared, budget.reserve(self.with_source(histogram::WORKER_BYTES))?])
     }
 
-    /// A worker's memory beside its own buffers added.
+    /// A worker's own buffers and its share of everything else.
     fn with_source(&self, own_bytes: u64) -> u64 {
         own_bytes + WORKER_OVERHEAD + self.source.resident_bytes()
     }
@@ -156,7 +155,7 @@ impl Chooser<'_> {
     }
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
-    pub(super) fn empty<T: Ordered>(&self, sought: Sought) -> BuildError {
+    pub(super) fn empty<T: Ordered>(&self, sought: Criterion) -> BuildError {
         let info = self.source.info();
         let name = info.description.name.clone();
         let seen = self

@@ -6,7 +6,7 @@
 //!               records of bricks of 32^3  --every 32 slices-->  scratch file
 //! ```
 //!
-//! Memory is that of [`ColumnPlan::worker_bytes`] and of the solid's worker, whatever the solid is.
+//! Memory is that of [`ColumnPlan::worker_bytes`] and of the solid's worker, for any solid.
 #![expect(
     clippy::cast_possible_truncation,
     reason = "coordinates are below 2^16, numbers of voxels within a brick below 2^15"
@@ -20,8 +20,10 @@ use super::error::BuildError;
 use super::item::ChannelForm;
 use super::plan::ColumnPlan;
 use super::pool::{CHUNK_BYTES, Chain, ChunkPool};
-use super::skin::{BIT_RING, BIT_ROWS, BitRows, Kept, brick_rows, find_skin};
-use super::solid::{BRICK, Cover, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, VoxelBox};
+use super::skin::{BIT_RING, BIT_ROWS, BitRows, SkinRule, brick_rows, find_skin};
+use super::solid::{
+    BRICK, Cover, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, VoxelBox,
+};
 use super::swap::{BrickEntry, FragmentWriter, Scratch};
 use crate::format::Channel;
 use crate::format::cell::HAS_CORNERS;
@@ -29,12 +31,11 @@ use crate::progress::Progress;
 
 const BRICK_ROWS: usize = BRICK as usize;
 
-/// What all workers share.
+/// State that all workers share.
 pub(super) struct ScanContext<'a> {
     pub(super) solid: &'a dyn Solid,
-    /// The channels to be stored.
     pub(super) channels: &'a [ChannelForm],
-    pub(super) kept: Kept,
+    pub(super) kept: SkinRule,
     pub(super) plan: &'a ColumnPlan,
     pub(super) scratch: &'a Scratch,
     /// The boxes that can be seen, if others are not kept.
@@ -48,7 +49,7 @@ pub(super) struct ScanTotals {
     pub(super) skin: u64,
     /// Boxes of the surface that are not kept because they cannot be seen.
     pub(super) hidden: u64,
-    pub(super) found: Found,
+    pub(super) found: ScanSummary,
 }
 
 impl ScanTotals {
@@ -86,7 +87,7 @@ impl Brick {
     }
 }
 
-/// What the solid says of a slab of 32 slices, 64 columns at a time.
+/// Occupancy of a slab of 32 slices, 64 columns at a time.
 #[derive(Clone, Debug)]
 struct SlabCover {
     /// The slab; a number beyond any for none.
@@ -147,7 +148,7 @@ pub(super) struct ColumnWorker<'a> {
     shared: &'a ScanContext<'a>,
     dims: [u32; 3],
     solid: Box<dyn SolidWorker + 'a>,
-    /// Of the slab at hand and the one that is being read.
+    /// Slices of the current slab and of the one that is being read.
     covers: [SlabCover; 2],
     bits: Vec<u64>,
     no_bits: Vec<u64>,
@@ -214,7 +215,6 @@ impl<'a> ColumnWorker<'a> {
         Ok(())
     }
 
-    /// Writes the occupancy of one column.
     pub(super) fn store_occupancy(&mut self, column: &VoxelBox, to: &BitVolume) -> Result<(), BuildError> {
         self.solid.start(column)?;
         for cover in &mut self.covers {
@@ -353,7 +353,7 @@ impl<'a> ColumnWorker<'a> {
                 words: &mut slice[first_row * row_words + from..],
             };
             self.solid.occupancy(&mut asked)?;
-            // Beyond the grid everything is outside, whatever the solid wrote there.
+            // Beyond the grid everything is outside, even where the solid wrote there.
             if first && x0 == 0 || end && column.x.end == nx {
                 let last = u64::MAX >> ((64 * words - column.x.len()) % 64);
                 for row in slice.chunks_exact_mut(row_words) {
@@ -429,7 +429,7 @@ impl<'a> ColumnWorker<'a> {
             for (chain, ChannelForm { channel, form }) in chains.iter_mut().zip(channels) {
                 let items = self.solid.items(*channel);
                 // The offsets come before what they announce.
-                if *channel == Channel::Offset && self.shared.kept == Kept::Cells {
+                if *channel == Channel::Offset && self.shared.kept == SkinRule::Cells {
                     corners = items.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
                 }
                 let due = if channel.row().is_sparse { corners } else { count };

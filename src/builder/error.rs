@@ -27,7 +27,7 @@ pub enum BuildError {
     #[error("{name}: {MEMORY} {} is too small; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
     BudgetTooSmall { name: String, limit_bytes: u64, minimum_bytes: u64 },
     #[error("{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose {ISO} or {RANGE} within them", Short(*.min), Short(*.max))]
-    EmptyResult { name: String, sought: Sought, min: f64, max: f64 },
+    EmptyResult { name: String, sought: Criterion, min: f64, max: f64 },
     #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
     NothingInside { name: String },
     #[error(
@@ -71,7 +71,6 @@ pub enum BuildError {
     Format(#[from] FormatError),
     #[error("worker threads cannot be started ({cause}); try {THREADS} 1")]
     Threads {
-        /// How many.
         threads: usize,
         #[source]
         cause: io::Error,
@@ -93,7 +92,7 @@ fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
 }
 
 impl BuildError {
-    /// What the input is called, where that is told.
+    /// Name of the input, where the error has one.
     pub(crate) fn input_name(&mut self) -> Option<&mut String> {
         match self {
             Self::BudgetTooSmall { name, .. }
@@ -108,7 +107,7 @@ impl BuildError {
         }
     }
 
-    /// The same where so much is held beside the cap that was too small.
+    /// The same error with so much more held outside the cap that was too small.
     pub(crate) fn beside(mut self, held_bytes: u64) -> Self {
         if let Self::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = &mut self {
             *limit_bytes = limit_bytes.saturating_add(held_bytes);
@@ -120,14 +119,14 @@ impl BuildError {
 
 /// A range without voxels.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Sought {
+pub enum Criterion {
     /// Otsu's method does not give a range, because all values are equal.
     Split,
     /// No value lies within the range.
     Within(Selection),
 }
 
-impl fmt::Display for Sought {
+impl fmt::Display for Criterion {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Split => f.write_str("a range by Otsu's method, which needs two different values"),
@@ -139,7 +138,7 @@ impl fmt::Display for Sought {
     }
 }
 
-/// What is wrong with a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
+/// Damage of a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ScratchFault {
     #[error("its contents were changed by someone else")]

@@ -20,7 +20,7 @@
 //! So the default is the best of the fixed ones wherever a surface is smooth over some voxels and has grey levels, with
 //! noise and between thick slices, too; only where the surface bends within two or three voxels do two samples an axis
 //! see more, and where there are two values only the wider weights of `label5`. No fixed one is good at all of these.
-//! `auto` tells them apart, at three times the time of normals (of the whole build about a fifth more), so that it is
+//! `auto` distinguishes them, at three times the time of normals (of the whole build about a fifth more), so that it is
 //! a choice and not the default. A Gaussian over 7x7x7 has 1.94 / 7.44 on the binary ball: 29 % less than `auto` on
 //! average, but the builder holds five slices.
 
@@ -102,9 +102,9 @@ impl FromStr for Gradient {
 /// smoothing's sum is at most 32767.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Taps {
-    /// Of the smoothing along x, y and z, at distance 0, 1 and 2.
+    /// Weights of the smoothing along x, y and z, at distance 0, 1 and 2.
     pub(super) smooth: [[i8; 3]; 3],
-    /// Of the derivative at distance 1 and 2.
+    /// Weights of the derivative at distance 1 and 2.
     pub(super) derive: [i8; 2],
 }
 
@@ -120,7 +120,6 @@ const SMOOTH_COARSE: [i8; 3] = [20, 15, 1];
 const COARSE_FROM: f64 = 1.6;
 
 impl Taps {
-    /// The usual ones.
     pub(super) const ISOTROPIC: Self = Self::alike(SMOOTH, DERIVE);
 
     const fn alike(smooth: [i8; 3], derive: [i8; 2]) -> Self {

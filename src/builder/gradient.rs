@@ -12,7 +12,6 @@ use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal::{self, NormalBits};
 
-/// Reach of the kernel.
 pub(super) const REACH: u32 = 2;
 /// Samples of a wide and a narrow window.
 const WIDE: usize = 2 * LANES;
@@ -39,7 +38,7 @@ impl Gradients {
     }
 }
 
-/// What the gradients of one brick in one slice are computed from.
+/// The input of the gradients of one brick in one slice.
 pub(super) struct SliceWindow<'a, R> {
     /// Slices z-2 ..= z+2.
     pub(super) planes: [&'a [R]; 5],
@@ -228,9 +227,9 @@ fn product_of_depths(taps: Taps, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
 /// Turns gradients into outward normal codes.
 pub(super) struct NormalRule {
     usual: Estimate,
-    /// Of [`Gradient::Auto`]: [`Gradient::Central`] and [`Gradient::Sobel`].
+    /// For [`Gradient::Auto`]: [`Gradient::Central`] and [`Gradient::Sobel`].
     small: Option<[Estimate; 2]>,
-    /// Of [`Gradient::Auto`]: [`Gradient::Label5`].
+    /// For [`Gradient::Auto`]: [`Gradient::Label5`].
     label: Estimate,
 }
 
@@ -452,7 +451,7 @@ impl Exposed {
 pub(super) struct Codes {
     bits: NormalBits,
     code: [u16; SLICE_VOXELS],
-    /// Of normals of 24 bits.
+    /// For normals of 24 bits.
     fine: [u8; SLICE_VOXELS],
 }
 

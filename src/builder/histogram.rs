@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::BuildError;
-use super::parallel::run_workers;
+use super::parallel::{Blocks, run_workers};
 use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
 use crate::geom::Dims;
@@ -394,23 +394,12 @@ fn for_each_part<T: Ordered, L>(
     work: &(dyn Fn(&mut L, &Part, &[T]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
-    let dims = source.info().dims;
-    let in_buffer = |n: usize| u32::try_from(read_bytes / (n * size_of::<T>())).unwrap_or(u32::MAX);
-    let cols = dims.nx().min(in_buffer(1));
-    let rows = dims.ny().min(in_buffer(cols as usize).max(1));
-    let parts = |n: u32, step: u32| u64::from(n.div_ceil(step));
-    let (across, down) = (parts(dims.nx(), cols), parts(dims.ny(), rows));
-    let next = AtomicU64::new(0);
+    let blocks = Blocks::new(source.info().dims, read_bytes / size_of::<T>());
     run_workers(threads, progress, &|stop| {
         let mut local = start();
-        let mut buffer = vec![T::zeroed(); cols as usize * rows as usize];
+        let mut buffer = vec![T::zeroed(); blocks.size().iter().product()];
         while !stop() {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            #[expect(clippy::cast_possible_truncation, reason = "each index is below a side of the volume")]
-            let (x, y, z) = ((at % across) as u32, (at / across % down) as u32, at / across / down);
-            let Some(z) = u32::try_from(z).ok().filter(|z| *z < dims.nz()) else { break };
-            let columns = x * cols..((x + 1) * cols).min(dims.nx());
-            let lines = y * rows..((y + 1) * rows).min(dims.ny());
+            let Some((columns, lines, z)) = blocks.next() else { break };
             let samples = &mut buffer[..columns.len() * lines.len()];
             let part = Part { columns: columns.clone(), lines: lines.clone() };
             source.read_rows(z, lines, columns, bytemuck::cast_slice_mut(samples))?;

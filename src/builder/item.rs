@@ -13,7 +13,7 @@ use crate::volume::{Rescale, ScalarType};
 pub enum ItemForm {
     /// As they are.
     AsIs {
-        /// Bytes of an item.
+        /// Of an item.
         bytes: usize,
     },
     /// Singles (little-endian), as 16-bit numbers of steps above the lowest.
@@ -64,7 +64,6 @@ impl ItemForm {
     }
 }
 
-/// A channel to be stored, and the form of its items.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct ChannelForm {
     pub(super) channel: Channel,

@@ -12,8 +12,8 @@ use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
 use super::plan::{ColumnPlan, PlanRequest};
-use super::skin::{Connectivity, Kept};
-use super::solid::{BRICK, Found, Solid, VoxelBox};
+use super::skin::{Connectivity, SkinRule};
+use super::solid::{BRICK, ScanSummary, Solid, VoxelBox};
 use super::swap::Scratch;
 use super::visible::{self, Search};
 use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parallel, seal};
@@ -53,16 +53,15 @@ pub fn build_solid(
 pub(super) fn channel_forms(
     options: &BuildOptions,
     name: &str,
-    form: impl Fn(Channel, &Found) -> Option<ItemForm>,
+    form: impl Fn(Channel, &ScanSummary) -> Option<ItemForm>,
 ) -> Result<Vec<ChannelForm>, BuildError> {
-    let with_form = |channel| match form(channel, &Found::default()) {
+    let with_form = |channel| match form(channel, &ScanSummary::default()) {
         Some(form) => Ok(ChannelForm { channel, form }),
         None => Err(BuildError::NoChannel { name: name.to_owned(), channel, surface: options.surface }),
     };
     options.channels.iter().map(with_form).collect()
 }
 
-/// What is odd about what was found.
 fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
     let count =
         |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
@@ -73,7 +72,7 @@ fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote
     found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 
-/// What is built, and where.
+/// The build's input and target.
 #[derive(Clone, Copy)]
 pub(super) struct Job<'a> {
     pub(super) options: &'a BuildOptions,
@@ -81,7 +80,6 @@ pub(super) struct Job<'a> {
     pub(super) progress: &'a dyn Progress,
 }
 
-/// The files that a build writes.
 pub(super) struct Files {
     atomic: AtomicFile,
     scratch: Scratch,
@@ -234,10 +232,10 @@ impl Job<'_> {
         Ok(totals.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    fn kept(&self, solid: &dyn Solid) -> Kept {
+    fn kept(&self, solid: &dyn Solid) -> SkinRule {
         match solid.surface() {
-            SurfaceKind::Skin => Kept::Skin(self.options.connectivity),
-            SurfaceKind::Cells => Kept::Cells,
+            SurfaceKind::Skin => SkinRule::Skin(self.options.connectivity),
+            SurfaceKind::Cells => SkinRule::Cells,
         }
     }
 
@@ -264,7 +262,7 @@ impl Job<'_> {
         })
     }
 
-    /// The boxes that can be seen from where the model will be looked at; `None` where nobody said from where.
+    /// The boxes that can be seen from where the model will be looked at; `None` without a viewpoint.
     fn look(
         &self,
         solid: &dyn Solid,
@@ -282,7 +280,7 @@ impl Job<'_> {
         self.progress.stage("occupancy", plan.column_count());
         self.columns(&shared, |worker, column| worker.store_occupancy(column, &occupancy), |_| Ok(()))?;
 
-        let affine = Affine { rows: solid.metadata(&Found::default()).affine };
+        let affine = Affine { rows: solid.metadata(&ScanSummary::default()).affine };
         let is_cells = solid.surface() == SurfaceKind::Cells;
         let search = Search::new(&self.options.visible_from, affine, is_cells, &occupancy);
         self.progress.stage("sight", 2 * u64::from(dims.nz()));
@@ -329,7 +327,7 @@ impl Job<'_> {
         merge.finish_upper_levels()
     }
 
-    fn metadata(&self, solid: &dyn Solid, found: &Found) -> Metadata {
+    fn metadata(&self, solid: &dyn Solid, found: &ScanSummary) -> Metadata {
         let mut metadata = solid.metadata(found);
         metadata.program = concat!("infobyte ", env!("CARGO_PKG_VERSION")).into();
         metadata.connectivity = match solid.surface() {

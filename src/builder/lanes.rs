@@ -6,14 +6,13 @@
 
 use crate::cpu::Avx2;
 
-/// Number of lanes.
 pub(super) const LANES: usize = 8;
 
 /// Eight sums side by side.
 pub(super) trait Lanes: Copy {
     /// One sum, as it is kept between the passes.
     type Sum: bytemuck::Pod;
-    /// What must be shown to make lanes: nothing, or that the machine has the instructions.
+    /// The proof needed to make lanes: nothing, or that the machine has the instructions.
     type Proof: Copy;
     fn zero(proof: Self::Proof) -> Self;
     fn load(proof: Self::Proof, sums: &[Self::Sum; LANES]) -> Self;
@@ -89,13 +88,11 @@ impl Lanes for [f32; LANES] {
     }
 }
 
-/// Proof that the fast lanes ask for.
 #[cfg(target_arch = "x86_64")]
 pub(super) type FastProof = Avx2;
 #[cfg(not(target_arch = "x86_64"))]
 pub(super) type FastProof = ();
 
-/// That proof from the machine's.
 #[cfg(target_arch = "x86_64")]
 #[inline(always)]
 pub(super) fn fast_proof(avx2: Avx2) -> FastProof {
@@ -120,85 +117,57 @@ mod avx2 {
     use bytemuck::cast;
     use std::arch::x86_64::*;
 
-    /// Eight 32-bit integers.
-    #[derive(Clone, Copy)]
-    pub(in crate::builder) struct FastI32(pub(super) __m256i);
-    /// Eight singles.
-    #[derive(Clone, Copy)]
-    pub(in crate::builder) struct FastF32(pub(super) __m256);
+    /// Eight lanes of a type, the instructions of their operations, and their conversion.
+    macro_rules! fast_lanes {
+        ($name:ident($vector:ty) of $lane:ty, $plus:ident, $minus:ident, $times:ident, $every:ident, $to_f32:ident) => {
+            #[derive(Clone, Copy)]
+            pub(in crate::builder) struct $name(pub(super) $vector);
 
-    impl Lanes for FastI32 {
-        type Sum = i32;
-        type Proof = Avx2;
-        #[inline(always)]
-        fn zero(_: Avx2) -> Self {
-            Self(cast([0_i32; LANES]))
-        }
-        #[inline(always)]
-        fn load(_: Avx2, sums: &[i32; LANES]) -> Self {
-            Self(cast(*sums))
-        }
-        #[inline(always)]
-        fn store(self) -> [i32; LANES] {
-            cast(self.0)
-        }
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_add_epi32(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_sub_epi32(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn times(self, tap: i8) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_mullo_epi32(self.0, _mm256_set1_epi32(i32::from(tap))) })
-        }
-        #[inline(always)]
-        fn to_f32(self) -> [f32; LANES] {
-            // SAFETY: see the top of this module.
-            cast(unsafe { _mm256_cvtepi32_ps(self.0) })
-        }
+            impl Lanes for $name {
+                type Sum = $lane;
+                type Proof = Avx2;
+                #[inline(always)]
+                fn zero(_: Avx2) -> Self {
+                    Self(cast([<$lane>::default(); LANES]))
+                }
+                #[inline(always)]
+                fn load(_: Avx2, sums: &[$lane; LANES]) -> Self {
+                    Self(cast(*sums))
+                }
+                #[inline(always)]
+                fn store(self) -> [$lane; LANES] {
+                    cast(self.0)
+                }
+                #[inline(always)]
+                fn plus(self, other: Self) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $plus(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn minus(self, other: Self) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $minus(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn times(self, tap: i8) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $times(self.0, $every(<$lane>::from(tap))) })
+                }
+                #[inline(always)]
+                fn to_f32(self) -> [f32; LANES] {
+                    // SAFETY: see the top of this module.
+                    cast(unsafe { $to_f32(self.0) })
+                }
+            }
+        };
     }
-
-    impl Lanes for FastF32 {
-        type Sum = f32;
-        type Proof = Avx2;
-        #[inline(always)]
-        fn zero(_: Avx2) -> Self {
-            Self(cast([0.0_f32; LANES]))
-        }
-        #[inline(always)]
-        fn load(_: Avx2, sums: &[f32; LANES]) -> Self {
-            Self(cast(*sums))
-        }
-        #[inline(always)]
-        fn store(self) -> [f32; LANES] {
-            cast(self.0)
-        }
-        #[inline(always)]
-        fn plus(self, other: Self) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_add_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn minus(self, other: Self) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_sub_ps(self.0, other.0) })
-        }
-        #[inline(always)]
-        fn times(self, tap: i8) -> Self {
-            // SAFETY: see the top of this module.
-            Self(unsafe { _mm256_mul_ps(self.0, _mm256_set1_ps(f32::from(tap))) })
-        }
-        #[inline(always)]
-        fn to_f32(self) -> [f32; LANES] {
-            cast(self.0)
-        }
-    }
+    fast_lanes!(
+        FastI32(__m256i) of i32, _mm256_add_epi32, _mm256_sub_epi32, _mm256_mullo_epi32, _mm256_set1_epi32,
+        _mm256_cvtepi32_ps
+    );
+    fast_lanes!(
+        FastF32(__m256) of f32, _mm256_add_ps, _mm256_sub_ps, _mm256_mul_ps, _mm256_set1_ps, _mm256_castps_si256
+    );
 }
 
 /// Widening with one instruction where there is one.

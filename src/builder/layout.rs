@@ -60,7 +60,6 @@ impl Census {
         (e + 1..=self.depth).map(|longer| self.by_edge[longer as usize]).sum()
     }
 
-    /// All nodes.
     pub(super) fn nodes(&self) -> u64 {
         self.first_node(0)
     }
@@ -136,12 +135,10 @@ impl Layout {
         Self { entries }
     }
 
-    /// Offset of a section, if it is written.
     pub(super) fn offset(&self, kind: SectionKind) -> Option<u64> {
         self.entries.iter().find(|e| e.kind == Some(kind)).map(|e| e.offset)
     }
 
-    /// Length of the file.
     pub(super) fn file_bytes(&self) -> u64 {
         self.entries.last().map_or(0, SectionEntry::end)
     }

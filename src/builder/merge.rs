@@ -16,7 +16,7 @@ use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
-use crate::budget::costs::{MERGE_LISTS, MIN_WORKER};
+use crate::budget::costs::MIN_WORKER;
 use crate::format::{Channel, MeanRule, SectionKind, Sum};
 use crate::platform::FileExt;
 use crate::progress::Progress;
@@ -28,7 +28,10 @@ const SUMMARIES: usize = 512;
 /// Levels above the bricks in the largest volume.
 const UPPER_LEVELS: u64 = (16 - BRICK_LEVELS) as u64;
 
-/// Memory of so many runs.
+/// Small lists of a merging worker (chains of fragments, groups of bricks, summaries) at their longest: a column
+/// of bricks that are all skin, `noise` in `scripts/memory.py`.
+const MERGE_LISTS: u64 = 64 << 10;
+
 fn runs(count: u64) -> u64 {
     count * RUN_BYTES as u64
 }
@@ -70,7 +73,6 @@ impl Target<'_> {
         BuildError::Output { path: self.path.to_path_buf(), cause }
     }
 
-    /// Offset of an item of a section, if that is written.
     fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {
         self.layout.offset(kind).map(|offset| offset + item * item_bytes as u64)
     }
@@ -120,7 +122,7 @@ impl Run {
     }
 }
 
-/// What the next group begins with; advanced under a lock.
+/// The state before the next group; advanced under a lock.
 struct Cursors {
     walk: BrickWalk,
     /// Next node with an edge of 2^e, by e.
@@ -130,7 +132,6 @@ struct Cursors {
     brick: u64,
 }
 
-/// The merge, shared by its workers.
 pub(super) struct Merge<'a> {
     scratch: &'a Scratch,
     target: &'a Target<'a>,
@@ -149,7 +150,6 @@ struct Group {
     brick: u64,
 }
 
-/// The channels that are averaged.
 fn averaged(channels: &StoredChannels) -> impl Iterator<Item = (Channel, usize, MeanRule)> {
     channels.with_means().filter_map(|(c, rule)| Some((c.channel, c.form.stored_bytes(), rule?)))
 }
@@ -238,20 +238,17 @@ impl<'a> Merge<'a> {
     }
 }
 
-/// Runs of one channel.
 struct ChannelRuns {
     items: Run,
     means: [Run; BRICK_LEVELS as usize],
 }
 
-/// Buffers of one worker.
 struct MergeWorker {
     reader: BrickReader,
     infobytes: [Vec<u8>; BRICK_LEVELS as usize],
     nodes: [Run; BRICK_LEVELS as usize],
     /// By channel, as the reader's.
     channels: Vec<ChannelRuns>,
-    /// Means of one level of a brick.
     means: Vec<u8>,
     summaries: Vec<u8>,
 }
@@ -394,7 +391,6 @@ impl<'a> MergeQueue<'a> {
         Self { target, levels: levels.collect() }
     }
 
-    /// A finished brick.
     fn push(&mut self, code: u64, sums: &[Sum]) -> Result<(), BuildError> {
         self.push_from(0, code, sums.to_vec())
     }

@@ -29,13 +29,13 @@ mod classify;
 mod column;
 mod error;
 mod estimator;
+mod file_solid;
 mod gradient;
 mod histogram;
 mod item;
 mod job;
 mod lanes;
 mod layout;
-mod made;
 mod merge;
 mod occupancy;
 mod options;
@@ -59,16 +59,16 @@ mod walk;
 pub(crate) use bits::{BitVolume, scratch_error};
 pub(crate) use choose::choose_noted;
 pub use choose::choose_selection;
-pub use error::{BuildError, ScratchFault, Sought};
+pub use error::{BuildError, Criterion, ScratchFault};
 pub use estimator::Gradient;
+pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
-pub(crate) use made::Made;
 pub use options::{BuildOptions, Threshold};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{
-    Cover, EdgeCrossing, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    Cover, EdgeCrossing, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 
 pub use visible::ViewedFrom;
@@ -92,7 +92,7 @@ use item::ChannelForm;
 use job::{Job, channel_forms};
 use plan::{ColumnPlan, PlanRequest};
 use slices::RingShape;
-use typed::Typed;
+use typed::TypedVolume;
 use volume::{AROUND, volume_form};
 
 /// The smallest [`MemoryCap::Share`] within which a model of `source` can be built.
@@ -121,7 +121,7 @@ pub(crate) fn reserve_least(
     ColumnPlan::smallest(&kindest_request(source, options), budget)
 }
 
-/// What a plan for the kindest range of the sample type is made for; channels that a volume does not have are
+/// The request for a plan with the kindest range of the sample type; channels that a volume does not have are
 /// refused elsewhere.
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
@@ -138,7 +138,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
     let shape = RingShape::kindest(info.dims, info.scalar, reach);
     let channels = options.for_surface(surface).channels;
     let form_of = |channel| {
-        let form = form_on(surface, info.scalar, channel, &Found::default())?;
+        let form = form_on(surface, info.scalar, channel, &ScanSummary::default())?;
         Some(ChannelForm { channel, form })
     };
     PlanRequest {
@@ -155,7 +155,7 @@ fn form_on(
     surface: SurfaceKind,
     scalar: ScalarType,
     channel: Channel,
-    found: &Found,
+    found: &ScanSummary,
 ) -> Option<item::ItemForm> {
     match surface {
         SurfaceKind::Skin => volume_form(scalar, channel, found),
@@ -168,7 +168,7 @@ fn form_on(
 ///
 /// Memory: [`BuildOptions::memory`] bounds the process as the operating system accounts it, or the build's
 /// own part of it. Temporary disk: about the size of the result, in one
-/// nameless file.
+/// unnamed file.
 ///
 /// # Errors
 /// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
@@ -204,7 +204,7 @@ pub(crate) fn volume_solid<'a>(
     progress: &'a dyn Progress,
 ) -> Result<Box<dyn Solid + 'a>, BuildError> {
     let chooser = Chooser { source, memory: options.memory, threads: options.threads, progress };
-    Typed { chooser, threshold, surface, options }.solid()
+    TypedVolume { chooser, threshold, surface, options }.solid()
 }
 
 /// Does the volume have the channels, and is there a plan for the kindest range of this sample type? Gives the size of

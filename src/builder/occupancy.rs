@@ -1,11 +1,9 @@
 //! The range test of a whole volume, for stages that work on bits before the scan: one bit a voxel, and
 //! samples moved to the side of the threshold that the bits say.
 
-use std::sync::atomic::{AtomicU64, Ordering};
-
 use super::classify::classify;
 use super::error::BuildError;
-use super::parallel::run_workers;
+use super::parallel::{Blocks, run_workers};
 use super::range::{Ordered, SampleRange};
 use crate::budget::costs::{MAPPED_FROM, WORKER_OVERHEAD};
 use crate::format::Selection;
@@ -54,16 +52,16 @@ pub(crate) fn range_test(
 
 fn typed<T: Ordered>(selection: &Selection, rescale: Rescale) -> Option<Box<dyn RangeTest>> {
     let range = SampleRange::<T>::of_selection(selection, rescale)?;
-    Some(Box::new(Typed { range, outside: range.nearest_outside() }))
+    Some(Box::new(TypedTest { range, outside: range.nearest_outside() }))
 }
 
-struct Typed<T> {
+struct TypedTest<T> {
     range: SampleRange<T>,
     /// Nearest samples below and above the range.
     outside: (Option<T>, Option<T>),
 }
 
-impl<T: Ordered> Typed<T> {
+impl<T: Ordered> TypedTest<T> {
     /// The nearest sample outside of one that is inside; the lower one of two.
     fn removed(&self, sample: T) -> T {
         match self.outside {
@@ -102,7 +100,7 @@ fn aligned<T: Ordered>(samples: &[u8]) -> Vec<T> {
     samples.chunks_exact(size_of::<T>()).map(bytemuck::pod_read_unaligned).collect()
 }
 
-impl<T: Ordered> RangeTest for Typed<T> {
+impl<T: Ordered> RangeTest for TypedTest<T> {
     fn classify(&self, samples: &[u8], words: &mut [u64]) {
         match bytemuck::try_cast_slice::<u8, T>(samples) {
             Ok(samples) => classify(samples, self.range, words),
@@ -135,24 +133,15 @@ pub(crate) fn for_each_block(
     progress: &dyn Progress,
     sink: &BlockSink<'_>,
 ) -> Result<(), BuildError> {
-    let info = source.info();
-    let (dims, sample_bytes) = (info.dims, info.scalar.bytes());
-    let most = u32::try_from(READ_BYTES / sample_bytes).unwrap_or(u32::MAX);
-    let cols = dims.nx().min(most);
-    let rows = dims.ny().min((most / cols).max(1));
-    let (across, down) = (u64::from(dims.nx().div_ceil(cols)), u64::from(dims.ny().div_ceil(rows)));
-    let next = AtomicU64::new(0);
+    let sample_bytes = source.info().scalar.bytes();
+    let blocks = Blocks::new(source.info().dims, READ_BYTES / sample_bytes);
+    let [cols, rows] = blocks.size();
     run_workers(threads, progress, &|stop| {
         // Words, so that the samples are aligned for every type.
-        let mut buffer = vec![0_u64; (cols as usize * rows as usize * sample_bytes).div_ceil(8)];
-        let mut words = vec![0_u64; cols.div_ceil(64) as usize * rows as usize];
+        let mut buffer = vec![0_u64; (cols * rows * sample_bytes).div_ceil(8)];
+        let mut words = vec![0_u64; cols.div_ceil(64) * rows];
         while !stop() {
-            let at = next.fetch_add(1, Ordering::Relaxed);
-            #[expect(clippy::cast_possible_truncation, reason = "each index is below a side of the volume")]
-            let (x, y, z) = ((at % across) as u32, (at / across % down) as u32, at / across / down);
-            let Some(z) = u32::try_from(z).ok().filter(|z| *z < dims.nz()) else { break };
-            let columns = x * cols..((x + 1) * cols).min(dims.nx());
-            let lines = y * rows..((y + 1) * rows).min(dims.ny());
+            let Some((columns, lines, z)) = blocks.next() else { break };
             let per_row = columns.len().div_ceil(64);
             let row_bytes = columns.len() * sample_bytes;
             let samples = &mut bytemuck::cast_slice_mut::<u64, u8>(&mut buffer)[..row_bytes * lines.len()];
@@ -162,7 +151,7 @@ pub(crate) fn for_each_block(
                 test.classify(row, bits);
             }
             sink(z, lines.start, columns.start as usize / 64, per_row, words)?;
-            if x == 0 && y == 0 {
+            if columns.start == 0 && lines.start == 0 {
                 progress.advance(1);
             }
         }

@@ -1,4 +1,4 @@
-//! What to build, and within which means.
+//! Options of a build: its content and its means.
 
 use std::path::{Path, PathBuf};
 
@@ -16,21 +16,21 @@ pub enum Threshold {
     Range(f64, f64),
     /// Otsu's threshold of the volume's histogram.
     Otsu,
-    /// What [`choose_selection`](super::choose_selection) has found already.
+    /// A selection from [`choose_selection`](super::choose_selection).
     Chosen(Selection),
 }
 
-/// What to build, and within which means.
+/// Options of a build: its content and its means.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
-    /// What is inside a volume; other solids know for themselves.
+    /// The inside of a volume; other solids define their own.
     pub threshold: Threshold,
     /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
     /// Other solids know for themselves.
     pub surface: SurfaceKind,
     /// Which neighbours make a voxel skin; cells do not ask.
     pub connectivity: Connectivity,
-    /// What is stored of every skin voxel.
+    /// The channels of every skin voxel.
     pub channels: Channels,
     /// How normals are estimated, of volumes.
     pub gradient: Gradient,
@@ -45,12 +45,12 @@ pub struct BuildOptions {
     pub memory: MemoryCap,
     /// Most worker threads; fewer are used when the cap is small.
     pub threads: usize,
-    /// Folder of the scratch file; beside the output if not given.
+    /// Folder of the scratch file; next to the output if not given.
     pub scratch: Option<PathBuf>,
 }
 
 impl Default for BuildOptions {
-    /// Otsu's threshold, the thin skin with normals and coarse means, within 64 MiB beside what the process
+    /// Otsu's threshold, the thin skin with normals and coarse means, within 64 MiB on top of what the process
     /// holds, on all cores.
     fn default() -> Self {
         Self {

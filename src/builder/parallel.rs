@@ -1,11 +1,13 @@
-//! Workers on a private pool: fixed stacks, first error wins, nobody goes on after it.
+//! Workers on a private pool: fixed stacks, the first error wins and stops the others.
 
+use std::ops::Range;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 
 use super::error::BuildError;
 use crate::budget::MemoryCap;
 use crate::budget::costs::WORKER_STACK;
+use crate::geom::Dims;
 use crate::platform::give_back;
 use crate::progress::Progress;
 
@@ -22,7 +24,7 @@ pub(super) fn run_workers(
     run(threads, progress, &|| (), work)
 }
 
-/// As [`run_workers`], for a stage that fills the job's memory: where the cap is that of the whole process,
+/// Like [`run_workers`], for a stage that fills the job's memory: where the cap is that of the whole process,
 /// what opening and planning left resident is given back when the workers stand ready.
 pub(super) fn run_stage(
     threads: usize,
@@ -67,4 +69,39 @@ fn run(threads: usize, progress: &dyn Progress, ready: &dyn Fn(), work: &Work<'_
     first.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner).map_or(Ok(()), Err)?;
     // Not asked again: workers that were stopped have left something undone.
     if stopped.into_inner() { Err(BuildError::Stopped) } else { Ok(()) }
+}
+
+/// The blocks in which a volume is read once: some rows of one slice each, for whichever worker asks next.
+pub(super) struct Blocks {
+    dims: Dims,
+    cols: u32,
+    rows: u32,
+    next: AtomicU64,
+}
+
+impl Blocks {
+    /// Blocks of at most so many samples.
+    pub(super) fn new(dims: Dims, samples: usize) -> Self {
+        let most = u32::try_from(samples).unwrap_or(u32::MAX);
+        let cols = dims.nx().min(most);
+        Self { dims, cols, rows: dims.ny().min((most / cols).max(1)), next: AtomicU64::new(0) }
+    }
+
+    /// Columns and rows of the largest block.
+    pub(super) fn size(&self) -> [usize; 2] {
+        [self.cols as usize, self.rows as usize]
+    }
+
+    /// Columns, rows and slice of the next block.
+    #[expect(clippy::cast_possible_truncation, reason = "each index is below a side of the volume")]
+    pub(super) fn next(&self) -> Option<(Range<u32>, Range<u32>, u32)> {
+        let (cols, rows) = (self.cols, self.rows);
+        let parts = |side: u32, part: u32| u64::from(side.div_ceil(part));
+        let (across, down) = (parts(self.dims.nx(), cols), parts(self.dims.ny(), rows));
+        let at = self.next.fetch_add(1, Ordering::Relaxed);
+        let (x, y) = ((at % across) as u32, (at / across % down) as u32);
+        let z = u32::try_from(at / across / down).ok().filter(|z| *z < self.dims.nz())?;
+        let columns = x * cols..((x + 1) * cols).min(self.dims.nx());
+        Some((columns, y * rows..((y + 1) * rows).min(self.dims.ny()), z))
+    }
 }

@@ -17,7 +17,6 @@ use crate::geom::Dims;
 const SEGMENT: u32 = 256;
 /// Tiles are narrowed down to this before threads are given up: narrower ones read short rows.
 const COMFORTABLE_TILE: u32 = 1024;
-/// Narrowest tile.
 const NARROWEST_TILE: u32 = 64;
 /// Chunks for the records of one row of bricks; at least what one brick slice can need.
 const POOL_BYTES: usize = 128 << 10;
@@ -28,29 +27,27 @@ pub(super) struct ColumnPlan {
     dims: Dims,
     /// Columns (x) of a tile: the whole width, or a multiple of 64.
     pub(super) tile: u32,
-    /// Worker threads.
     pub(super) threads: usize,
     /// The channels that are scanned, and the bytes of all their items of one voxel.
     channels: Channels,
     pub(super) swapped_bytes: usize,
-    /// Size of the chunk pool.
     pub(super) pool_bytes: usize,
-    /// What the plan promises to stay within, everything included.
+    /// The bound that the plan promises to keep, everything included.
     pub(super) total_bytes: u64,
-    /// What one worker holds while it scans, its part of the solid included.
+    /// Memory of one worker while it scans, its part of the solid included.
     pub(super) scan_bytes: u64,
-    /// What is reserved for the workers; each takes its part from it.
+    /// The reservation for the workers; each takes its part from it.
     pub(super) memory: Budget,
 }
 
-/// What a plan is made for.
+/// The request for a plan.
 pub(super) struct PlanRequest<'a> {
     pub(super) dims: Dims,
     pub(super) channels: Vec<ChannelForm>,
     pub(super) threads: usize,
-    /// What a worker of the solid holds for a tile.
+    /// Memory of a solid's worker for a tile.
     pub(super) solid_bytes: Box<dyn Fn(&Tile) -> u64 + 'a>,
-    /// What a thread may hold for the inputs of the solid.
+    /// Memory that a thread may hold for the inputs of the solid.
     pub(super) input_bytes: u64,
 }
 
@@ -116,7 +113,7 @@ impl ColumnPlan {
         plan
     }
 
-    /// Bytes of one [`super::column::ColumnWorker`], beside what the solid holds.
+    /// Bytes of one [`super::column::ColumnWorker`], without the solid's own memory.
     fn worker_bytes(&self) -> u64 {
         let words = self.tile_words();
         let bytes = (4 * 34 + 1) * (words + 2) * 8
@@ -128,7 +125,7 @@ impl ColumnPlan {
         bytes as u64
     }
 
-    /// What a worker of the solid is made for.
+    /// The tile that a solid's worker is made for.
     pub(super) fn tile(&self) -> Tile {
         Tile { columns: self.tile, channels: self.channels }
     }
@@ -138,7 +135,6 @@ impl ColumnPlan {
         self.tile.div_ceil(64) as usize
     }
 
-    /// Bricks across a tile.
     pub(super) fn tile_bricks(&self) -> usize {
         self.tile.div_ceil(BRICK) as usize
     }
@@ -148,7 +144,6 @@ impl ColumnPlan {
         2 + 32 * 4 + 4096 + self.pool_bytes
     }
 
-    /// Number of columns.
     pub(super) fn column_count(&self) -> u64 {
         let [a, b, c] = self.column_grid();
         a * b * c

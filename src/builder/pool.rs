@@ -4,7 +4,6 @@
 //! makes fragments shorter, never memory larger.
 #![expect(clippy::cast_possible_truncation, reason = "a pool is far below 4 GiB")]
 
-/// Bytes of a chunk.
 pub(super) const CHUNK_BYTES: usize = 256;
 const NONE: u32 = u32::MAX;
 
@@ -13,7 +12,6 @@ const NONE: u32 = u32::MAX;
 pub(super) struct Chain {
     first: u32,
     last: u32,
-    /// Bytes held.
     pub(super) bytes: u32,
 }
 
@@ -21,7 +19,6 @@ impl Chain {
     pub(super) const EMPTY: Self = Self { first: NONE, last: NONE, bytes: 0 };
 }
 
-/// The chunks.
 #[derive(Debug)]
 pub(super) struct ChunkPool {
     bytes: Vec<u8>,
@@ -36,7 +33,7 @@ impl ChunkPool {
         Self { bytes: vec![0; chunks * CHUNK_BYTES], next: vec![NONE; chunks], used: 0 }
     }
 
-    /// Is there room for `more` bytes in `chain` (whatever its last chunk has left)?
+    /// Is there room for `more` bytes in `chain` (not counting what its last chunk has left)?
     pub(super) fn has_room(&self, more: usize) -> bool {
         self.used + more.div_ceil(CHUNK_BYTES) <= self.next.len()
     }

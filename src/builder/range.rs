@@ -13,7 +13,6 @@ pub(super) struct SampleRange<T> {
 }
 
 impl<T: Scalar> SampleRange<T> {
-    /// Is the sample inside?
     #[inline(always)]
     pub(super) fn contains(self, sample: T) -> bool {
         // Not `&&`: both tests always run, so that blocks of samples vectorise.
@@ -69,7 +68,7 @@ impl<T: Ordered> SampleRange<T> {
     pub(super) fn of_selection(selection: &Selection, rescale: Rescale) -> Option<Self> {
         let physical = |position| {
             let sample = T::at(position).to_f64();
-            // An infinite sample stays infinite whatever the intercept.
+            // An infinite sample stays infinite at any intercept.
             rescale.apply(sample)
         };
         let rising = rescale.slope > 0.0;

@@ -1,4 +1,4 @@
-//! What was built and what it took.
+//! Results and costs of a build.
 
 use std::fmt;
 
@@ -6,14 +6,14 @@ use crate::format::Selection;
 use crate::text::Short;
 use crate::text::names::{ISO, RANGE};
 
-/// What was built and what it took.
+/// Results and costs of a build.
 #[derive(Clone, Debug)]
 pub struct BuildReport {
-    /// What is inside, with the threshold that was found.
+    /// The inside, with the threshold that was found.
     pub selection: Selection,
     /// Skin voxels.
     pub skin_voxels: u64,
-    /// Boxes of the surface that cannot be seen and are not kept; `None` where nobody asked.
+    /// Boxes of the surface that cannot be seen and are not kept; `None` if not asked for.
     pub hidden: Option<u64>,
     /// Infobytes.
     pub nodes: u64,
@@ -21,7 +21,7 @@ pub struct BuildReport {
     pub file_bytes: u64,
     /// Bytes of every section, by name.
     pub section_bytes: Vec<(&'static str, u64)>,
-    /// What the plan promised to stay within.
+    /// The bound that the plan promised to keep.
     pub plan_bytes: u64,
     /// Bytes written to the scratch file.
     pub scratch_bytes: u64,
@@ -31,7 +31,7 @@ pub struct BuildReport {
     pub tile: u32,
     /// Seconds: choosing the threshold, scanning the volume, merging, sealing, syncing and renaming.
     pub seconds: StageSeconds,
-    /// What is odd about the volume and its threshold.
+    /// Oddities of the volume and its threshold.
     pub notes: Vec<BuildNote>,
 }
 
@@ -43,7 +43,7 @@ impl BuildReport {
     }
 }
 
-/// Something that whoever chose a threshold should know.
+/// A note for the user who chose the threshold.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BuildNote {

@@ -7,13 +7,10 @@ use crate::volume::{Scalar, ScalarType};
 
 /// The form in which samples of the file's type stand in the ring.
 pub(super) trait RingForm: Sync + Copy {
-    /// Type in the file.
     type File: Ordered;
-    /// Type in the ring.
     type Ring: RingSample;
     /// Are they the same, so that slices are read straight into the ring?
     const IN_PLACE: bool;
-    /// The range test.
     fn range(&self) -> SampleRange<Self::File>;
     /// File sample to ring sample (unused when in place).
     fn convert(&self, sample: Self::File) -> Self::Ring;
@@ -108,7 +105,6 @@ impl<T: Ordered> RingForm for Depths<T> {
     }
 }
 
-/// Converts a row of file samples.
 pub(super) fn convert<F: RingForm>(form: &F, from: &[F::File], to: &mut [F::Ring]) {
     dispatch(ConvertKernel { form, from, to });
 }

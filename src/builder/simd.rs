@@ -1,4 +1,4 @@
-//! What portable code of the builder does not reach: one instruction, and one check for many reads.
+//! Instructions that portable code of the builder does not reach: one instruction, and one check for many reads.
 #![allow(unsafe_code)]
 
 use crate::cpu::Avx2;

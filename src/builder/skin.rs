@@ -31,7 +31,7 @@ impl Connectivity {
 
 /// Which boxes are kept of a row of inside bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Kept {
+pub(super) enum SkinRule {
     /// Skin voxels.
     Skin(Connectivity),
     /// Cells: box i lies between samples i - 1 and i along each axis, and is kept when its eight samples are not
@@ -45,11 +45,11 @@ pub(super) type Rows<'a> = [[&'a [u64]; 3]; 3];
 
 /// Writes the bits of the boxes that are kept of the middle row.
 #[inline(always)]
-fn kept_row(rows: &Rows<'_>, kept: Kept, out: &mut [u64]) {
+fn kept_row(rows: &Rows<'_>, kept: SkinRule, out: &mut [u64]) {
     match kept {
-        Kept::Skin(Connectivity::Thin26) => thin(rows, out),
-        Kept::Skin(Connectivity::Thick6) => thick(rows, out),
-        Kept::Cells => cells(rows, out),
+        SkinRule::Skin(Connectivity::Thin26) => thin(rows, out),
+        SkinRule::Skin(Connectivity::Thick6) => thick(rows, out),
+        SkinRule::Cells => cells(rows, out),
     }
 }
 
@@ -133,7 +133,13 @@ pub(super) const BIT_ROWS: usize = BRICK_ROWS + 2;
 
 /// Writes the skin bits of words `run` of `rows` rows of the tile to their rows of `skin`, and clears those words
 /// of the other rows.
-pub(super) fn find_skin(bits: &BitRows<'_>, run: Range<usize>, rows: usize, kept: Kept, skin: &mut [u64]) {
+pub(super) fn find_skin(
+    bits: &BitRows<'_>,
+    run: Range<usize>,
+    rows: usize,
+    kept: SkinRule,
+    skin: &mut [u64],
+) {
     dispatch(SkinKernel { bits, run, rows, kept, skin });
 }
 
@@ -186,7 +192,7 @@ struct SkinKernel<'a, 'b> {
     bits: &'a BitRows<'b>,
     run: Range<usize>,
     rows: usize,
-    kept: Kept,
+    kept: SkinRule,
     skin: &'a mut [u64],
 }
 

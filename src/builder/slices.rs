@@ -29,7 +29,6 @@ pub(super) struct Reach {
 }
 
 impl Reach {
-    /// Slices in the ring.
     pub(super) const fn ring(self) -> usize {
         (self.low + 1 + self.high) as usize
     }
@@ -38,7 +37,6 @@ impl Reach {
 /// Sizes of the buffers through which a volume is read.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct RingShape {
-    /// Size of the volume.
     pub(super) dims: Dims,
     pub(super) reach: Reach,
     /// Bytes of a sample in the file and in the ring.
@@ -46,7 +44,6 @@ pub(super) struct RingShape {
     pub(super) ring_bytes: usize,
     /// Are slices read straight into the ring?
     pub(super) in_place: bool,
-    /// Bytes of a value while it is scanned.
     pub(super) value_bytes: usize,
 }
 
@@ -76,7 +73,6 @@ impl RingShape {
         }
     }
 
-    /// Bytes of one worker.
     pub(super) fn bytes(&self, tile: &Tile) -> u64 {
         let values = if tile.channels.contains(Channel::Value) { self.value_bytes } else { 0 };
         let bytes = (self.reach.ring() * self.plane_samples(tile) + OVERREAD) * self.ring_bytes
@@ -111,7 +107,7 @@ impl RingShape {
         self.stride(tile) * self.block(tile).1
     }
 
-    /// Slices of file samples held beside the ring: enough that slice z is still there when its values
+    /// Slices of file samples held in addition to the ring: enough that slice z is still there when its values
     /// are gathered.
     pub(super) fn staging_slices(&self, tile: &Tile) -> usize {
         match (self.in_place, tile.channels.contains(Channel::Value)) {
@@ -122,7 +118,7 @@ impl RingShape {
     }
 }
 
-/// The column at hand: its place in the volume and the layout of its buffers.
+/// The current column: its place in the volume and the layout of its buffers.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) column: VoxelBox,
@@ -139,7 +135,6 @@ pub(super) struct Frame {
 pub(super) struct Slices<'a, F: RingForm> {
     source: &'a dyn VolumeSource,
     pub(super) form: F,
-    /// Size of the volume.
     pub(super) dims: [u32; 3],
     reach: Reach,
     stride: usize,

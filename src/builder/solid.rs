@@ -1,4 +1,4 @@
-//! What the builder builds: a solid says which voxels are inside, and describes those at its surface.
+//! The builder's input: a solid says which voxels are inside, and describes those at its surface.
 //!
 //! ```text
 //! driver                                    worker of a solid (one per thread)
@@ -51,7 +51,7 @@ pub enum Cover {
     Mixed,
 }
 
-/// What a worker is made for: its buffers are reserved from this.
+/// The work of one worker: its buffers are reserved from this.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Tile {
     /// Most columns (x) of a [`VoxelBox`] that is walked.
@@ -60,9 +60,9 @@ pub struct Tile {
     pub channels: Channels,
 }
 
-/// What workers found while they described the skin.
+/// Results of workers while they described the skin.
 #[derive(Clone, Copy, Debug)]
-pub struct Found {
+pub struct ScanSummary {
     /// Smallest and largest single of a channel of [`ItemForm::Scaled`]; infinity and its negative if none.
     pub extent: (f32, f32),
     /// Time spent waiting for input.
@@ -71,14 +71,14 @@ pub struct Found {
     pub not_numbers: bool,
 }
 
-impl Default for Found {
+impl Default for ScanSummary {
     fn default() -> Self {
         Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO, not_numbers: false }
     }
 }
 
-impl Found {
-    /// What two workers found.
+impl ScanSummary {
+    /// The results of two workers.
     #[must_use]
     pub fn join(self, other: Self) -> Self {
         Self {
@@ -91,14 +91,14 @@ impl Found {
 
 /// A set of voxels with attributes at its surface: a volume with a threshold, or anything that can say as much.
 ///
-/// What it says of a voxel must not depend on the order or the size of the boxes asked for: the bytes of the
+/// Its answer for a voxel must not depend on the order or the size of the boxes asked for: the bytes of the
 /// model would.
 pub trait Solid: Sync {
     /// Size of the grid of voxels; what lies beyond is outside. Of cells, one more than the samples along each
     /// axis: occupancy is then asked of samples that do not exist, which are outside.
     fn dims(&self) -> Dims;
 
-    /// What the boxes of the model are. Of cells, the items described are those of cells: box i of an axis lies
+    /// The kind of the model's boxes. Items of cells describe cells: box i of an axis lies
     /// between samples i - 1 and i.
     fn surface(&self) -> SurfaceKind {
         SurfaceKind::Skin
@@ -109,13 +109,13 @@ pub trait Solid: Sync {
         LOOKAHEAD
     }
 
-    /// What the model says of its origin, once the skin has been described. The builder fills in the program
+    /// The model's origin, once the skin has been described. The builder fills in the program
     /// and the connectivity, and clears what belongs to channels that are not stored.
-    fn metadata(&self, found: &Found) -> Metadata;
+    fn metadata(&self, found: &ScanSummary) -> Metadata;
 
     /// How the items of a channel, as [`SolidWorker::items`] gives them, are stored; `None` for a channel that
     /// the solid does not have. Before the scan it is asked with nothing found, for the number of bytes alone.
-    fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm>;
+    fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm>;
 
     /// Bytes that one worker holds.
     fn worker_bytes(&self, tile: &Tile) -> u64;
@@ -128,15 +128,15 @@ pub trait Solid: Sync {
     /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_>;
 
-    /// What errors call the solid; it is not stored.
+    /// Name of the solid in errors; it is not stored.
     fn name(&self) -> String {
-        self.metadata(&Found::default()).source.kind
+        self.metadata(&ScanSummary::default()).source.kind
     }
 
     /// Is what the solid is made of still what it was? Asked before the model is given its name.
     ///
     /// # Errors
-    /// What was changed meanwhile.
+    /// The input that was changed meanwhile.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         Ok(())
     }
@@ -187,7 +187,7 @@ pub trait SolidWorker {
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError>;
 
     /// Computes the items of skin voxels, of all channels of the tile; the occupancy of the next
-    /// [`LOOKAHEAD`] slices has been asked for (but for boxes whose cover was told).
+    /// [`LOOKAHEAD`] slices has been asked for (except for boxes whose cover was given).
     ///
     /// # Errors
     /// The solid cannot be read.
@@ -212,9 +212,9 @@ pub trait SolidWorker {
         Ok(())
     }
 
-    /// What was found since the worker was made.
-    fn found(&self) -> Found {
-        Found::default()
+    /// Results since the worker was made.
+    fn found(&self) -> ScanSummary {
+        ScanSummary::default()
     }
 }
 
@@ -302,7 +302,7 @@ impl OccupancyRows<'_> {
     /// Writes row `y`: the columns of `inside` are inside, those before and after are not.
     ///
     /// # Panics
-    /// As [`OccupancyRows::row_mut`].
+    /// Like [`OccupancyRows::row_mut`].
     pub fn set_row(&mut self, y: u32, inside: Range<u32>) {
         let (start, end) = (inside.start.max(self.x.start), inside.end.min(self.x.end));
         let bit = |x: u32| u64::try_from(i64::from(x) - self.origin).unwrap_or(0);

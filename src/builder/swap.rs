@@ -12,7 +12,7 @@
 //!             +-------------------------------+
 //! ```
 //!
-//! The file has no name from its first moment on, so it vanishes with the process whatever happens.
+//! The file has no name from its first moment on, so it always vanishes with the process.
 #![expect(clippy::cast_possible_truncation, reason = "fragments are shorter than an extent")]
 
 use std::fs::File;
@@ -24,7 +24,6 @@ use crate::platform::FileExt;
 
 use super::error::{BuildError, ScratchFault};
 
-/// Bytes of an index entry.
 pub(super) const ENTRY_BYTES: usize = 32;
 /// Scratch space that a worker takes at a time.
 pub(super) const EXTENT_BYTES: usize = 256 << 10;
@@ -33,7 +32,7 @@ const FRAGMENT_HEAD: usize = 16;
 /// Bit of the stored length that says the payload is not compressed.
 const STORED_RAW: u32 = 1 << 31;
 
-/// What the index knows of a brick.
+/// The index entry of a brick.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct BrickEntry {
     /// Offset of the brick's last fragment.
@@ -79,9 +78,9 @@ pub(super) struct Scratch {
 }
 
 impl Scratch {
-    /// Creates the nameless file in `folder` with room for an index of `bricks` along x, y, z.
+    /// Creates the unnamed file in `folder` with room for an index of `bricks` along x, y, z.
     pub(super) fn create(folder: &Path, bricks: [u64; 3]) -> Result<Self, BuildError> {
-        let file = crate::scratch::nameless(folder)
+        let file = crate::scratch::unnamed(folder)
             .map_err(|cause| BuildError::Scratch { path: folder.to_path_buf(), cause })?;
         let index = bricks[0] * bricks[1] * bricks[2] * ENTRY_BYTES as u64;
         let scratch = Self {
@@ -100,7 +99,6 @@ impl Scratch {
         BuildError::Scratch { path: self.folder.clone(), cause }
     }
 
-    /// Bytes written so far.
     pub(super) fn written_bytes(&self) -> u64 {
         self.written.load(Ordering::Relaxed)
     }

@@ -1,6 +1,6 @@
 //! From a volume, whose samples have a type that is known at run time only, to its solid.
 //!
-//! This is the one place that knows every type: behind it a [`Solid`] is asked slice by slice, whatever it is
+//! This is the one place that knows every type: behind it a [`Solid`] is asked slice by slice, no matter what it is
 //! made of, and the builder exists once.
 
 use super::cells::{CellSolid, cell_dims};
@@ -32,14 +32,14 @@ pub(super) fn grid_dims(dims: Dims, surface: SurfaceKind, name: &str) -> Result<
 
 /// A volume, and what of it is inside.
 #[derive(Clone, Copy)]
-pub(super) struct Typed<'a> {
+pub(super) struct TypedVolume<'a> {
     pub(super) chooser: Chooser<'a>,
     pub(super) threshold: Threshold,
     pub(super) surface: SurfaceKind,
     pub(super) options: &'a BuildOptions,
 }
 
-impl<'a> Typed<'a> {
+impl<'a> TypedVolume<'a> {
     /// The solid of the voxels that the threshold chooses.
     ///
     /// # Errors

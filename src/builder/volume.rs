@@ -10,7 +10,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
 use super::choose::Chooser;
-use super::error::{BuildError, Sought};
+use super::error::{BuildError, Criterion};
 use super::estimator::Gradient;
 use super::gradient::{Codes, Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
@@ -19,7 +19,9 @@ use super::report::BuildNote;
 use super::ring::{RingForm, border_unit};
 use super::skin::Exposed;
 use super::slices::{Reach, RingShape, Slices};
-use super::solid::{BRICK, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use super::solid::{
+    BRICK, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Metadata, Selection, SourceMeta};
 use crate::geom::Dims;
@@ -32,7 +34,7 @@ const _: () = assert!(REACH == LOOKAHEAD, "the ring holds what was asked for sin
 pub(super) const AROUND: Reach = Reach { low: REACH, high: REACH };
 
 /// The form of a channel's items, of those that a volume has.
-pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &Found) -> Option<ItemForm> {
+pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
         Channel::Fine => Some(ItemForm::AsIs { bytes: 1 }),
@@ -77,7 +79,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
         self.source.info().dims
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.source.info();
         Metadata {
             program: String::new(),
@@ -106,7 +108,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
         self.source.info().description.name.clone()
     }
 
-    fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
         volume_form(self.source.info().scalar, channel, found)
     }
 
@@ -131,7 +133,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        self.chooser.empty::<F::File>(Sought::Within(self.selection))
+        self.chooser.empty::<F::File>(Criterion::Within(self.selection))
     }
 }
 
@@ -162,7 +164,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             codes: Codes::new(solid.bits),
             count: 0,
             swapped_values: Vec::with_capacity(if values { SLICE_VOXELS * value_bytes } else { 0 }),
-            extent: Found::default().extent,
+            extent: ScanSummary::default().extent,
         }
     }
 
@@ -269,7 +271,11 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
         }
     }
 
-    fn found(&self) -> Found {
-        Found { extent: self.extent, reading: self.slices.reading, not_numbers: self.slices.not_numbers }
+    fn found(&self) -> ScanSummary {
+        ScanSummary {
+            extent: self.extent,
+            reading: self.slices.reading,
+            not_numbers: self.slices.not_numbers,
+        }
     }
 }

@@ -1,4 +1,4 @@
-//! Bricks in Morton order, skipping whatever lies outside the volume.
+//! Bricks in Morton order, skipping those outside the volume.
 
 use super::error::BuildError;
 use super::solid::BRICK;
@@ -7,7 +7,6 @@ use crate::geom::{Dims, morton};
 
 /// Bricks of a group along each axis; a group is a box of 4^3 bricks.
 const GROUP: u32 = 4;
-/// Bricks of a group.
 pub(super) const GROUP_BRICKS: usize = (GROUP * GROUP * GROUP) as usize;
 
 /// A brick with skin, and its Morton code in the grid of bricks.

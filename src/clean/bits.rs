@@ -21,12 +21,10 @@ impl<'a> RowWindow<'a> {
         Self { bits, words: vec![0; rows * bits.row_words], first: 0, rows: 0 }
     }
 
-    /// Bytes of a window over rows of `row_words`.
     pub(super) fn bytes(row_words: usize) -> u64 {
         WINDOW_BYTES.max(row_words * 8) as u64
     }
 
-    /// The words of a row.
     pub(super) fn get(&mut self, row: u64) -> Result<&mut [u64], BuildError> {
         let width = self.bits.row_words;
         if row < self.first || row >= self.first + self.rows {
@@ -97,7 +95,6 @@ pub(super) fn row_mask(nx: u32, base: u32) -> u64 {
     }
 }
 
-/// Sets or clears the bits of a run.
 pub(super) fn fill(words: &mut [u64], run: Run, set: bool) {
     let (first, last) = (u32::from(run.start), u32::from(run.last));
     for (at, word) in words.iter_mut().enumerate().take(last as usize / 64 + 1).skip(first as usize / 64) {

@@ -2,7 +2,7 @@
 //!
 //! Closing is dilation followed by erosion, with the same element: all voxels whose centres lie within
 //! `R + 1/2` voxels of the middle one. That is 19 voxels for R = 1 (a cube of 3 without its corners) and 81 for
-//! R = 2. Distances count voxels along each axis, whatever the spacing in mm. The volume lies in unbounded air:
+//! R = 2. Distances count voxels along each axis, at any spacing in mm. The volume lies in unbounded air:
 //! nothing is lost or added at its border that would not be in the middle of a larger volume, and no voxel
 //! that was inside is lost.
 //!
@@ -22,12 +22,10 @@ fn half_width(radius: i64, dy: i64, dz: i64) -> Option<usize> {
     (0..=2).rev().find(|x| 4 * x * x <= left).and_then(|x| usize::try_from(x).ok())
 }
 
-/// Slices in each ring.
 fn ring(radius: i64) -> i64 {
     2 * radius + 1
 }
 
-/// Bytes for strips of `rows` rows.
 pub(super) fn bytes(row_words: usize, radius: u32, rows: u64) -> u64 {
     let r = u64::from(radius);
     let padded = (row_words as u64 + 2) * 8;
@@ -236,7 +234,7 @@ impl<'a> Strip<'a> {
 }
 
 /// Gives the words of a row shifted by `shift` bits towards higher and towards lower columns; beyond the ends
-/// the row is taken as 0, which only the outer words, whose outer bits nobody needs, can tell.
+/// the row is taken as 0, which only the outer words, whose outer bits are not needed, can show.
 fn shifted(row: &[u64], shift: usize, mut take: impl FnMut(usize, u64, u64)) {
     if shift == 0 {
         row.iter().enumerate().for_each(|(i, word)| take(i, *word, *word));

@@ -5,7 +5,7 @@
 //! the components that reach the slice before, and the runs of this slice that began a component. At the end
 //! of a slice every component that has a run in it gets a *slot*, in the order of first appearance; slots are
 //! the first nodes of the next slice, with what the component has gathered so far. Every slot of the slice
-//! before is told which slot goes on with it, or that its component is finished, and what that was.
+//! before learns which slot goes on with it, or that its component is finished, and what that was.
 //!
 //! ```text
 //!   slice z - 1     slot 0     slot 1   slot 2          links of its slots: 0, 0, finished (size, first voxel)
@@ -74,30 +74,27 @@ const RUNS: usize = 0;
 const LINKS: usize = 1;
 const FINISHES: usize = 2;
 
-/// What is labelled, and within which means.
+/// A volume to label, and the means for it.
 #[derive(Clone, Copy)]
 pub(super) struct Task<'a> {
     pub(super) bits: &'a BitVolume,
     /// Label what is not set?
     pub(super) inverted: bool,
     pub(super) connectivity: ComponentConnectivity,
-    /// How many of the largest are of interest.
     pub(super) largest: usize,
     pub(super) folder: &'a Path,
-    /// What may be held.
     pub(super) memory: &'a TaskMemory,
     pub(super) progress: &'a dyn Progress,
 }
 
-/// What the forward pass has found.
+/// Results of the forward pass.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(super) struct Census {
     pub(super) components: u64,
-    /// The largest, in order.
     pub(super) largest: Vec<Component>,
 }
 
-/// Bytes beside the caches: rows, runs, buffers, the largest.
+/// Bytes without the caches: rows, runs, buffers, the largest.
 fn fixed_bytes(dims: Dims, largest: usize) -> u64 {
     let row_words = dims.nx().div_ceil(64) as usize;
     let runs = (u64::from(dims.nx()) / 2 + 2) * size_of::<Run>() as u64;
@@ -109,15 +106,14 @@ pub(super) fn least_bytes(dims: Dims, largest: usize) -> u64 {
     fixed_bytes(dims, largest) + 3 * Sets::MIN_BYTES
 }
 
-/// The memory of a task.
 pub(super) struct TaskMemory {
-    /// What there is for the cache of a table of one slice, of which each pass has two.
+    /// Memory for the cache of a table of one slice, of which each pass has two.
     table_bytes: u64,
     _held: [Reservation; 2],
 }
 
 impl TaskMemory {
-    /// What two tables can make use of, as far as the budget grants it, and all else.
+    /// Memory that two tables can use, as far as the budget grants it, and all else.
     ///
     /// # Errors
     /// There is less than [`least_bytes`].
@@ -136,7 +132,7 @@ fn most_table_bytes(dims: Dims, item_bytes: usize) -> u64 {
     2 * runs * (item_bytes as u64 + 1) + Sets::MIN_BYTES
 }
 
-/// A labelled volume: its components are known, and can be told their fates.
+/// A labelled volume: its components are known, and can be kept or dropped.
 pub(super) struct Labelled<'a> {
     task: Task<'a>,
     runs: Stream<u32>,
@@ -169,7 +165,7 @@ impl<'a> Task<'a> {
         Ok(labelled)
     }
 
-    /// What there is for the cache of a table of one slice, and no more than it can fill.
+    /// Memory for the cache of a table of one slice, and no more than it can fill.
     fn table_bytes(&self, item_bytes: usize) -> u64 {
         self.memory.table_bytes.min(most_table_bytes(self.bits.dims(), item_bytes))
     }
@@ -369,10 +365,9 @@ impl<'l, 'a> Forward<'l, 'a> {
     }
 }
 
-/// What the backward pass did.
+/// Results of the backward pass.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Outcome {
-    /// Components that stay.
     pub(super) kept: u64,
     /// Voxels of the others, whose bits were changed.
     pub(super) changed: u64,

@@ -22,16 +22,12 @@ pub enum CleanError {
     Build(#[from] BuildError),
     #[error("gaps can be closed by 1 or 2 voxels, and 1 to {MAX_LARGEST} components kept")]
     Options {
-        /// Radius of the closing.
         close: u32,
         /// Components to keep, if it was asked for.
         keep_largest: Option<u32>,
     },
     #[error("the range holds no sample of this volume's type")]
-    NoSample {
-        /// The range.
-        selection: Selection,
-    },
+    NoSample { selection: Selection },
     #[error("{name}: no component is left; the largest has {largest} voxels: choose {DROP_BELOW} below that")]
     NothingKept { name: String, largest: u64 },
 }

@@ -76,7 +76,6 @@ impl<'a> Masked<'a> {
     }
 }
 
-/// The bits from `shift` on.
 fn align(bits: &[u64], shift: usize, to: &mut [u64]) {
     let (skip, shift) = (shift / 64, shift % 64);
     for (i, to) in to.iter_mut().enumerate() {

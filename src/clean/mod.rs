@@ -1,10 +1,10 @@
 //! Cleaning before the build, under the memory cap.
 //!
 //! The volume itself may be cropped and downsampled; both are sources around the source. What follows works on
-//! the *occupancy*, one bit a voxel in a nameless scratch file, and ends in a volume whose samples agree with it:
+//! the *occupancy*, one bit a voxel in a unnamed scratch file, and ends in a volume whose samples agree with it:
 //! the builder needs to know nothing of cleaning.
 //!
-//! Operations have a fixed order, whatever that of the options:
+//! Operations have a fixed order, independent of that of the options:
 //!
 //! | | operation | extra passes | memory |
 //! |---|---|---|---|
@@ -39,7 +39,7 @@ use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
-use crate::budget::{Budget, MemoryCap, Reservation, TooSmall, costs};
+use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
     self, BuildError, BuildNote, BuildOptions, Progress, choose_noted, for_each_block, range_test,
 };
@@ -50,9 +50,13 @@ use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
 use masked::Masked;
 
-/// What cleaning leaves resident in a process of its own, because the allocator keeps it.
+/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it: anonymous memory after
+/// [`crate::clean::CleanOptions::clean`], less that before.
+const CLEANING_LEFT_OVER: u64 = 640 << 10;
+
+/// Memory that cleaning leaves resident in a process of its own, because the allocator keeps it.
 fn reserve_left_over(budget: &Budget) -> Result<Reservation, TooSmall> {
-    budget.reserve(if budget.is_process() { costs::CLEANING_LEFT_OVER } else { 0 })
+    budget.reserve(if budget.is_process() { CLEANING_LEFT_OVER } else { 0 })
 }
 
 /// Which components are too small.
@@ -64,14 +68,14 @@ pub enum SizeLimit {
     PercentOfLargest(f64),
 }
 
-/// What is done to a volume before it is built; nothing by default.
+/// Operations on a volume before it is built; none by default.
 #[derive(Clone, Debug, PartialEq)]
 pub struct CleanOptions {
     /// Keep voxels with these indices along x, y, z only.
     pub roi: Option<[Range<u32>; 3]>,
     /// Take means of blocks of 2^3 or 4^3 voxels.
     pub downsample: Option<u32>,
-    /// What is inside, in HU, in place of a threshold.
+    /// A range in HU, in place of a threshold.
     pub preset: Option<Preset>,
     /// Radius of the closing in voxels, 1 or 2; 0 for none.
     pub close: u32,
@@ -229,7 +233,7 @@ impl CleanOptions {
         builder::reserve_least(source, options, budget).map(drop)
     }
 
-    /// The least that every operation can do with, beside what is held all the time.
+    /// The least that every operation can do with, without what is held all the time.
     fn least_bytes(&self, source: &dyn VolumeSource) -> u64 {
         let dims = source.info().dims;
         let mut least = builder::occupancy_worker_bytes(source);
@@ -278,7 +282,7 @@ fn row_words(dims: Dims) -> usize {
     dims.nx().div_ceil(64) as usize
 }
 
-/// What cleaning did.
+/// Results of cleaning.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct CleanReport {
     /// Passes over volume and occupancy that were added.
@@ -304,9 +308,9 @@ pub struct CleanReport {
 /// A volume with a cleaned occupancy.
 pub struct Cleaned<'a> {
     masked: Masked<'a>,
-    /// What is inside; a threshold by Otsu's method has been chosen on the volume before it was cleaned.
+    /// The inside; a threshold by Otsu's method has been chosen on the volume before it was cleaned.
     pub selection: Selection,
-    /// What was done.
+    /// The results.
     pub report: CleanReport,
 }
 
@@ -317,7 +321,6 @@ impl Cleaned<'_> {
     }
 }
 
-/// Which components stay.
 struct Rule {
     least_voxels: f64,
     last: Option<Component>,
@@ -349,17 +352,7 @@ impl<'a> CleanJob<'_, 'a> {
         let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
             return Err(CleanError::NoSample { selection });
         };
-        let mut report = CleanReport {
-            passes: self.clean.extra_passes(),
-            voxels: 0,
-            voxels_added: 0,
-            voxels_removed: 0,
-            components: 0,
-            kept: 0,
-            scratch_bytes: 0,
-            seconds: 0.0,
-            note,
-        };
+        let mut report = CleanReport { passes: self.clean.extra_passes(), note, ..CleanReport::default() };
         let mut bits = BitVolume::create(&self.scratch, info.dims)?;
         report.scratch_bytes = bits.bytes();
         report.voxels = self.test_range(&bits, &*test)?;
@@ -401,8 +394,8 @@ impl<'a> CleanJob<'_, 'a> {
         })
     }
 
-    /// What one operation may hold, from what is resident now. Never less than what was found to fit when cleaning
-    /// began: what has been left since is counted once, in [`costs::CLEANING_LEFT_OVER`].
+    /// Memory that one operation may hold, from what is resident now. Never less than what was found to fit when cleaning
+    /// began: what has been left since is counted once, in [`CLEANING_LEFT_OVER`].
     fn budget(&self) -> Budget {
         let now = Budget::of_job(self.options.memory);
         let _left_over = reserve_left_over(&now);

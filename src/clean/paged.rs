@@ -1,4 +1,4 @@
-//! Tables that are longer than memory: fixed pages in a nameless scratch file, the latest used ones held.
+//! Tables that are longer than memory: fixed pages in a unnamed scratch file, the latest used ones held.
 
 use std::fs::File;
 use std::io;
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::budget::costs::MAPPED_FROM;
 use crate::platform::FileExt;
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 
 /// Words of a page are at most this.
 const PAGE_WORDS: usize = 512;
@@ -41,7 +41,7 @@ pub(super) struct PagedTable<T> {
     items: PhantomData<T>,
 }
 
-/// What a place of the cache holds.
+/// The content of a slot of the cache.
 #[derive(Clone, Copy)]
 struct Place {
     page: u64,
@@ -52,7 +52,6 @@ struct Place {
 const EMPTY: Place = Place { page: NO_PAGE, used: 0, dirty: false };
 
 impl<T: bytemuck::Pod> PagedTable<T> {
-    /// Smallest cache.
     pub(super) const MIN_BYTES: u64 = (4 * WAYS * PAGE_WORDS * 8) as u64;
 
     /// An empty table whose cache takes at most `cache_bytes`.
@@ -65,7 +64,7 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         let pages = cache_bytes.max(Self::MIN_BYTES) / page_bytes;
         let sets = usize::try_from(pages.min(MAX_PAGES)).unwrap_or(usize::MAX) / WAYS;
         Ok(Self {
-            file: nameless(folder)?,
+            file: unnamed(folder)?,
             cache: vec![Vec::new(); (sets * WAYS).div_ceil(CHUNK_PAGES)],
             places: vec![EMPTY; sets * WAYS],
             page_words,
@@ -78,12 +77,10 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         })
     }
 
-    /// Number of items.
     pub(super) fn len(&self) -> u64 {
         self.len
     }
 
-    /// Forgets all items.
     pub(super) fn clear(&mut self) {
         self.places.fill(EMPTY);
         self.latest = (NO_PAGE, 0);
@@ -100,7 +97,6 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(bytemuck::cast_slice::<u64, T>(words)[self.within(index)])
     }
 
-    /// The item to be changed.
     #[inline]
     pub(super) fn get_mut(&mut self, index: u64) -> io::Result<&mut T> {
         let place = self.locate(index / self.page_items)?;
@@ -109,7 +105,6 @@ impl<T: bytemuck::Pod> PagedTable<T> {
         Ok(&mut bytemuck::cast_slice_mut::<u64, T>(self.words(place))[at])
     }
 
-    /// Appends an item.
     pub(super) fn push(&mut self, item: T) -> io::Result<()> {
         let index = self.len;
         self.len += 1;

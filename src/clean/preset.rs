@@ -71,7 +71,7 @@ impl Preset {
         }
     }
 
-    /// What the user should know when the input is not, or not surely, a CT.
+    /// A warning when the input is not, or not surely, a CT.
     pub fn doubt(self, modality: Option<&str>) -> Option<PresetDoubt> {
         (modality != Some("CT")).then(|| PresetDoubt { preset: self, modality: modality.map(str::to_owned) })
     }

@@ -31,7 +31,6 @@ impl Component {
         [self.voxels, self.first]
     }
 
-    /// What [`Component::words`] gave.
     pub(super) fn of_words([voxels, first]: [u64; 2]) -> Self {
         Self { voxels, first }
     }
@@ -95,10 +94,8 @@ pub(super) struct Sets {
 }
 
 impl Sets {
-    /// Bytes of a node in the table.
     pub(super) const NODE_BYTES: usize = size_of::<Node>();
 
-    /// Smallest cache of the table.
     pub(super) const MIN_BYTES: u64 = PagedTable::<Node>::MIN_BYTES;
 
     /// No sets; `bytes` of their table are held in memory, what is more lies in `folder`.
@@ -106,12 +103,10 @@ impl Sets {
         Ok(Self { nodes: PagedTable::new(folder, bytes)? })
     }
 
-    /// Number of nodes.
     pub(super) fn len(&self) -> u64 {
         self.nodes.len()
     }
 
-    /// Forgets all nodes.
     pub(super) fn clear(&mut self) {
         self.nodes.clear();
     }
@@ -161,7 +156,6 @@ impl Sets {
         Ok(())
     }
 
-    /// Adds voxels to the component of a root.
     pub(super) fn add(&mut self, root: u32, component: Component) -> io::Result<()> {
         let node = self.nodes.get_mut(u64::from(root))?;
         let sum = component_of(*node).join(component);
@@ -169,7 +163,6 @@ impl Sets {
         Ok(())
     }
 
-    /// A new set.
     pub(super) fn push(&mut self, component: Component) -> io::Result<u32> {
         let number = u32::try_from(self.nodes.len()).ok().filter(|n| *n < NO_SLOT).ok_or(TooManyRuns)?;
         self.nodes.push(node(component, number))?;

@@ -1,4 +1,4 @@
-//! Long lists in a nameless scratch file: appended item by item, read back in sections from front to back.
+//! Long lists in a unnamed scratch file: appended item by item, read back in sections from front to back.
 
 use std::fs::File;
 use std::io;
@@ -7,7 +7,7 @@ use std::ops::Range;
 use std::path::Path;
 
 use crate::platform::FileExt;
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 
 /// Bytes of the buffer of a list or of a cursor.
 pub(super) const BUFFER_BYTES: usize = 16 << 10;
@@ -23,7 +23,7 @@ impl<T: bytemuck::Pod> Stream<T> {
     const ITEMS: usize = BUFFER_BYTES / size_of::<T>();
 
     pub(super) fn new(folder: &Path) -> io::Result<Self> {
-        Ok(Self { file: nameless(folder)?, waiting: Vec::with_capacity(Self::ITEMS), written: 0 })
+        Ok(Self { file: unnamed(folder)?, waiting: Vec::with_capacity(Self::ITEMS), written: 0 })
     }
 
     pub(super) fn len(&self) -> u64 {
@@ -82,7 +82,6 @@ impl<T: bytemuck::Pod> Cursor<T> {
         Self { buffer: Vec::with_capacity(Stream::<T>::ITEMS), at: 0, next: 0..0, items: PhantomData }
     }
 
-    /// Starts a section, which is flushed.
     pub(super) fn start(&mut self, section: Range<u64>) {
         self.buffer.clear();
         self.at = 0;

@@ -23,7 +23,7 @@ pub enum CodecError {
     Io(#[from] io::Error),
 }
 
-/// What is damaged in a frame.
+/// Damage in a frame.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
@@ -39,7 +39,7 @@ pub enum Damage {
     Rle(rle::Damage),
 }
 
-/// What a frame uses that is not decoded.
+/// A feature of a frame that is not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {

@@ -1,15 +1,13 @@
-//! What goes into a decoder, and what comes out of it.
+//! Input and output of a decoder.
 
 use std::io;
 
 use super::error::CodecError;
 
-/// What a codestream says of its image.
+/// The format that a codestream states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct FrameFormat {
-    /// Width in pixels.
     pub(crate) columns: u32,
-    /// Height in pixels.
     pub(crate) rows: u32,
     /// Samples per pixel.
     pub(crate) components: u8,
@@ -38,7 +36,6 @@ pub(crate) trait RowSink {
 
 /// The bytes of one compressed frame, wherever its fragments lie.
 pub(crate) trait FrameBytes {
-    /// How many there are.
     fn len(&self) -> u64;
 
     /// Reads some bytes at `offset`; 0 at the end.

@@ -6,6 +6,7 @@
 
 #![expect(missing_docs, reason = "the sentence of each variant says it")]
 
+mod bytes;
 mod error;
 mod frame;
 pub(crate) mod jpeg;

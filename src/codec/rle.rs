@@ -18,12 +18,10 @@ const BUFFER_BYTES: usize = 4 << 10;
 /// Bytes of a plane that are decoded before they are put into the row.
 const CHUNK_BYTES: usize = 1 << 10;
 
-/// What an RLE frame must hold; only the header of the file knows it.
+/// The required content of an RLE frame; only the header of the file states it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct RleFormat {
-    /// Width in pixels.
     pub(crate) columns: u32,
-    /// Height in pixels.
     pub(crate) rows: u32,
     /// Samples per pixel.
     pub(crate) components: u8,
@@ -35,7 +33,7 @@ pub(crate) struct RleFormat {
 ///
 /// The code does not know which bits of a sample are in use, nor whether it has a sign: every sample comes
 /// as the unsigned value of all its bytes (32 bits as their pattern), and masking to the stored bits and
-/// extending the sign are left to the caller. Components come side by side whatever the planar configuration
+/// extending the sign are left to the caller. Components come side by side regardless of the planar configuration
 /// of the file says, which RLE does not follow. Runs may go on from one row to the next, and bytes after the
 /// last sample of a segment are not looked at.
 ///
@@ -124,7 +122,7 @@ fn read_full(input: &dyn FrameBytes, buffer: &mut [u8], offset: u64) -> Result<u
     Ok(filled)
 }
 
-/// What the bytes that come next are.
+/// The meaning of the next bytes.
 #[derive(Clone, Copy)]
 enum Packet {
     /// That many bytes as they stand.

@@ -1,6 +1,6 @@
 //! Bounds of a tree: the box in mm that a grid is put around.
 
-use super::flat::{Flat, Kind, Met, Part};
+use super::flat::{Flat, Kind, Part, PlacedShape};
 use super::tree::Shape;
 use crate::geom::Affine;
 use crate::mesh::Bounds;
@@ -17,6 +17,10 @@ fn both(a: &Bounds, b: &Bounds) -> Bounds {
     Bounds { low: sides.map(|s| s.0), high: sides.map(|s| s.1) }
 }
 
+pub(super) fn corners(low: [f64; 3], high: [f64; 3]) -> impl Iterator<Item = [f64; 3]> {
+    (0..8_u32).map(move |at| [0, 1, 2].map(|k| if at >> k & 1 == 1 { high[k] } else { low[k] }))
+}
+
 fn either(a: &Bounds, b: &Bounds) -> Bounds {
     Bounds {
         low: [0, 1, 2].map(|k| a.low[k].min(b.low[k])),
@@ -24,14 +28,14 @@ fn either(a: &Bounds, b: &Bounds) -> Bounds {
     }
 }
 
-/// Bounds of a leaf as it is met, or of all but it; those of a file are given.
-pub(super) fn of_leaf(met: &Met<'_, '_>, file: Option<Bounds>) -> Bounds {
-    match (met.shape, met.negated) {
+/// Bounds of a leaf as it is placed, or of all but it; those of a file are given.
+pub(super) fn of_leaf(placed: &PlacedShape<'_, '_>, file: Option<Bounds>) -> Bounds {
+    match (placed.shape, placed.negated) {
         (None, false) => Bounds::EMPTY,
         (None, true) => ALL,
-        (Some(shape), true) => beside(shape, met.affine),
+        (Some(shape), true) => beside(shape, placed.affine),
         (Some(Shape::Mesh { .. } | Shape::Volume { .. }), false) => file.unwrap_or(ALL),
-        (Some(shape), false) => of_shape(shape, met.affine),
+        (Some(shape), false) => of_shape(shape, placed.affine),
     }
 }
 
@@ -118,10 +122,7 @@ fn of_shape(shape: &Shape, affine: &Affine) -> Bounds {
             }
         }
         Shape::Cuboid { low, high } => {
-            for corner in 0..8_u32 {
-                let at = [0, 1, 2].map(|k| if corner >> k & 1 == 1 { high[k] } else { low[k] });
-                bounds.add(affine.apply(at));
-            }
+            corners(*low, *high).for_each(|corner| bounds.add(affine.apply(corner)));
         }
         Shape::HalfSpace { normal, offset } => return half(*normal, *offset, affine, 1.0),
         Shape::Faces(faces) => faces.points.iter().for_each(|p| bounds.add(affine.apply(*p))),

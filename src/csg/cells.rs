@@ -6,18 +6,17 @@
 
 use super::leaf::Leaf;
 use super::program::{self, Step};
+use super::sampled::Sampler;
 use super::solid::{CsgSolid, CsgWorker};
-use super::walked::Walker;
 use crate::builder::BuildError;
 use crate::builder::{
-    CellEdge, CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
-    Tile, VoxelBox,
+    CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 
-/// The cells of a tree.
 pub(super) struct CsgCells<'a> {
     pub(super) tree: CsgSolid<'a>,
     pub(super) dims: Dims,
@@ -33,10 +32,10 @@ impl Solid for CsgCells<'_> {
     }
 
     fn lookbehind(&self) -> u32 {
-        self.tree.walked.iter().map(|leaf| leaf.solid.lookbehind()).fold(self.tree.lookbehind(), u32::max)
+        self.tree.sampled.iter().map(|leaf| leaf.solid.lookbehind()).fold(self.tree.lookbehind(), u32::max)
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.tree.metadata(found)
     }
 
@@ -48,14 +47,16 @@ impl Solid for CsgCells<'_> {
         self.tree.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         CellEdges::form(channel)
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        let crossed =
-            self.tree.program.len() * size_of::<Crossed>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
-        self.tree.worker_bytes(tile) + (1 + self.tree.walked.len() as u64) * CellEdges::BYTES + crossed as u64
+        let crossed = self.tree.program.len() * size_of::<LeafCrossing>()
+            + CellEdges::MAX_EDGES * size_of::<CellEdge>();
+        self.tree.worker_bytes(tile)
+            + (1 + self.tree.sampled.len() as u64) * CellEdges::BYTES
+            + crossed as u64
     }
 
     fn input_bytes(&self) -> u64 {
@@ -68,7 +69,7 @@ impl Solid for CsgCells<'_> {
             tree: CsgWorker::new(&self.tree, tile),
             edges: CellEdges::new(),
             list: Vec::with_capacity(CellEdges::MAX_EDGES),
-            of_walked: self.tree.walked.iter().map(|_| CellEdges::new()).collect(),
+            of_sampled: self.tree.sampled.iter().map(|_| CellEdges::new()).collect(),
             crossed: Vec::with_capacity(self.tree.program.len()),
         })
     }
@@ -78,19 +79,18 @@ impl Solid for CsgCells<'_> {
     }
 }
 
-/// One thread's view of it.
 struct CellWorker<'a> {
     samples: Dims,
     tree: CsgWorker<'a>,
     edges: CellEdges,
     list: Vec<CellEdge>,
-    /// Those of walked leaves.
-    of_walked: Vec<CellEdges>,
-    crossed: Vec<Crossed>,
+    /// Those of sampled leaves.
+    of_sampled: Vec<CellEdges>,
+    crossed: Vec<LeafCrossing>,
 }
 
 /// A leaf of a program that an edge may cross.
-struct Crossed {
+struct LeafCrossing {
     leaf: u32,
     /// Is its far end inside, and its other end?
     outer: bool,
@@ -109,9 +109,9 @@ impl SolidWorker for CellWorker<'_> {
         let [nx, ny, nz] = self.samples.to_array();
         let exists = region.x.end <= nx && region.y.end <= ny && region.z.end <= nz;
         match self.tree.cover(region) {
-            // What lies beyond the grid is outside.
+            // Beyond the grid all is outside.
             Cover::Inside if !exists => Cover::Mixed,
-            told => told,
+            cover => cover,
         }
     }
 
@@ -122,19 +122,19 @@ impl SolidWorker for CellWorker<'_> {
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-        let Self { samples, tree, edges, list, of_walked, crossed } = self;
+        let Self { samples, tree, edges, list, of_sampled, crossed } = self;
         edges.begin(skin);
         let [_, _, z] = skin.corner();
         tree.ready(z + 2)?;
-        let (solid, near, walkers) = tree.near(skin);
-        for (at, own) in of_walked.iter_mut().enumerate() {
+        let (solid, near, samplers) = tree.near(skin);
+        for (at, own) in of_sampled.iter_mut().enumerate() {
             let is_near = near.iter().any(|step| {
                 let leaf = program::leaf_of(*step).map(|(leaf, _)| &solid.leaves[leaf as usize]);
-                matches!(leaf, Some(Leaf::Walked(number)) if *number as usize == at)
+                matches!(leaf, Some(Leaf::Sampled(number)) if *number as usize == at)
             });
-            own.begin_among(edges, |p| is_near && walkers[at].contains(p));
+            own.begin_among(edges, |p| is_near && samplers[at].contains(p));
             if is_near {
-                walkers[at].worker.crossings(skin, &mut |crossing| own.offer(crossing))?;
+                samplers[at].worker.crossings(skin, &mut |crossing| own.offer(crossing))?;
             }
         }
         list.clear();
@@ -146,7 +146,7 @@ impl SolidWorker for CellWorker<'_> {
                 let last = edge.low[k] + i32::from(k == edge.axis);
                 edge.low[k] >= 0 && last.cast_unsigned() < sides[k]
             });
-            if exists && let Some(found) = outermost(edge, near, solid, walkers, of_walked, crossed) {
+            if exists && let Some(found) = outermost(edge, near, solid, samplers, of_sampled, crossed) {
                 edges.offer(&found);
             }
         }
@@ -164,9 +164,9 @@ fn outermost(
     edge: &CellEdge,
     steps: &[Step],
     solid: &CsgSolid<'_>,
-    walkers: &[Walker<'_>],
-    of_walked: &[CellEdges],
-    crossed: &mut Vec<Crossed>,
+    samplers: &[Sampler<'_>],
+    of_sampled: &[CellEdges],
+    crossed: &mut Vec<LeafCrossing>,
 ) -> Option<EdgeCrossing> {
     let mut high = edge.low;
     high[edge.axis] += 1;
@@ -175,7 +175,7 @@ fn outermost(
     for (leaf, _) in steps.iter().filter_map(|step| program::leaf_of(*step)) {
         let placed = &solid.leaves[leaf as usize];
         let contains = |p: [i32; 3]| match placed {
-            Leaf::Walked(at) => walkers[*at as usize].contains(p),
+            Leaf::Sampled(at) => samplers[*at as usize].contains(p),
             own => own.contains(p),
         };
         let (outer, inner) = (contains(outer), contains(inner));
@@ -183,18 +183,18 @@ fn outermost(
             None
         } else {
             match placed {
-                Leaf::Walked(at) => of_walked[*at as usize].crossing(edge.low, edge.axis),
+                Leaf::Sampled(at) => of_sampled[*at as usize].crossing(edge.low, edge.axis),
                 own => own.crossing(edge.low, edge.axis),
             }
         };
         let along = found.map_or(0.5, |found| found.along);
         let away = if edge.low_inside { 1.0 - along } else { along };
-        crossed.push(Crossed { leaf, outer, inner, away, found });
+        crossed.push(LeafCrossing { leaf, outer, inner, away, found });
     }
-    let value = |passed: f64, last: u32, crossed: &[Crossed]| {
+    let value = |passed: f64, last: u32, crossed: &[LeafCrossing]| {
         let mut at = 0;
         let value = program::value(steps, |_| {
-            let Crossed { leaf, outer, inner, away, .. } = crossed[at];
+            let LeafCrossing { leaf, outer, inner, away, .. } = crossed[at];
             at += 1;
             let is_passed = (away, leaf) <= (passed, last);
             if if is_passed { inner } else { outer } { u64::MAX } else { 0 }

@@ -1,8 +1,8 @@
 //! Normals of skin voxels: of the leaf whose surface makes the voxel skin.
 //!
 //! A leaf is a candidate if a voxel is inside it and an exposed neighbour is not, or the other way round, and the
-//! tree turns to outside when that leaf alone does; if there is none, the tree beside turns to inside when that leaf
-//! alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
+//! tree turns to outside when that leaf alone does; without such a leaf, the tree at the neighbour turns to inside when
+//! that leaf alone does (two equal spheres). Whatever else a program holds does not change this. Of several the one counts whose
 //! surface is nearest to the voxel's middle, then the first in the tree. Its normal points out of it where the voxel is
 //! inside it, and into it where it was taken away. Voxels that only the wall of the grid makes skin face that wall.
 //!
@@ -12,22 +12,23 @@
 
 use super::leaf::Leaf;
 use super::program::{self, Step};
-use super::solid::{CsgSolid, Left};
-use super::walked::Walker;
+use super::sampled::Sampler;
+use super::solid::{CsgSolid, Remainder};
 use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, normal};
 use crate::geom::dot;
+use crate::mesh::from_faces;
 
 const BRICK: usize = 32;
 /// The six neighbours, as the faces of [`Exposed`].
 const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
-/// A walked leaf does not say how near its surface is: half a voxel, in lattice steps.
+/// A sampled leaf does not say how near its surface is: half a voxel, in lattice steps.
 const HALF_A_VOXEL: f64 = 2048.0;
 /// Leaves that are tried together: one bit each, and one for the tree as it is.
 const AT_ONCE: usize = 63;
-/// With more leaves than this beside the voxels of a brick's slice, these are described by blocks of so many rows and
-/// columns, each with the leaves beside it.
+/// With more leaves than this next to the voxels of a brick's slice, these are described by blocks of so many rows and
+/// columns, each with the leaves next to it.
 const FEW: usize = 2;
 const BLOCK: usize = 8;
 
@@ -36,25 +37,24 @@ pub(super) struct Description {
     codes: Vec<u8>,
     /// The codes by row and column.
     by_place: Vec<u16>,
-    /// What is left of the program around the voxels of a slice, and of one of its blocks.
+    /// The rest of the program around the voxels of a slice, and of one of its blocks.
     near: Vec<Step>,
     nearer: Vec<Step>,
     /// Leaves that are inside at the voxel, and at its neighbour, by their place among those of the program.
     here: Vec<bool>,
     leaves: Vec<u32>,
     turned: Vec<u32>,
-    /// Which walked leaf describes each voxel; 0 for none, otherwise its number and one.
-    walked: Vec<u32>,
+    /// Which sampled leaf describes each voxel; 0 for none, otherwise its number and one.
+    sampled: Vec<u32>,
 }
 
-/// Most faces that meet in a voxel and are told apart.
+/// Most different faces that meet in a voxel.
 const MAX_FACES: usize = 8;
 /// Faces whose normals have at least this cosine with the nearest one's count along with it.
 const WITH_NEAREST: f64 = -0.5;
 /// Normals with at least this cosine are of the same face.
 const SAME: f64 = 1.0 - 1e-9;
 
-/// The candidates of a voxel.
 #[derive(Clone, Copy)]
 struct Candidates {
     best: Option<Best>,
@@ -94,6 +94,23 @@ impl Candidates {
     }
 }
 
+/// A part of the tree: the program that is left there, and the samplers of its leaves.
+#[derive(Clone, Copy)]
+struct Around<'s> {
+    solid: &'s CsgSolid<'s>,
+    steps: &'s [Step],
+    samplers: &'s [Sampler<'s>],
+}
+
+impl Around<'_> {
+    fn contains(&self, leaf: u32, voxel: [i32; 3]) -> bool {
+        match &self.solid.leaves[leaf as usize] {
+            Leaf::Sampled(at) => self.samplers[*at as usize].contains(voxel),
+            _ => self.solid.contains(leaf, voxel),
+        }
+    }
+}
+
 /// The best candidate so far.
 #[derive(Clone, Copy)]
 struct Best {
@@ -106,8 +123,8 @@ struct Best {
 enum Surface {
     /// Out of the tree, in lattice coordinates.
     Known([f64; 3]),
-    /// That of a walked leaf, and whether the voxel is inside it.
-    Walked(u32, bool),
+    /// That of a sampled leaf, and whether the voxel is inside it.
+    Sampled(u32, bool),
 }
 
 impl Description {
@@ -125,7 +142,7 @@ impl Description {
             here: Vec::with_capacity(leaves),
             leaves: Vec::with_capacity(leaves),
             turned: Vec::with_capacity(leaves),
-            walked: vec![0; SkinSlice::MAX_VOXELS],
+            sampled: vec![0; SkinSlice::MAX_VOXELS],
         }
     }
 
@@ -137,19 +154,20 @@ impl Description {
         &mut self,
         skin: &SkinSlice<'_>,
         solid: &CsgSolid<'_>,
-        left: Left<'_>,
-        walkers: &mut [Walker<'_>],
+        left: Remainder<'_>,
+        samplers: &mut [Sampler<'_>],
     ) -> Result<(), SourceError> {
-        // What matters around these voxels alone is often one leaf.
+        // Around these voxels often only one leaf matters.
         let (mut near, mut nearer) = (std::mem::take(&mut self.near), std::mem::take(&mut self.nearer));
         let steps = match left {
-            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
-            Left::Uniform(_) => &[],
+            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
+            Remainder::Uniform(_) => &[],
         };
         let mut insides = [0_u32; BRICK];
-        let mut any_walked = false;
+        let mut any_sampled = false;
         if steps.len() < 2 * FEW {
-            any_walked = self.describe_block(skin, [0, 0], BRICK, solid, steps, walkers, &mut insides);
+            any_sampled =
+                self.describe_block(skin, [0, 0], BRICK, Around { solid, steps, samplers }, &mut insides);
         } else {
             for block in 0..(BRICK / BLOCK).pow(2) {
                 let from = [block % (BRICK / BLOCK) * BLOCK, block / (BRICK / BLOCK) * BLOCK];
@@ -160,7 +178,8 @@ impl Description {
                 let [from_x, from_y] = from.map(|at| u32::try_from(at).unwrap_or(0));
                 let corner = [x + from_x, y + from_y, z];
                 let steps = left_around(steps, corner, [BLOCK; 2], solid, &mut nearer);
-                any_walked |= self.describe_block(skin, from, BLOCK, solid, steps, walkers, &mut insides);
+                let around = Around { solid, steps, samplers };
+                any_sampled |= self.describe_block(skin, from, BLOCK, around, &mut insides);
             }
         }
         (self.near, self.nearer) = (near, nearer);
@@ -172,38 +191,36 @@ impl Description {
                 rest &= rest - 1;
             }
         }
-        if any_walked { self.ask_walked(skin, solid, walkers, &insides) } else { Ok(()) }
+        if any_sampled { self.ask_sampled(skin, solid, samplers, &insides) } else { Ok(()) }
     }
 
-    /// What is left of the program around a brick's slice: often one leaf.
+    /// The rest of the program around a brick's slice: often one leaf.
     pub(super) fn look<'s>(
         &'s mut self,
         skin: &SkinSlice<'_>,
         solid: &CsgSolid<'_>,
-        left: Left<'s>,
+        left: Remainder<'s>,
     ) -> &'s [Step] {
         match left {
-            Left::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
-            Left::Uniform(_) => &[],
+            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
+            Remainder::Uniform(_) => &[],
         }
     }
 
-    /// Describes the skin voxels of a block of so many rows and columns; `true` if some are those of walked leaves.
-    #[expect(clippy::too_many_arguments, reason = "what one call knows")]
+    /// Describes the skin voxels of a block of so many rows and columns; `true` if some are those of sampled leaves.
     fn describe_block(
         &mut self,
         skin: &SkinSlice<'_>,
         from: [usize; 2],
         side: usize,
-        solid: &CsgSolid<'_>,
-        steps: &[Step],
-        walkers: &[Walker<'_>],
+        around: Around<'_>,
         insides: &mut [u32; BRICK],
     ) -> bool {
         self.leaves.clear();
-        self.leaves.extend(steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
+        self.leaves
+            .extend(around.steps.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf));
         let [x0, y0, z] = skin.corner().map(|c| i32::try_from(c).unwrap_or(i32::MAX));
-        let mut any_walked = false;
+        let mut any_sampled = false;
         for (y, insides) in insides.iter_mut().enumerate().skip(from[1]).take(side) {
             let mut rest = skin.rows()[y] & columns(from[0], side);
             if rest == 0 {
@@ -215,12 +232,12 @@ impl Description {
                 rest &= rest - 1;
                 #[expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "below 32")]
                 let voxel = [x0 + x as i32, y0 + y as i32, z];
-                let candidates = self.candidates(voxel, x, &exposed, solid, steps, walkers);
+                let candidates = self.candidates(voxel, x, &exposed, around);
                 let direction = match candidates.best.map(|best| best.found) {
-                    Some(Surface::Known(outwards)) => physical(candidates.mean(outwards), solid),
-                    Some(Surface::Walked(at, inside)) => {
-                        any_walked = true;
-                        self.walked[BRICK * y + x] = at + 1;
+                    Some(Surface::Known(outwards)) => physical(candidates.mean(outwards), around.solid),
+                    Some(Surface::Sampled(at, inside)) => {
+                        any_sampled = true;
+                        self.sampled[BRICK * y + x] = at + 1;
                         *insides |= u32::from(inside) << x;
                         from_faces(&exposed, x)
                     }
@@ -229,40 +246,32 @@ impl Description {
                 self.by_place[BRICK * y + x] = normal::encode(direction);
             }
         }
-        any_walked
+        any_sampled
     }
 
     /// The surfaces that make a voxel skin.
-    fn candidates(
-        &mut self,
-        voxel: [i32; 3],
-        x: usize,
-        exposed: &Exposed,
-        solid: &CsgSolid<'_>,
-        steps: &[Step],
-        walkers: &[Walker<'_>],
-    ) -> Candidates {
-        let dims = solid.place.dims.to_array();
+    fn candidates(&mut self, voxel: [i32; 3], x: usize, exposed: &Exposed, around: Around<'_>) -> Candidates {
+        let dims = around.solid.place.dims.to_array();
         let exists = |p: [i32; 3]| (0..3).all(|k| u32::try_from(p[k]).is_ok_and(|v| v < dims[k]));
         let mut best = Candidates::NONE;
-        let mut known = false;
-        let mut seen = false;
+        self.here.clear();
+        let mut any_exposed = false;
         for (face, way) in FACES.iter().enumerate() {
             if exposed.faces[face] >> x & 1 == 0 {
                 continue;
             }
-            seen = true;
+            any_exposed = true;
             let beside = [voxel[0] + way[0], voxel[1] + way[1], voxel[2] + way[2]];
             if exists(beside) {
-                self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, true);
+                self.offer(&mut best, voxel, beside, around, true);
             }
         }
-        if !seen {
+        if !any_exposed {
             // Skin that only touches the outside with an edge or a corner.
             for at in (0..27).filter(|at| *at != 13) {
                 let beside = [voxel[0] + at % 3 - 1, voxel[1] + at / 3 % 3 - 1, voxel[2] + at / 9 - 1];
                 if exists(beside) {
-                    self.offer(&mut best, voxel, beside, solid, steps, walkers, &mut known, false);
+                    self.offer(&mut best, voxel, beside, around, false);
                 }
             }
         }
@@ -270,44 +279,35 @@ impl Description {
     }
 
     /// Takes the candidates between a voxel and one neighbour.
-    #[expect(clippy::too_many_arguments, reason = "what one call knows")]
     fn offer(
         &mut self,
         best: &mut Candidates,
         voxel: [i32; 3],
         beside: [i32; 3],
-        solid: &CsgSolid<'_>,
-        steps: &[Step],
-        walkers: &[Walker<'_>],
-        known: &mut bool,
+        around: Around<'_>,
         is_exposed: bool,
     ) {
-        let contains = |leaf: u32, p: [i32; 3]| match &solid.leaves[leaf as usize] {
-            Leaf::Walked(at) => walkers[*at as usize].contains(p),
-            _ => solid.contains(leaf, p),
-        };
+        let Around { solid, steps, .. } = around;
         if let [leaf] = self.leaves[..] {
             // It alone decides here: where the neighbour is outside, it has turned.
             let inside = program::leaf_of(steps[0]).is_some_and(|(_, negated)| !negated);
             let known = best.best.is_some() && solid.leaves[leaf as usize].has_one_face();
-            if !known && (is_exposed || contains(leaf, beside) != inside) {
+            if !known && (is_exposed || around.contains(leaf, beside) != inside) {
                 take(best, leaf, voxel, beside, inside, solid);
             }
             return;
         }
-        if !*known {
-            self.here.clear();
-            self.here.extend(self.leaves.iter().map(|leaf| contains(*leaf, voxel)));
-            *known = true;
+        if self.here.is_empty() {
+            self.here.extend(self.leaves.iter().map(|leaf| around.contains(*leaf, voxel)));
         }
         self.turned.clear();
         for (at, leaf) in (0_u32..).zip(&self.leaves) {
-            if contains(*leaf, beside) != self.here[at as usize] {
+            if around.contains(*leaf, beside) != self.here[at as usize] {
                 self.turned.push(at);
             }
         }
         // Which leaves turn the tree alone: from what they are at the voxel, or, if none does, from what they are
-        // beside it.
+        // next to it.
         for from_beside in [false, true] {
             let mut any = false;
             for group in self.turned.chunks(AT_ONCE) {
@@ -327,7 +327,7 @@ impl Description {
     }
 
     /// The tree's value, bit by bit, with one leaf of a group turned alone; all others are as at the voxel, or as
-    /// beside it.
+    /// next to it.
     fn turned_alone(&self, steps: &[Step], group: &[u32], from_beside: bool) -> u64 {
         let (mut at, mut next, mut beside) = (0_usize, 0_usize, 0_usize);
         program::value(steps, |_| {
@@ -342,19 +342,19 @@ impl Description {
         })
     }
 
-    /// Has walked leaves describe the voxels that are theirs.
-    fn ask_walked(
+    /// Has sampled leaves describe the voxels that are theirs.
+    fn ask_sampled(
         &mut self,
         skin: &SkinSlice<'_>,
         solid: &CsgSolid<'_>,
-        walkers: &mut [Walker<'_>],
+        samplers: &mut [Sampler<'_>],
         insides: &[u32; BRICK],
     ) -> Result<(), SourceError> {
-        for (number, walker) in (1..).zip(walkers.iter_mut()) {
+        for (number, sampler) in (1..).zip(samplers.iter_mut()) {
             let mut wanted = [0_u32; BRICK];
             for (y, row) in skin.rows().iter().enumerate() {
                 for x in 0..BRICK {
-                    if row >> x & 1 == 1 && self.walked[BRICK * y + x] == number {
+                    if row >> x & 1 == 1 && self.sampled[BRICK * y + x] == number {
                         wanted[y] |= 1 << x;
                     }
                 }
@@ -362,9 +362,9 @@ impl Description {
             if wanted.iter().all(|row| *row == 0) {
                 continue;
             }
-            walker.worker.describe(&skin.only(&wanted))?;
-            let mut own = walker.worker.items(Channel::Normal).as_chunks::<2>().0.iter();
-            let gives_outwards = solid.walked[number as usize - 1].gives_outwards;
+            sampler.worker.describe(&skin.only(&wanted))?;
+            let mut own = sampler.worker.items(Channel::Normal).as_chunks::<2>().0.iter();
+            let gives_outwards = solid.sampled[number as usize - 1].gives_outwards;
             let mut at = 0;
             for (y, row) in skin.rows().iter().enumerate() {
                 for x in (0..BRICK).filter(|x| row >> x & 1 == 1) {
@@ -374,18 +374,18 @@ impl Description {
                         let turn = gives_outwards && insides[y] >> x & 1 == 0;
                         let code = stored(u16::from_le_bytes(*code), turn, gives_outwards, solid);
                         self.codes[at..at + 2].copy_from_slice(&code.to_le_bytes());
-                        self.walked[BRICK * y + x] = 0;
+                        self.sampled[BRICK * y + x] = 0;
                     }
                     at += 2;
                 }
             }
         }
-        self.walked.fill(0);
+        self.sampled.fill(0);
         Ok(())
     }
 }
 
-/// The normal that a walked leaf gave, as it is stored.
+/// The normal that a sampled leaf gave, as it is stored.
 fn stored(code: u16, turn: bool, is_physical: bool, solid: &CsgSolid<'_>) -> u16 {
     let [a, b, c] = solid.place.spacing_mm;
     if !turn && (is_physical || (a == b && b == c)) {
@@ -406,7 +406,7 @@ fn take(
     solid: &CsgSolid<'_>,
 ) {
     let (distance, found) = match &solid.leaves[leaf as usize] {
-        Leaf::Walked(at) => (HALF_A_VOXEL, Surface::Walked(*at, inside)),
+        Leaf::Sampled(at) => (HALF_A_VOXEL, Surface::Sampled(*at, inside)),
         own => match own.face(voxel, beside, inside) {
             None => return,
             Some(face) => {
@@ -437,7 +437,7 @@ fn columns(from: usize, count: usize) -> u32 {
     u32::MAX >> (BRICK - count) << from
 }
 
-/// What is left of a program in so many columns and rows of a slice, with one voxel around them.
+/// The rest of a program in so many columns and rows of a slice, with one voxel around them.
 fn left_around<'p>(
     steps: &'p [Step],
     corner: [u32; 3],
@@ -456,11 +456,4 @@ fn left_around<'p>(
         Some(_) => &[],
         None => steps,
     }
-}
-
-/// The mean direction of the faces of a voxel that look outside.
-fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
-    let at = |face: usize| f32::from(u8::from(exposed.faces[face] >> x & 1 == 1));
-    let sum = [at(1) - at(0), at(3) - at(2), at(5) - at(4)];
-    if sum == [0.0; 3] { [0.0, 0.0, 1.0] } else { sum }
 }

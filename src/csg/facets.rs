@@ -7,7 +7,6 @@ use std::f64::consts::PI;
 
 use super::tree::Faces;
 
-/// Adds the fan of a face.
 pub(super) fn fan(triangles: &mut Vec<[u32; 3]>, face: &[u32]) {
     if let [first, rest @ ..] = face {
         triangles.extend(rest.windows(2).map(|pair| [*first, pair[0], pair[1]]));
@@ -58,7 +57,6 @@ fn circle(radius: f64, z: f64, count: usize) -> Vec<[f64; 3]> {
     (0..count).map(turn).map(|(x, y)| [radius * x, radius * y, z]).collect()
 }
 
-/// A box.
 pub(super) fn cuboid(low: [f64; 3], high: [f64; 3]) -> Faces {
     let ring =
         |z: f64| vec![[low[0], low[1], z], [high[0], low[1], z], [high[0], high[1], z], [low[0], high[1], z]];

@@ -7,6 +7,7 @@
 //! Only unions and intersections are left, which alternate, and every leaf knows where it lies. Done with a list of
 //! what is still to be visited, so that the depth of a tree does not matter.
 
+use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, SourceError};
@@ -14,7 +15,6 @@ use crate::geom::Affine;
 
 /// Most leaves of a tree, those counted again that are used again.
 pub(super) const MAX_LEAVES: usize = 1 << 20;
-/// Most joins.
 const MAX_JOINS: usize = 1 << 20;
 
 /// How the parts of a join are joined.
@@ -24,7 +24,6 @@ pub(super) enum Kind {
     Or,
 }
 
-/// A part of a join.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Part {
     /// A leaf, or all but it.
@@ -36,7 +35,7 @@ pub(super) enum Part {
 }
 
 /// A leaf where it is met; without a shape it is empty.
-pub(super) struct Met<'a, 'f> {
+pub(super) struct PlacedShape<'a, 'f> {
     pub(super) shape: Option<&'a Shape>,
     pub(super) affine: &'f Affine,
     pub(super) line: u64,
@@ -44,8 +43,8 @@ pub(super) struct Met<'a, 'f> {
     pub(super) negated: bool,
 }
 
-/// Makes something of a leaf, and says what that holds beside itself.
-pub(super) type Make<'a, 'm, T> = dyn FnMut(Met<'a, '_>) -> Result<(T, u64), Stop> + 'm;
+/// Makes something of a leaf, and returns the memory that it holds outside itself.
+pub(super) type Make<'a, 'm, T> = dyn FnMut(PlacedShape<'a, '_>) -> Result<(T, u64), Stop> + 'm;
 
 /// Why a tree cannot be made flat.
 pub(super) enum Stop {
@@ -54,7 +53,7 @@ pub(super) enum Stop {
     Memory {
         bytes: u64,
     },
-    /// What was to be made of a leaf failed.
+    /// A leaf could not be made.
     Build(BuildError),
 }
 
@@ -80,7 +79,7 @@ impl From<SourceError> for Stop {
 #[derive(Debug)]
 pub(super) struct Flat<T> {
     pub(super) leaves: Vec<T>,
-    /// What leaves hold beside themselves.
+    /// Memory that leaves hold outside themselves.
     held: u64,
     pub(super) joins: Vec<Kind>,
     /// Join and part, in the order of the tree.
@@ -91,7 +90,6 @@ struct Visit {
     node: NodeId,
     affine: u32,
     negated: bool,
-    /// The join above.
     above: u32,
 }
 
@@ -108,7 +106,7 @@ fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, CsgFault> {
 
 impl<T> Flat<T> {
     /// The flat tree below a node, in so much memory. The first join is its root. `make` makes something of every
-    /// leaf, and says what that holds beside itself.
+    /// leaf, and returns the memory that it holds outside itself.
     ///
     /// # Errors
     /// Too many leaves, affines that are not numbers, too little memory, or what `make` says.
@@ -119,7 +117,7 @@ impl<T> Flat<T> {
         make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
         let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
-        // The deepest first: those behind the one that is at hand are no longer wanted.
+        // Depth first: affines behind the current one are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
         let too_many = CsgFault::TooMany { most: MAX_LEAVES as u64 };
@@ -135,7 +133,7 @@ impl<T> Flat<T> {
             affines.truncate(affine as usize + 1);
             let above_it = &affines[affine as usize];
             let mut leaf = |flat: &mut Self, shape, line, negated| {
-                let (made, held) = make(Met { shape, affine: above_it, line, negated })?;
+                let (made, held) = make(PlacedShape { shape, affine: above_it, line, negated })?;
                 flat.held += held;
                 flat.leaf(made, negated, above);
                 Ok::<_, Stop>(())
@@ -148,9 +146,7 @@ impl<T> Flat<T> {
                     push(&mut affines, own);
                 }
                 Node::Moved { at, node } => {
-                    let mut own = Affine::from_spacing([1.0; 3]);
-                    (0..3).for_each(|k| own.rows[k][3] = at.0[k]);
-                    let own = placed(above_it, &own, at.1.into())?;
+                    let own = placed(above_it, &moved_to(at.0), at.1.into())?;
                     open.push(Visit { node: *node, affine: number(affines.len()), negated, above });
                     push(&mut affines, own);
                 }

@@ -1,13 +1,14 @@
-//! Trees of solids (CSG): unions, differences, intersections and complements of primitives, meshes and volumes.
+#![doc = include_str!("CSG.md")]
+//!
+//! ---
 //!
 //! ```text
 //! text --parse--> tree --flatten--> leaves on the lattice, program --boxes--> bits, normals --builder--> .oct
 //! ```
 //!
-//! A voxel is inside a leaf if its middle is, decided in whole numbers for the leaf as it is placed: corners, middles
-//! and axes are rounded once to 2^-12 voxel. A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever
-//! the leaf: of two that share a face it lies in one. So the bytes depend neither on memory or threads nor on boxes. Cost
-//! follows the surface: leaves that are all in or all out in a box take no part in it.
+//! A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever the leaf: of two that share a face it lies
+//! in one. The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or
+//! all out in a box take no part in it.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -18,14 +19,9 @@
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
 //! | `leaf`, `wide`, `facets` | placed leaves: exact membership, surfaces |
-//! | `walked` | meshes and volumes, walked slice by slice |
-//! | `turned` | volumes that are moved: values between samples |
+//! | `sampled` | meshes and volumes, sampled slice by slice |
+//! | `resampled` | volumes that are moved: values between samples |
 //! | `solid`, `describe`, `cells` | all of it as a solid of the builder; normals; cells instead of skin |
-//!
-//! A leaf that is a volume has its voxels inside whose sample is at least its value, and the grid of the tree is then
-//! the volume's: voxel i is sample i, nothing is resampled, and other leaves are placed in the volume's millimetres.
-//! A volume that the tree moves has those inside where the trilinear interpolation of its samples is at least that
-//! (`turned`); where all are moved, the grid is chosen as without volumes.
 //!
 //! Memory: [`BuildOptions::memory`], in which the tree has to fit, some 400 bytes a leaf. Temporary disk: about the size
 //! of the model, and of meshes what [`crate::mesh`] says.
@@ -41,11 +37,11 @@ mod offset;
 mod place;
 mod program;
 mod read;
+mod resampled;
+mod sampled;
 mod solid;
 mod text;
 mod tree;
-mod turned;
-mod walked;
 mod wide;
 
 pub(crate) use read::{check_links, is_tree, named_files};
@@ -55,7 +51,7 @@ pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::builder::{BuildError, BuildOptions, BuildReport, Made, Progress, Solid, cell_dims};
+use crate::builder::{BuildError, BuildOptions, BuildReport, FileSolid, Progress, Solid, cell_dims};
 use crate::facts::CsgFacts;
 use crate::format::SurfaceKind;
 use crate::mesh::GridChoice;
@@ -85,12 +81,12 @@ pub struct CsgOptions {
     pub unit_mm: f64,
 }
 
-/// What was built, and what was found about the tree.
+/// The report of a build from a tree.
 #[derive(Clone, Debug)]
 pub struct CsgReport {
     /// Figures of the build.
     pub build: BuildReport,
-    /// What was found.
+    /// Facts about the tree.
     pub facts: CsgFacts,
 }
 
@@ -107,11 +103,13 @@ pub fn build_csg(
 ) -> Result<CsgReport, BuildError> {
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
-    let front = Front { name: &name, csg, options, scratch: options.scratch_folder(output), progress };
-    let placed = front.placed((&tree, root), &volumes)?;
-    let (tree_solid, facts) = front.solid((&tree, root), &volumes, &placed)?;
+    let scratch = options.scratch_folder(output);
+    let (name, volumes) = (&name, &volumes);
+    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress };
+    let placed = front.placed()?;
+    let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);
-    // What reading and placing took is not left beside what the build takes.
+    // Memory of reading and placing goes back before the build takes its own.
     give_back();
     let held_bytes = tree_solid.bytes();
     let solid: Box<dyn Solid + '_> = match options.volume_surface() {
@@ -123,6 +121,6 @@ pub fn build_csg(
         }
     };
     let making_s = started.elapsed().as_secs_f64();
-    let made = Made { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
+    let made = FileSolid { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
     Ok(CsgReport { build: made.build(options, output, progress)?, facts })
 }

@@ -18,6 +18,7 @@
 //! and cones along theirs. Every part is placed on the lattice by itself, so that a rounded edge is off by a step of
 //! 2^-12 voxel at most.
 
+use super::bounds::corners;
 use super::flat::MAX_LEAVES;
 use super::tree::{Node, NodeId, Operation, Shape, Tree};
 use crate::facts::{CsgFault, OffsetFault};
@@ -28,13 +29,13 @@ const SAME: f64 = 1e-10;
 /// Most radii of a ring that its tube may have.
 pub(super) const MAX_TUBE: f64 = 16.0;
 
-/// What is still to be done.
+/// A step of the work that is left.
 enum Task {
     Visit { node: NodeId, affine: Affine, by: f64 },
     Join { operation: Operation, count: usize },
 }
 
-/// What remains of a solid that was shrunk away.
+/// The pieces of a solid that was shrunk away.
 const NOTHING: &[Piece] = &[];
 
 /// A part of what is made of a leaf.
@@ -54,7 +55,7 @@ impl Piece {
     }
 }
 
-fn moved_to(to: [f64; 3]) -> Affine {
+pub(super) fn moved_to(to: [f64; 3]) -> Affine {
     let mut at = Affine::from_spacing([1.0; 3]);
     (0..3).for_each(|k| at.rows[k][3] = to[k]);
     at
@@ -165,7 +166,7 @@ impl Tree {
     }
 }
 
-/// What a leaf becomes, in coordinates that the affine places without stretching.
+/// The pieces of an offset leaf, in coordinates that the affine places without stretching.
 fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Piece>, Affine), CsgFault> {
     let refused = |fault| Err(CsgFault::Offset { line, fault });
     let sound = |sizes: &[f64]| {
@@ -273,10 +274,7 @@ fn cuboid(low: [f64; 3], high: [f64; 3], by: f64) -> Vec<Piece> {
             pieces.push(Piece { shape, at });
         }
     }
-    for corner in 0..8_u32 {
-        let at = [0, 1, 2].map(|k| if corner >> k & 1 == 1 { high[k] } else { low[k] });
-        pieces.push(Piece::moved(ball(by), at));
-    }
+    pieces.extend(corners(low, high).map(|corner| Piece::moved(ball(by), corner)));
     pieces
 }
 

@@ -15,7 +15,7 @@ const LIMIT: f64 = (1 << 29) as f64;
 
 /// The grid of a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Place {
+pub(super) struct LatticeGrid {
     pub(super) dims: Dims,
     /// Voxel index to mm.
     pub(super) affine: Affine,
@@ -24,7 +24,7 @@ pub(super) struct Place {
     pub(super) to_lattice: Affine,
 }
 
-impl Place {
+impl LatticeGrid {
     /// The grid of a choice around bounds in mm.
     ///
     /// # Errors
@@ -71,7 +71,6 @@ pub(super) fn whole(at: f64, line: u64) -> Result<i64, CsgFault> {
     Ok(whole)
 }
 
-/// The nearest lattice point.
 pub(super) fn point(at: [f64; 3], line: u64) -> Result<[i64; 3], CsgFault> {
     Ok([whole(at[0], line)?, whole(at[1], line)?, whole(at[2], line)?])
 }

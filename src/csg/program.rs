@@ -28,7 +28,7 @@ pub(super) fn leaf_of(step: Step) -> Option<(u32, bool)> {
 }
 
 /// The other side.
-fn turned(cover: Cover) -> Cover {
+fn complement(cover: Cover) -> Cover {
     match cover {
         Cover::Outside => Cover::Inside,
         Cover::Inside => Cover::Outside,
@@ -36,7 +36,6 @@ fn turned(cover: Cover) -> Cover {
     }
 }
 
-/// The program of a flat tree.
 pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
     let (mut parts, starts) = flat.parts_by_join();
     // Joins stand before their parts.
@@ -83,11 +82,11 @@ pub(super) fn prune(
     let mut top = 0;
     for step in program {
         if let Some((leaf, negated)) = leaf_of(*step) {
-            let told = cover(leaf);
-            let told = if negated { turned(told) } else { told };
-            stack[top] = (told, out.len());
+            let own = cover(leaf);
+            let own = if negated { complement(own) } else { own };
+            stack[top] = (own, out.len());
             top += 1;
-            if told == Cover::Mixed {
+            if own == Cover::Mixed {
                 if out.len() == out.capacity() {
                     return None;
                 }
@@ -98,7 +97,7 @@ pub(super) fn prune(
         let is_and = *step == AND;
         let ((b, second), (a, first)) = (stack[top - 1], stack[top - 2]);
         top -= 1;
-        // One side decides, whatever the other is; or it does not matter.
+        // One side decides alone, or does not matter.
         let (decides, matters_not) =
             if is_and { (Cover::Outside, Cover::Inside) } else { (Cover::Inside, Cover::Outside) };
         let joined = if a == decides || b == decides {

@@ -37,7 +37,7 @@ fn begins_with_module(text: &str) -> bool {
 
 /// Reads a tree from a text in OpenSCAD's evaluated form.
 ///
-/// Memory: what the cap leaves beside a build, at most. Files that it names are not opened.
+/// Memory: at most what a build leaves of the cap. Files that it names are not opened.
 ///
 /// # Errors
 /// [`CsgFault`], with the line; the file cannot be read; the tree does not fit.
@@ -50,7 +50,7 @@ pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), Build
 /// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
 ///
 /// # Errors
-/// As [`read_tree`]; links lead out of its folder, and are not to be followed.
+/// Those of [`read_tree`]; links lead out of its folder, and are not to be followed.
 pub(crate) fn named_files(
     path: &Path,
     allowed_bytes: u64,
@@ -105,7 +105,7 @@ fn file_of(shape: &Shape) -> Option<&PathBuf> {
 }
 
 /// Refuses files of a tree that do not stay in the folder of its text: a text that came from elsewhere must not make
-/// the program read whatever file a link leads to.
+/// the program read any file that a link leads to.
 pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
     match tree.files().filter_map(file_of).find(|path| !stays(text, path)) {
         None => Ok(()),
@@ -121,12 +121,5 @@ pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
 }
 
 pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {
-    let dry = Budget::dry(memory);
-    drop(dry.reserve(2 * bytes));
-    let limit_bytes = memory.bytes();
-    BuildError::BudgetTooSmall {
-        name: path.display().to_string(),
-        limit_bytes,
-        minimum_bytes: dry.smallest_limit(1).max(limit_bytes + 1),
-    }
+    crate::mesh::too_small(path.display().to_string(), memory, 2 * bytes)
 }

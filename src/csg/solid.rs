@@ -5,24 +5,24 @@
 //!                                                                └─ bits of 34 rows a slice, normals of skin voxels
 //! ```
 //!
-//! What is left of a program in a box decides what the box costs. Programs of boxes have so many steps at most, and
-//! wait in a store of fixed size; where there is no room, that of a larger box is used, which says the same.
+//! The rest of a program in a box decides the cost of the box. Programs of boxes have so many steps at most, and
+//! wait in a store of fixed size; where that is full, the program of a larger box is used, with the same result.
 
 use std::path::PathBuf;
 
 use super::describe::Description;
 use super::leaf::{Extent, Leaf, Rows};
-use super::place::Place;
+use super::place::LatticeGrid;
 use super::program::{self, STACK, Step};
-use super::walked::{ROWS, WalkedLeaf, Walker};
+use super::sampled::{ROWS, SampledLeaf, Sampler};
 use crate::builder::{
-    BuildError, Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta};
 use crate::geom::Dims;
+use crate::identity::file_identity;
 use crate::mesh::Crossings;
-use crate::stamp::stamp;
 
 /// Slices of a slab, and columns of a box.
 const SLAB: u32 = 32;
@@ -30,17 +30,17 @@ const BOX: u32 = 64;
 /// Most steps of the programs of a slab's boxes that are kept, and of the program of one box.
 const STORE: usize = 1 << 15;
 const MAX_STEPS: usize = 1 << 13;
-/// What the model says of its normals.
+/// The source of its normals, for the model.
 const ESTIMATOR: &str = "analytic";
 
 /// A tree that has been placed on a grid.
 pub(super) struct CsgSolid<'a> {
     pub(super) name: String,
-    pub(super) place: Place,
+    pub(super) place: LatticeGrid,
     pub(super) leaves: Vec<Leaf>,
     pub(super) extents: Vec<Extent>,
     pub(super) program: Vec<Step>,
-    pub(super) walked: Vec<WalkedLeaf<'a>>,
+    pub(super) sampled: Vec<SampledLeaf<'a>>,
     /// The text, and what it was before it was read.
     pub(super) text: Option<(PathBuf, u64)>,
 }
@@ -55,7 +55,7 @@ impl CsgSolid<'_> {
         (self.program.len() * tile.columns.div_ceil(BOX) as usize).min(STORE)
     }
 
-    /// Memory that is held beside that of workers.
+    /// Memory that is held in addition to that of workers.
     pub(super) fn bytes(&self) -> u64 {
         let own: u64 = self.leaves.iter().map(Leaf::bytes).sum();
         let lists = self.leaves.capacity() * size_of::<Leaf>()
@@ -69,7 +69,7 @@ impl CsgSolid<'_> {
         self.program.len().min(MAX_STEPS)
     }
 
-    /// Where the voxels of a box lie, of a leaf that is not walked.
+    /// Where the voxels of a box lie, of a leaf that is not sampled.
     #[inline]
     fn cover(&self, leaf: u32, region: &VoxelBox) -> Cover {
         if self.extents[leaf as usize].misses(region) {
@@ -78,18 +78,18 @@ impl CsgSolid<'_> {
         self.leaves[leaf as usize].cover(region)
     }
 
-    /// What is left of a program in a box; `None` where it has no room.
+    /// The rest of a program in a box; `None` where it has no room.
     pub(super) fn prune(&self, steps: &[Step], region: &VoxelBox, out: &mut Vec<Step>) -> Option<Cover> {
         program::prune(steps, |leaf| self.cover(leaf, region), out)
     }
 
-    /// Is a voxel inside a leaf that is not walked?
+    /// Is a voxel inside a leaf that is not sampled?
     #[inline]
     pub(super) fn contains(&self, leaf: u32, voxel: [i32; 3]) -> bool {
         self.extents[leaf as usize].holds(voxel) && self.leaves[leaf as usize].contains(voxel)
     }
 
-    /// Bits of a leaf that is not walked, of 64 voxels of every row.
+    /// Bits of a leaf that is not sampled, of 64 voxels of every row.
     fn fill(&self, leaf: u32, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
         let rows = self.extents[leaf as usize].rows(at.y, out.len());
         out[..rows.start].fill(0);
@@ -105,8 +105,8 @@ impl Solid for CsgSolid<'_> {
     }
 
     /// The same for every text of the same tree.
-    fn metadata(&self, _: &Found) -> Metadata {
-        let Place { dims, affine, spacing_mm, .. } = self.place;
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
+        let LatticeGrid { dims, affine, spacing_mm, .. } = self.place;
         Metadata {
             source: SourceMeta { format: "csg".into(), kind: "tree of solids".into(), files: 0, bytes: 0 },
             spacing_mm,
@@ -122,31 +122,31 @@ impl Solid for CsgSolid<'_> {
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
         if let Some((path, then)) = &self.text
-            && stamp(path) != *then
+            && file_identity(path) != *then
         {
             return Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse });
         }
-        self.walked.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
+        self.sampled.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         (channel == Channel::Normal).then_some(ItemForm::AsIs { bytes: 2 })
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         let boxes = tile.columns.div_ceil(BOX) as usize;
         let programs = 2 * self.store(tile) + (levels(tile) + 3) * self.most_steps();
-        let own = programs * size_of::<Step>() + 2 * boxes * size_of::<Kept>() + STACK * ROWS * 8;
-        let walked: u64 =
-            self.walked.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Walker::bytes(tile)).sum();
+        let own = programs * size_of::<Step>() + 2 * boxes * size_of::<BoxProgram>() + STACK * ROWS * 8;
+        let sampled: u64 =
+            self.sampled.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Sampler::bytes(tile)).sum();
         own as u64
             + Crossings::bytes(1, ROWS)
             + Description::bytes(self.leaves.len(), self.most_steps())
-            + walked
+            + sampled
     }
 
     fn input_bytes(&self) -> u64 {
-        self.walked.iter().map(|leaf| leaf.solid.input_bytes()).sum()
+        self.sampled.iter().map(|leaf| leaf.solid.input_bytes()).sum()
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
@@ -158,20 +158,22 @@ impl Solid for CsgSolid<'_> {
     }
 }
 
-/// What is known of a box of 64 columns of a slab.
+/// The program of a box of 64 columns of a slab.
 #[derive(Clone, Copy, Debug)]
-enum Kept {
+enum BoxProgram {
     /// Nothing: the program of the column is used.
     Unknown,
-    /// It is all in or all out.
     Uniform(bool),
     /// Its program, of the slab's steps.
-    Steps { first: u32, count: u32 },
+    Steps {
+        first: u32,
+        count: u32,
+    },
 }
 
 struct Slab {
     number: u32,
-    kept: Vec<Kept>,
+    kept: Vec<BoxProgram>,
     steps: Vec<Step>,
 }
 
@@ -194,16 +196,15 @@ pub(super) struct CsgWorker<'a> {
     unused: Vec<Vec<Step>>,
     slabs: [Slab; 2],
     stack: Vec<u64>,
-    /// The program of a slice of a box.
     slice: Vec<Step>,
     crossings: Crossings,
-    walkers: Vec<Walker<'a>>,
+    samplers: Vec<Sampler<'a>>,
     description: Description,
 }
 
 /// A program, or what takes its place.
 #[derive(Clone, Copy, Debug)]
-pub(super) enum Left<'p> {
+pub(super) enum Remainder<'p> {
     Uniform(bool),
     Steps(&'p [Step]),
 }
@@ -221,14 +222,22 @@ fn as_i32(of: u32) -> i32 {
     i32::try_from(of).unwrap_or(i32::MAX)
 }
 
-/// What is left in a box of a slab.
-fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Left<'p> {
+fn box_of(column: &VoxelBox, x: i64) -> usize {
+    let last = column.x.len().div_ceil(BOX as usize).max(1) - 1;
+    let at = (x - i64::from(column.x.start)).div_euclid(i64::from(BOX));
+    usize::try_from(at.max(0)).unwrap_or(0).min(last)
+}
+
+/// The rest of the program in a box of a slab.
+fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Remainder<'p> {
     let slab = &slabs[(z / SLAB) as usize % 2];
     let kept = slab.kept.get(at).filter(|_| slab.number == z / SLAB).copied();
     match kept {
-        Some(Kept::Uniform(inside)) => Left::Uniform(inside),
-        Some(Kept::Steps { first, count }) => Left::Steps(&slab.steps[first as usize..][..count as usize]),
-        Some(Kept::Unknown) | None => Left::Steps(whole),
+        Some(BoxProgram::Uniform(inside)) => Remainder::Uniform(inside),
+        Some(BoxProgram::Steps { first, count }) => {
+            Remainder::Steps(&slab.steps[first as usize..][..count as usize])
+        }
+        Some(BoxProgram::Unknown) | None => Remainder::Steps(whole),
     }
 }
 
@@ -251,65 +260,63 @@ impl<'a> CsgWorker<'a> {
             stack: vec![0; STACK * ROWS],
             slice: Vec::with_capacity(solid.most_steps()),
             crossings: Crossings::new(1, ROWS),
-            walkers: solid.walked.iter().map(|leaf| Walker::new(leaf, solid.place.dims, tile)).collect(),
+            samplers: solid.sampled.iter().map(|leaf| Sampler::new(leaf, solid.place.dims, tile)).collect(),
             description: Description::new(solid.leaves.len(), solid.most_steps()),
             solid,
         }
     }
 
-    /// Has the walked leaves ready for a slice, if there are any.
+    /// Has the sampled leaves ready for a slice, if there are any.
     pub(super) fn ready(&mut self, z: u32) -> Result<(), SourceError> {
-        if self.walkers.is_empty() { Ok(()) } else { self.reach(z) }
+        if self.samplers.is_empty() { Ok(()) } else { self.reach(z) }
     }
 
-    /// What is left of the program around a brick's slice.
-    pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Walker<'a>]) {
+    /// The rest of the program around a brick's slice.
+    pub(super) fn near(&mut self, skin: &SkinSlice<'_>) -> (&CsgSolid<'a>, &[Step], &mut [Sampler<'a>]) {
         let [x, _, z] = skin.corner();
         let at = self.box_of(x.into());
-        let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
+        let Self { solid, slabs, whole, is_whole, samplers, description, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };
-        (solid, description.look(skin, solid, left(slabs, whole, z, at)), walkers)
+        (solid, description.look(skin, solid, left(slabs, whole, z, at)), samplers)
     }
 }
 
 impl CsgWorker<'_> {
-    /// The number of the box of 64 columns that a column of voxels lies in; those beside the tile in its outermost.
+    /// The number of the box of 64 columns that a column of voxels lies in; the outermost for those outside the tile.
     fn box_of(&self, x: i64) -> usize {
-        let last = self.column.x.len().div_ceil(BOX as usize).max(1) - 1;
-        let at = (x - i64::from(self.column.x.start)).div_euclid(i64::from(BOX));
-        usize::try_from(at.max(0)).unwrap_or(0).min(last)
+        box_of(&self.column, x)
     }
 
-    /// Has all walked leaves that the column meets ready for a slice.
+    /// Has all sampled leaves that the column meets ready for a slice.
     fn reach(&mut self, z: u32) -> Result<(), SourceError> {
         let whole = if self.is_whole { &self.solid.program } else { &self.whole };
         for step in whole {
             if let Some((leaf, _)) = program::leaf_of(*step)
-                && let Leaf::Walked(at) = self.solid.leaves[leaf as usize]
+                && let Leaf::Sampled(at) = self.solid.leaves[leaf as usize]
             {
-                self.walkers[at as usize].reach(z)?;
+                self.samplers[at as usize].reach(z)?;
             }
         }
         Ok(())
     }
 
     /// Notes what is known of the boxes of a region.
-    fn keep(&mut self, region: &VoxelBox, slab: u32, told: Cover, steps: &[Step]) {
+    fn keep(&mut self, region: &VoxelBox, slab: u32, cover: Cover, steps: &[Step]) {
         let first = self.box_of(i64::from(region.x.start) + i64::from(region.x.start > self.column.x.start));
         let first = if region.x.start < self.column.x.start { 0 } else { first };
         let last = self.box_of(i64::from(region.x.end) - 1 - i64::from(region.x.end < self.column.x.end));
         let slab = &mut self.slabs[slab as usize % 2];
-        match told {
+        match cover {
             Cover::Mixed if first == last => {
                 if slab.steps.len() + steps.len() <= slab.steps.capacity() {
                     let at = slab.steps.len();
                     slab.steps.extend_from_slice(steps);
                     let number = |n: usize| u32::try_from(n).unwrap_or(0);
-                    slab.kept[first] = Kept::Steps { first: number(at), count: number(steps.len()) };
+                    slab.kept[first] = BoxProgram::Steps { first: number(at), count: number(steps.len()) };
                 }
             }
             Cover::Mixed => {}
-            told => slab.kept[first..=last].fill(Kept::Uniform(told == Cover::Inside)),
+            cover => slab.kept[first..=last].fill(BoxProgram::Uniform(cover == Cover::Inside)),
         }
     }
 }
@@ -324,10 +331,10 @@ impl SolidWorker for CsgWorker<'_> {
         let [nx, ny, nz] = self.solid.place.dims.to_array();
         let around =
             VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
-        let told = self.solid.prune(&self.solid.program, &around, &mut self.whole);
-        // Where all is in or out no program is left: it is told by boxes, and seldom needed.
-        self.is_whole = told != Some(Cover::Mixed);
-        self.walkers.iter_mut().try_for_each(|walker| walker.start(column))
+        let cover = self.solid.prune(&self.solid.program, &around, &mut self.whole);
+        // Where all is in or out no program is left: boxes know it, and it is seldom needed.
+        self.is_whole = cover != Some(Cover::Mixed);
+        self.samplers.iter_mut().try_for_each(|sampler| sampler.start(column))
     }
 
     fn cover(&mut self, region: &VoxelBox) -> Cover {
@@ -336,10 +343,10 @@ impl SolidWorker for CsgWorker<'_> {
         if slab.number != number {
             slab.number = number;
             slab.kept.clear();
-            slab.kept.resize(self.column.x.len().div_ceil(BOX as usize), Kept::Unknown);
+            slab.kept.resize(self.column.x.len().div_ceil(BOX as usize), BoxProgram::Unknown);
             slab.steps.clear();
         }
-        // Only what lies within the slab is told by this name.
+        // This number names only boxes within the slab.
         let is_slab = region.z.end <= (number + 1) * SLAB + 1;
         while let Some(level) = self.levels.pop_if(|level| !holds(&level.region, region)) {
             self.unused.push(level.steps);
@@ -347,70 +354,67 @@ impl SolidWorker for CsgWorker<'_> {
         let Some(mut steps) = self.unused.pop() else { return Cover::Mixed };
         let whole = if self.is_whole { &self.solid.program } else { &self.whole };
         let above = self.levels.last().map_or(whole, |level| &level.steps);
-        let Self { solid, walkers, .. } = self;
-        let told = program::prune(
+        let Self { solid, samplers, .. } = self;
+        let cover = program::prune(
             above,
             |leaf| match &solid.leaves[leaf as usize] {
-                Leaf::Walked(at) if is_slab => walkers[*at as usize].worker.cover(region),
+                Leaf::Sampled(at) if is_slab => samplers[*at as usize].worker.cover(region),
                 _ => solid.cover(leaf, region),
             },
             &mut steps,
         );
-        if let (true, Some(told)) = (is_slab, told) {
-            self.keep(region, number, told, &steps);
+        if let (true, Some(cover)) = (is_slab, cover) {
+            self.keep(region, number, cover, &steps);
         }
         let is_narrow = region.x.len() <= BOX as usize + 2;
-        if told == Some(Cover::Mixed) && !is_narrow && self.levels.len() < self.most_levels {
+        if cover == Some(Cover::Mixed) && !is_narrow && self.levels.len() < self.most_levels {
             self.levels.push(Level { region: region.clone(), steps });
         } else {
             self.unused.push(steps);
         }
-        told.unwrap_or(Cover::Mixed)
+        cover.unwrap_or(Cover::Mixed)
     }
 
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
         let (x, y, z) = (rows.x(), rows.y(), rows.z());
         self.ready(z)?;
-        let Self { solid, column, slabs, whole, is_whole, stack, slice, crossings, walkers, .. } = self;
+        let Self { solid, column, slabs, whole, is_whole, stack, slice, crossings, samplers, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };
         let count = y.len();
         let width = rows.row_mut(y.start).len();
         let from = rows.origin();
-        let last = column.x.len().div_ceil(BOX as usize).max(1) - 1;
         for word in 0..width {
             let first = from + 64 * i64::try_from(word).unwrap_or(0);
             if first >= i64::from(x.end) || first + 64 <= i64::from(x.start) {
                 continue;
             }
-            let at = (first - i64::from(column.x.start)).div_euclid(i64::from(BOX));
-            let at = usize::try_from(at.max(0)).unwrap_or(0).min(last);
-            match left(slabs, whole, z, at) {
-                Left::Uniform(inside) => {
+            let near = match left(slabs, whole, z, box_of(column, first)) {
+                Remainder::Uniform(inside) => Remainder::Uniform(inside),
+                Remainder::Steps(steps) => {
+                    // Less matters in a slice of the box than in all of it.
+                    let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
+                    let at = |column: i64| u32::try_from(column).unwrap_or(0);
+                    let x = at(columns.start)..at(columns.end);
+                    match solid.prune(steps, &VoxelBox { x, y: y.clone(), z: z..z + 1 }, slice) {
+                        Some(Cover::Mixed) => Remainder::Steps(slice),
+                        None => Remainder::Steps(steps),
+                        Some(cover) => Remainder::Uniform(cover == Cover::Inside),
+                    }
+                }
+            };
+            match near {
+                Remainder::Uniform(inside) => {
                     let bits = if inside { u64::MAX } else { 0 };
                     y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
                 }
-                Left::Steps(steps) => {
-                    // In a slice of the box less matters than in all of it.
-                    let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
-                    let column = |at: i64| u32::try_from(at).unwrap_or(0);
-                    let region =
-                        VoxelBox { x: column(columns.start)..column(columns.end), y: y.clone(), z: z..z + 1 };
-                    let near: &[Step] = match solid.prune(steps, &region, slice) {
-                        Some(Cover::Mixed) => slice,
-                        None => steps,
-                        Some(told) => {
-                            let bits = if told == Cover::Inside { u64::MAX } else { 0 };
-                            y.clone().for_each(|y| rows.row_mut(y)[word] = bits);
-                            continue;
-                        }
-                    };
+                Remainder::Steps(near) => {
                     let place =
                         Rows { x: i32::try_from(first).unwrap_or(0), y: as_i32(y.start), z: as_i32(z) };
                     program::rows_of(near, stack, count, |leaf, out| match &solid.leaves[leaf as usize] {
-                        Leaf::Walked(at) => {
-                            let walker = &walkers[*at as usize];
+                        Leaf::Sampled(at) => {
+                            let sampler = &samplers[*at as usize];
                             for (word, y) in out.iter_mut().zip(i64::from(y.start)..) {
-                                *word = walker.word(first, y, z);
+                                *word = sampler.word(first, y, z);
                             }
                         }
                         _ => solid.fill(leaf, place, out, crossings),
@@ -428,9 +432,9 @@ impl SolidWorker for CsgWorker<'_> {
         let [x, _, z] = skin.corner();
         self.ready(z + 2)?;
         let at = self.box_of(x.into());
-        let Self { solid, slabs, whole, is_whole, walkers, description, .. } = self;
+        let Self { solid, slabs, whole, is_whole, samplers, description, .. } = self;
         let whole = if *is_whole { &solid.program } else { whole };
-        description.describe(skin, solid, left(slabs, whole, z, at), walkers)
+        description.describe(skin, solid, left(slabs, whole, z, at), samplers)
     }
 
     fn items(&self, _: Channel) -> &[u8] {

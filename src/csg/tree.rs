@@ -21,13 +21,13 @@ pub struct NodeId(pub(super) u32);
 /// How nodes are joined.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// What is in one of them.
+    /// All that is in one of them.
     Union,
-    /// What is in all of them.
+    /// The part that is in all of them.
     Intersection,
-    /// What is in the first and in none of the others.
+    /// The first without the others.
     Difference,
-    /// What is in none of them.
+    /// All but them.
     Complement,
 }
 
@@ -95,7 +95,6 @@ pub struct Faces {
     pub odd: bool,
 }
 
-/// A node as it is kept.
 #[derive(Clone, Debug)]
 pub(super) enum Node {
     /// A solid, and the line that it comes from.
@@ -223,7 +222,6 @@ impl Tree {
     }
 }
 
-/// What a box takes beside what is in it.
 const BOXED: usize = 16;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are

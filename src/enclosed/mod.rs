@@ -1,6 +1,6 @@
-//! What a skin encloses: a model holds the skin only, and what is deep inside follows from it.
+//! The inside of a skin: a model holds the skin only, and the deep inside follows from it.
 //!
-//! What is neither skin nor reached from without by steps through faces is enclosed: either deep inside, or a
+//! A voxel that is neither skin nor reached from outside by steps through faces is enclosed: either deep inside, or in a
 //! cavity. The normals of the skin around it tell which, as they point out of the object.
 //!
 //! ```text
@@ -13,7 +13,7 @@
 //! | [`rows`] | items of a slice, row by row |
 //! | [`sweep`] | components of what is not skin, followed from slice to slice |
 //!
-//! "Voxel" stands for a box of the finest level, be it a voxel or a cell.
+//! "Voxel" means a box of the finest level, be it a voxel or a cell.
 
 mod rows;
 mod skin;
@@ -33,7 +33,7 @@ pub struct Enclosed {
     pub inside: u64,
     /// In cavities.
     pub cavities: u64,
-    /// Either: the normals around contradict each other, or there are none.
+    /// Either: the normals around contradict each other or are missing.
     pub unknown: u64,
 }
 

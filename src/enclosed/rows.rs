@@ -35,7 +35,7 @@ impl<T> Rows<T> {
         self.ends.clear();
     }
 
-    /// The items of a row; none where there is no such row.
+    /// The items of a row; empty beyond the last row.
     pub(crate) fn row(&self, row: usize) -> &[T] {
         let start = row.checked_sub(1).map_or(Some(0), |before| self.ends.get(before).copied());
         match (start, self.ends.get(row)) {

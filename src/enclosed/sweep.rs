@@ -49,7 +49,7 @@ struct Component {
     size: f64,
 }
 
-/// What becomes of every component of a sweep: which it is joined with later, and where it lies.
+/// The fate of every component of a sweep: which it is joined with later, and where it lies.
 #[derive(Debug, Default)]
 pub(crate) struct Fates {
     parents: Vec<u32>,
@@ -234,7 +234,7 @@ impl Sweep {
         }
     }
 
-    /// Adds the parts of normals towards the runs beside them.
+    /// Adds the parts of normals towards the runs next to them.
     fn vote(&mut self, slice: &Slice) {
         for row in 0..self.height {
             let (skin, runs) = (slice.skin.row(row), slice.runs.row(row));
@@ -292,7 +292,7 @@ impl Sweep {
         Some(name)
     }
 
-    /// What was found, after the last slice; and the fates, if they were kept.
+    /// The counts after the last slice; and the fates, if they were kept.
     pub(crate) fn finish(mut self) -> (Enclosed, Fates) {
         for (at, component) in self.components.iter().enumerate() {
             if component.parent as usize == at {
@@ -382,7 +382,7 @@ fn tell(components: &mut [Component], component: u32, toward: f32) {
     }
 }
 
-/// Tells the runs beside a row of skin what its normals say.
+/// Adds the normals of a row of skin to the runs next to it.
 fn tell_all(components: &mut [Component], skin: &[SkinItem], runs: &[Run], part: impl Fn(&[f32; 3]) -> f32) {
     let mut at = 0;
     for item in skin {

@@ -68,7 +68,6 @@ pub(super) const fn is_ambiguous(case: u8, axis: usize, side: usize) -> bool {
         && is_inside(case, p) != is_inside(case, q)
 }
 
-/// All cases.
 pub(super) static CASES: [Case; 256] = all();
 
 const fn all() -> [Case; 256] {

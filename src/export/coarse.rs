@@ -8,7 +8,7 @@ use std::io;
 
 use super::cases::{ends, is_crossed};
 use super::dual::Mesher;
-use super::place::{Place, Spot, Spots, held_within, middle};
+use super::patch::{Patch, Spot, Spots, held_within, middle};
 use super::signs::{Boxes, Signs};
 use super::tint::{BlockTints, Light, Lights, Mixture};
 use crate::load::ModelView;
@@ -78,7 +78,7 @@ impl Blocks {
 /// Gathers fine slices into blocks, and hands on the layers between these.
 #[derive(Debug)]
 pub(super) struct Coarse {
-    /// What blocks are before anything is counted.
+    /// Blocks before anything is counted.
     empty: Blocks,
     now: Blocks,
     /// Fine slices counted in `now`.
@@ -109,9 +109,6 @@ impl Coarse {
     }
 
     /// Takes the next slice of samples.
-    ///
-    /// # Errors
-    /// The mesher's.
     pub(super) fn add(
         &mut self,
         signs: &Signs,
@@ -143,9 +140,6 @@ impl Coarse {
     }
 
     /// Ends the last slice of blocks, and puts an empty one behind it.
-    ///
-    /// # Errors
-    /// The mesher's.
     pub(super) fn finish(mut self, mesher: &mut Mesher<'_>, space: &GridSpace) -> io::Result<()> {
         if self.counted > 0 {
             self.close(mesher, space)?;
@@ -163,7 +157,7 @@ struct CoarseLayer<'a> {
 }
 
 impl Spots for CoarseLayer<'_> {
-    fn spot(&self, place: Place) -> Spot {
+    fn spot(&self, place: Patch) -> Spot {
         let value = |corner: usize| {
             let (x, row) = (place.x as usize - 1 + (corner & 1), place.row - 1 + (corner >> 1 & 1));
             self.blocks[corner >> 2].value(x, row)
@@ -191,7 +185,7 @@ impl Spots for CoarseLayer<'_> {
 
 impl CoarseLayer<'_> {
     /// The mean of the skin in the blocks of a cube.
-    fn light(&self, place: Place) -> Light {
+    fn light(&self, place: Patch) -> Light {
         let Some(tints) = self.tints else { return self.nothing };
         let mut mixture = Mixture::default();
         let row = u32::try_from(place.row).unwrap_or(u32::MAX);

@@ -4,7 +4,7 @@
 //! The dual of marching cubes (Nielson 2004): every polygon joins the patches of the four cubes around an edge. It
 //! closes, since these exist wherever the edge changes sides. Two cubes that meet in a face with inside corners on a
 //! diagonal may be joined by the same two vertices twice; then a knot in the face keeps the two joints apart, so that
-//! every edge has two triangles, whatever the samples are (Wenger 2013, section 3.3, names the case).
+//! every edge has two triangles for any samples (Wenger 2013, section 3.3, names the case).
 //!
 //! A sample's side is kept exactly: a polygon stays between the two ends of its edge, and its corners lie
 //! around that edge, so that a line through samples crosses the surface just where they change sides.
@@ -16,7 +16,7 @@ use std::io;
 
 use super::cases::{CASES, edge_at, ends, is_ambiguous, is_crossed, is_inside, others};
 use super::fault::ExportFault;
-use super::place::{Place, Spot, Spots};
+use super::patch::{Patch, Spot, Spots};
 use super::signs::Signs;
 use super::tint::{Light, Mixture};
 use super::write::{Sink, Vertex};
@@ -117,7 +117,7 @@ impl<'a> Mesher<'a> {
             for (x, case) in &found {
                 let cube = Cube { x: *x, case: *case, first: self.next_vertex() };
                 for patch in 0..CASES[usize::from(*case)].patches {
-                    let spot = spots.spot(Place { x: *x, row, case: *case, patch });
+                    let spot = spots.spot(Patch { x: *x, row, case: *case, patch });
                     self.add(*x, row, z, &spot)?;
                 }
                 self.here.push(cube);
@@ -251,7 +251,7 @@ impl<'a> Mesher<'a> {
         if let Some(knot) = self.knots.get(&face).and_then(|knots| knots[which]) {
             return Ok(Some(knot));
         }
-        let mut at = super::place::corner_at(inside).map(|c| c / 2.0);
+        let mut at = super::patch::corner_at(inside).map(|c| c / 2.0);
         at[across] = 0.5;
         let ends = [self.get(low.1.vertex(low.2)), self.get(high.1.vertex(high.2))];
         let normal = [0, 1, 2].map(|a| f64::from(ends[0].normal[a]) + f64::from(ends[1].normal[a]));

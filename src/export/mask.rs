@@ -12,7 +12,7 @@ use crate::geom::{Affine, Dims};
 /// The longest side that a header of NIfTI-1 can state.
 pub(super) const NIFTI_MOST: u32 = 32767;
 
-/// What a mask is written as.
+/// The form of a mask's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum MaskForm {
     /// Samples gzipped behind a header of text.
@@ -48,9 +48,6 @@ pub(super) struct Mask {
 
 impl Mask {
     /// Begins a mask of `dims` voxels; `affine` leads from indices to LPS mm.
-    ///
-    /// # Errors
-    /// The disk's.
     pub(super) fn new(out: File, form: MaskForm, dims: Dims, affine: &Affine) -> io::Result<Self> {
         let mut plain = BufWriter::with_capacity(1 << 18, out);
         let out = match form {
@@ -77,9 +74,6 @@ impl Mask {
     }
 
     /// Slices up to `end` without a voxel.
-    ///
-    /// # Errors
-    /// The disk's.
     pub(super) fn empty_until(&mut self, end: u32) -> io::Result<()> {
         self.row.fill(0);
         for _ in self.slices..end.min(self.dims.nz()) {
@@ -90,9 +84,6 @@ impl Mask {
     }
 
     /// The next slice; `low` is the voxel at the first sample of the first row, which may lie before the volume.
-    ///
-    /// # Errors
-    /// The disk's.
     pub(super) fn slice(&mut self, signs: &Signs, low: [i64; 2]) -> io::Result<()> {
         if self.slices >= self.dims.nz() {
             return Ok(());
@@ -115,9 +106,6 @@ impl Mask {
     }
 
     /// Completes the file.
-    ///
-    /// # Errors
-    /// The disk's.
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.empty_until(self.dims.nz())?;
         match self.out {

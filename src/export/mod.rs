@@ -13,7 +13,7 @@
 //! |---|---|
 //! | `signs` | samples inside, as places where rows change sides |
 //! | `cases` | the 256 cases of a cube, and its patches |
-//! | `place` | where a patch lies in its cube, and its normal |
+//! | `patch` | where a patch lies in its cube, and its normal |
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `mask` | NRRD and NIfTI |
@@ -27,7 +27,7 @@ mod dual;
 mod fault;
 mod mask;
 mod mesh;
-mod place;
+mod patch;
 mod signs;
 mod tint;
 mod write;
@@ -39,7 +39,7 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
+use crate::enclosed::{Outward, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::{ModelView, NodeView};
@@ -52,12 +52,12 @@ use coarse::Coarse;
 use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
 use mesh::MeshSink;
-use place::Layer;
+use patch::Layer;
 use signs::{Boxes, Signs, signs_of_cells};
 use tint::Lights;
 use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
 
-/// What a model is exported as.
+/// The form of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -87,7 +87,7 @@ impl ExportForm {
     pub const ALL: [Self; 8] =
         [Self::Stl, Self::Ply, Self::Obj, Self::Glb, Self::Points, Self::Nrrd, Self::Nifti, Self::NiftiGz];
 
-    /// The form that a name's suffix stands for.
+    /// The form by a name's suffix.
     pub fn of(path: &Path) -> Option<Self> {
         let name = path.file_name()?.as_encoded_bytes().to_ascii_lowercase();
         let by_suffix =
@@ -133,7 +133,7 @@ impl ExportForm {
     }
 }
 
-/// What was exported.
+/// Counts of an export.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Exported {
     /// Corners of triangles, or points.
@@ -190,16 +190,16 @@ pub(crate) struct Exporter<'a> {
     pub(crate) give_back: &'a dyn Fn(),
 }
 
-/// What is made of the samples.
+/// The product of the samples.
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
-    /// Of the samples, or of blocks of them.
+    /// Made of the samples, or of blocks of them.
     Mesh(Mesher<'a>, Option<Coarse>),
     Mask(Mask),
 }
 
 impl Exporter<'_> {
-    /// Writes the model into an empty file; what has to wait goes to nameless files in `scratch`.
+    /// Writes the model into an empty file; data that has to wait goes to anonymous files in `scratch`.
     pub(crate) fn write(
         &self,
         form: ExportForm,
@@ -209,7 +209,7 @@ impl Exporter<'_> {
     ) -> Result<Exported, ExportStop> {
         let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
         let colors = self.lights().is_some();
-        let waiting = || scratch::nameless(scratch);
+        let waiting = || scratch::unnamed(scratch);
         let normals_wait = || normals.then(waiting).transpose();
         let sink: Box<dyn Sink> = match form {
             ExportForm::Stl => Box::new(Stl::new(out)?),
@@ -242,24 +242,21 @@ impl Exporter<'_> {
         self.view.cells().is_some()
     }
 
-    /// What turns colours into light, if the model has colours.
+    /// The table from colours to light, if the model has colours.
     fn lights(&self) -> Option<Lights> {
         self.view.voxel_color(VoxelIndex::new(0)).map(|_| Lights::new())
     }
 
     fn mesh(&self, mut sink: Box<dyn Sink + '_>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         // Cube x has its middle half a voxel before sample x; a cell is a cube.
         let before = if self.cells() { 1.0 } else { 1.5 };
         let low = bounds[0].map(|low| f64::from(low) - before);
-        let mut to_mm = self.affine;
         let step = f64::from(self.step);
         // Blocks begin one before the samples.
         let first = if self.step == 1 { low } else { low.map(|c| c - step) };
-        for (row, at) in to_mm.rows.iter_mut().zip(self.affine.apply(first)) {
-            row[..3].iter_mut().for_each(|v| *v *= step);
-            row[3] = at;
-        }
+        let mut to_mm = self.affine.starting_at(first);
+        to_mm.rows.iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= step));
         let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
         let blocks = u64::from(width / self.step) * u64::from(height / self.step);
         if self.step > 1 && blocks > MAX_BLOCKS {
@@ -279,19 +276,16 @@ impl Exporter<'_> {
     }
 
     fn mask(&self, out: File, form: MaskForm, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         // Of cells, the samples between them: one less along each axis, beginning half a cell later.
         let (less, later) = if self.cells() { (1, 0.5) } else { (0, 0.0) };
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
-        let Some(dims) = Dims::new(nx, ny, nz) else { return Err(ExportStop::Damaged) };
+        let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
         let side = dims.to_array().into_iter().max().unwrap_or(0);
         if form != MaskForm::Nrrd && side > NIFTI_MOST {
             return Err(ExportStop::Output(ExportFault::TooWide { side }.into()));
         }
-        let mut affine = self.affine;
-        for (row, at) in affine.rows.iter_mut().zip(self.affine.apply([later; 3])) {
-            row[3] = at;
-        }
+        let affine = self.affine.starting_at([later; 3]);
         let mut product = Product::Mask(Mask::new(out, form, dims, &affine)?);
         let unknown = self.sweep(bounds, &mut product, progress)?;
         let Product::Mask(mask) = product else { return Err(ExportStop::Damaged) };
@@ -320,7 +314,8 @@ impl Exporter<'_> {
         let mut samples = Samples { lights: self.lights(), ..Samples::default() };
         progress.stage("export", slices);
         self.each_slice(bounds, |skin| {
-            let boxes = self.boxes(&mut sweep, skin);
+            sweep.slice(self.view, skin);
+            let boxes = Boxes::of(&sweep);
             progress.step(1)?;
             self.next_slice(&mut samples, boxes, sweep.height(), bounds[0], product)
         })?;
@@ -331,7 +326,7 @@ impl Exporter<'_> {
     fn each_slice(
         &self,
         [low, end]: [[u32; 3]; 2],
-        mut work: impl FnMut(&[crate::enclosed::SkinVoxel]) -> Result<(), ExportStop>,
+        mut work: impl FnMut(&[SkinVoxel]) -> Result<(), ExportStop>,
     ) -> Result<(), ExportStop> {
         let mut slices = SkinSlices::new(self.view);
         work(&[])?;
@@ -342,11 +337,6 @@ impl Exporter<'_> {
             work(slices.slice(z).ok_or(ExportStop::Damaged)?)?;
         }
         work(&[])
-    }
-
-    fn boxes(&self, sweep: &mut Sweep, skin: &[crate::enclosed::SkinVoxel]) -> Boxes {
-        sweep.slice(self.view, skin);
-        Boxes::of(sweep)
     }
 
     /// Takes a slice of boxes, and makes what follows from it and those before.
@@ -384,13 +374,10 @@ impl Exporter<'_> {
                 (Product::Mask(mask), ..) => {
                     // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
                     let [x, y, z] = low.map(|low| i64::from(low) - 1);
-                    match u32::try_from(z + i64::from(samples.slices)) {
-                        // A slice before the volume holds nothing.
-                        Err(_) => {}
-                        Ok(z) => {
-                            mask.empty_until(z)?;
-                            mask.slice(&signs, [x, y])?;
-                        }
+                    // A slice before the volume holds nothing.
+                    if let Ok(z) = u32::try_from(z + i64::from(samples.slices)) {
+                        mask.empty_until(z)?;
+                        mask.slice(&signs, [x, y])?;
                     }
                 }
                 _ => {}
@@ -403,7 +390,7 @@ impl Exporter<'_> {
     }
 
     fn points(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let Some(bounds) = extent(self.view) else { return Err(ExportStop::Damaged) };
+        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         progress.stage("export", u64::from(bounds[1][2] - bounds[0][2]));
         let mut vertices = 0;
         let lights = self.lights();
@@ -426,7 +413,7 @@ impl Exporter<'_> {
         let plane = self.view.cells().and_then(|items| items.plane(voxel.get()));
         let normal = self.view.voxel_normal(voxel).map(|code| normal::decode(code).map(f64::from));
         let normal = normal.unwrap_or_default();
-        let within = plane.map_or([0.0; 3], place::nearest_on_plane);
+        let within = plane.map_or([0.0; 3], patch::nearest_on_plane);
         let mm = self.affine.apply(std::array::from_fn(|a| at[a] + within[a]));
         let normal = if self.cells() {
             self.space.index_normal_to_world(normal)
@@ -439,7 +426,7 @@ impl Exporter<'_> {
     }
 }
 
-/// What the next slice needs of those before.
+/// The state between two slices.
 #[derive(Default)]
 struct Samples {
     /// If the model has colours.

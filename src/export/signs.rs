@@ -71,7 +71,7 @@ impl Boxes {
     }
 }
 
-/// What a stretch of samples is known to be. Later ones give way to earlier ones.
+/// A statement about a stretch of samples. Later ones give way to earlier ones.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Claim {
     /// Touches what lies outside.
@@ -84,7 +84,7 @@ enum Claim {
 
 /// The samples between two slices of cells, in each row `y` those between the cells' rows `y` and `y + 1`.
 ///
-/// What lies behind the surfaces of all the cells around is inside; where it touches cells without a surface, these
+/// A sample behind the surfaces of all the cells around is inside; where it touches cells without a surface, these
 /// decide.
 pub(super) fn signs_of_cells(below: &Boxes, above: &Boxes, items: CellItems<'_>, height: usize) -> Signs {
     let mut signs = Signs::default();

@@ -59,7 +59,7 @@ impl Lights {
         color.map(|stored| self.0[usize::from(stored)])
     }
 
-    /// What vertices without a coloured voxel beside them get.
+    /// The colour of vertices without a coloured voxel near them.
     pub(super) fn nothing(&self) -> Light {
         self.of(UNCOLORED)
     }

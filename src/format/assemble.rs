@@ -32,7 +32,7 @@ pub struct OptionalSections {
     pub lod: bool,
 }
 
-/// Metadata of a nameless volume of unit spacing, inside from 1 on: all that a file to be compared needs.
+/// Metadata of a unnamed volume of unit spacing, inside from 1 on: all that a file to be compared needs.
 pub fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
     Metadata {
         program: "example".into(),

@@ -1,4 +1,4 @@
-//! What is stored of a cell (SPEC 4.8): a plane, or eight corners found by rank.
+//! The description of a cell (SPEC 4.8): a plane, or eight corners found by rank.
 //!
 //! A cell's own coordinates `u` run from -1 to 1 along each axis, 0 in its middle.
 

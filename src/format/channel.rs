@@ -11,10 +11,9 @@ use super::metadata::Metadata;
 use super::normal;
 use super::packed::{CODEC_DIRECTIONS, CODEC_PLANES};
 
-/// What there is to know of a channel.
+/// The properties of a channel.
 #[derive(Debug)]
 pub struct ChannelRow {
-    /// The channel of this row.
     channel: Channel,
     /// Its name on the command line and in reports.
     pub name: &'static str,
@@ -30,7 +29,7 @@ pub struct ChannelRow {
     pub codec: u8,
     /// Does the metadata say that the channel is there (SPEC I17)? Not asked if it says nothing of it.
     pub is_stated: Option<fn(&Metadata) -> bool>,
-    /// What an item must not be (SPEC I14).
+    /// The illegal items (SPEC I14).
     pub illegal: Option<fn(&[u8]) -> bool>,
     /// Does only a part of the voxels have an item? The offset says which (SPEC 4.8).
     pub is_sparse: bool,
@@ -47,107 +46,61 @@ pub struct Means {
     pub rule: MeanRule,
 }
 
+impl ChannelRow {
+    /// A channel of voxels alone, whose items may be anything.
+    const fn plain(
+        channel: Channel,
+        name: &'static str,
+        items_name: &'static str,
+        tag: [u8; 4],
+        item_bytes: &'static [u8],
+    ) -> Self {
+        Self {
+            channel,
+            name,
+            items_name,
+            tag,
+            item_bytes,
+            means: None,
+            codec: CODEC_PLANES,
+            is_stated: None,
+            illegal: None,
+            is_sparse: false,
+        }
+    }
+}
+
 /// The rows, by [`Channel`].
 static TABLE: &[ChannelRow] = &[
     ChannelRow {
-        channel: Channel::Normal,
-        name: "normal",
-        items_name: "normals",
-        tag: *b"NORM",
-        item_bytes: &[2],
         means: Some(Means { tag: *b"NLOD", name: "normal_lod", rule: MeanRule::Direction }),
         codec: CODEC_DIRECTIONS,
         is_stated: Some(|m| !m.gradient.is_empty()),
         illegal: Some(|item| item.contains(&0x80)),
-        is_sparse: false,
+        ..ChannelRow::plain(Channel::Normal, "normal", "normals", *b"NORM", &[2])
     },
     ChannelRow {
-        channel: Channel::Value,
-        name: "value",
-        items_name: "values",
-        tag: *b"VALU",
-        item_bytes: &[1, 2],
         means: Some(Means { tag: *b"VLOD", name: "value_lod", rule: MeanRule::Number }),
-        codec: CODEC_PLANES,
         is_stated: Some(|m| m.value_scale != [0.0, 0.0]),
-        illegal: None,
-        is_sparse: false,
+        ..ChannelRow::plain(Channel::Value, "value", "values", *b"VALU", &[1, 2])
     },
+    ChannelRow::plain(Channel::Offset, "offset", "offsets", *b"OFFS", &[1]),
+    ChannelRow::plain(Channel::Color, "color", "colors", *b"COLR", &[3]),
+    ChannelRow::plain(Channel::Material, "material", "materials", *b"MATL", &[1]),
+    ChannelRow::plain(Channel::Fine, "fine", "fine parts of normals", *b"NFIN", &[1]),
     ChannelRow {
-        channel: Channel::Offset,
-        name: "offset",
-        items_name: "offsets",
-        tag: *b"OFFS",
-        item_bytes: &[1],
-        means: None,
-        codec: CODEC_PLANES,
-        is_stated: None,
-        illegal: None,
-        is_sparse: false,
-    },
-    ChannelRow {
-        channel: Channel::Color,
-        name: "color",
-        items_name: "colors",
-        tag: *b"COLR",
-        item_bytes: &[3],
-        means: None,
-        codec: CODEC_PLANES,
-        is_stated: None,
-        illegal: None,
-        is_sparse: false,
-    },
-    ChannelRow {
-        channel: Channel::Material,
-        name: "material",
-        items_name: "materials",
-        tag: *b"MATL",
-        item_bytes: &[1],
-        means: None,
-        codec: CODEC_PLANES,
-        is_stated: None,
-        illegal: None,
-        is_sparse: false,
-    },
-    ChannelRow {
-        channel: Channel::Fine,
-        name: "fine",
-        items_name: "fine parts of normals",
-        tag: *b"NFIN",
-        item_bytes: &[1],
-        means: None,
-        codec: CODEC_PLANES,
-        is_stated: None,
-        illegal: None,
-        is_sparse: false,
-    },
-    ChannelRow {
-        channel: Channel::Corners,
-        name: "corners",
-        items_name: "corners",
-        tag: *b"CORN",
-        item_bytes: &[8],
-        means: None,
-        codec: CODEC_PLANES,
-        is_stated: None,
         illegal: Some(|item| {
             let outside = item.iter().filter(|c| **c >= 0x80).count();
             outside == 0 || outside == item.len() || item.iter().any(|c| matches!(c, 0 | 0x80))
         }),
         is_sparse: true,
+        ..ChannelRow::plain(Channel::Corners, "corners", "corners", *b"CORN", &[8])
     },
     #[cfg(test)]
     ChannelRow {
-        channel: Channel::Dummy,
-        name: "dummy",
-        items_name: "dummies",
-        tag: *b"DUMM",
-        item_bytes: &[4],
         means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number }),
-        codec: CODEC_PLANES,
-        is_stated: None,
         illegal: Some(|item| item == [0xff; 4]),
-        is_sparse: false,
+        ..ChannelRow::plain(Channel::Dummy, "dummy", "dummies", *b"DUMM", &[4])
     },
 ];
 
@@ -257,7 +210,7 @@ pub enum MeanRule {
     Number,
 }
 
-/// What a mean is made of: the items of some voxels, added up.
+/// The items of some voxels, added up for their mean.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sum {
     /// Components; of a number the first alone, which holds the bits of a u64.
@@ -378,8 +331,8 @@ impl Sum {
 mod tests {
     use super::*;
     use crate::builder::{
-        BuildOptions, Found, ItemForm, OccupancyRows, Silent, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
-        build_solid,
+        BuildOptions, ItemForm, OccupancyRows, ScanSummary, Silent, SkinSlice, Solid, SolidWorker, Tile,
+        VoxelBox, build_solid,
     };
     use crate::format::{FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
     use crate::geom::{BoxIndex, Dims, Level, NodeIndex, Octant, VoxelIndex};
@@ -434,7 +387,6 @@ mod tests {
         dummies: Vec<u8>,
     }
 
-    /// The dummy of a voxel.
     fn dummy([x, y, z]: [u32; 3]) -> u32 {
         x * x + (y << 10) + (z << 24)
     }
@@ -444,11 +396,11 @@ mod tests {
             Dims::new(80, 70, 60).unwrap()
         }
 
-        fn metadata(&self, _: &Found) -> Metadata {
+        fn metadata(&self, _: &ScanSummary) -> Metadata {
             Metadata::of_grid(self.dims(), "cube")
         }
 
-        fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+        fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
             (channel == Channel::Dummy).then_some(ItemForm::AsIs { bytes: 4 })
         }
 

@@ -1,4 +1,4 @@
-//! What can be wrong with the bytes of an `.oct`, as a value with its sentence.
+//! Errors in the bytes of an `.oct`, each a value with its sentence.
 
 #![expect(missing_docs, reason = "the sentence of each variant says it")]
 
@@ -12,109 +12,50 @@ use crate::text::names::{BUILD, UNPACK};
 
 /// A rule of SPEC.md that the bytes of a file, or what is to be written into one, break.
 ///
-/// The numbers I1 to I18 are those of SPEC 6. Sections are counted in the order of the table, from 0.
+/// SPEC 6 lists the variants of each rule, I1 to I18. Sections are counted in the order of the table, from 0.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum FormatError {
-    /// I1: another program's file, or an empty one.
     #[error(
         "is not an infobyte .oct file (it is empty, or begins as another format does); build one with `{BUILD}`"
     )]
     BadMagic,
-    /// I1: written by a newer program.
     #[error("has format version {major}; this program reads version 1: update infobyte")]
-    UnsupportedVersion {
-        /// Major version found.
-        major: u16,
-    },
-    /// I1: the header's bytes are not those that were written.
+    UnsupportedVersion { major: u16 },
     #[error("{DAMAGED}the checksum of the header does not match{AGAIN}")]
-    HeaderChecksum {
-        /// CRC that the header states.
-        stated: u32,
-        /// CRC of its bytes.
-        found: u32,
-    },
-    /// I1: neither mapped nor packed.
+    HeaderChecksum { stated: u32, found: u32 },
     #[error("{DAMAGED}encoding {code} is unknown{AGAIN}")]
     UnknownEncoding { code: u8 },
-    /// I2: too short for what its header says.
     #[error("is cut short: {expected} bytes are needed and {got} are there; copy or build it again")]
-    Truncated {
-        /// Bytes needed.
-        expected: u64,
-        /// Bytes present.
-        got: u64,
-    },
-    /// I2: longer than its header says.
+    Truncated { expected: u64, got: u64 },
     #[error("has {extra} bytes after its end; copy or build it again")]
-    TrailingBytes {
-        /// Surplus.
-        extra: u64,
-    },
-    /// I3: the section table's bytes are not those that were written.
+    TrailingBytes { extra: u64 },
     #[error("{DAMAGED}the checksum of the section table does not match{AGAIN}")]
-    TableChecksum {
-        /// CRC that the header states.
-        stated: u32,
-        /// CRC of the table.
-        found: u32,
-    },
+    TableChecksum { stated: u32, found: u32 },
     #[error("{DAMAGED}the number of sections is outside 1..=64 (SPEC I3){AGAIN}")]
-    SectionCount {
-        /// Sections that the header states.
-        sections: u16,
-    },
-    /// I3: a section does not start where it must.
+    SectionCount { sections: u16 },
     #[error("{DAMAGED}sections do not follow each other without gaps{AGAIN}")]
     SectionGap {
-        /// Which section.
         section: u16,
         /// First multiple of 64 at or after the end of what stands before it.
         expected: u64,
         /// Where the table says it starts.
         found: u64,
     },
-    /// I3: content bytes are not items times bytes per item.
     #[error("{DAMAGED}a section's size is not items times bytes per item{AGAIN}")]
-    SectionSize {
-        /// Which section.
-        section: u16,
-        /// Bytes per item.
-        item_bytes: u8,
-        /// Items.
-        items: u64,
-        /// Content bytes that the table states.
-        content_bytes: u64,
-    },
+    SectionSize { section: u16, item_bytes: u8, items: u64, content_bytes: u64 },
     /// I3: a section without a codec states other bytes or another CRC than its content's.
     #[error("{DAMAGED}an uncompressed section differs from its content{AGAIN}")]
-    SectionNotPlain {
-        /// Which section.
-        section: u16,
-        /// Stored bytes.
-        stored_bytes: u64,
-        /// Content bytes.
-        content_bytes: u64,
-    },
-    /// I3: a kind stands twice, or before one that it must follow.
+    SectionNotPlain { section: u16, stored_bytes: u64, content_bytes: u64 },
     #[error("{DAMAGED}sections are repeated or out of order{AGAIN}")]
     SectionOrder {
-        /// Which section.
         section: u16,
-        /// Its kind.
         kind: SectionKind,
         /// The known kind before it.
         after: SectionKind,
     },
-    /// I3: the last section ends before or after the file.
     #[error("{DAMAGED}the last section does not end where the file ends{AGAIN}")]
-    LastSectionEnd {
-        /// End of the last section.
-        end: u64,
-        /// Length of the file.
-        file_bytes: u64,
-    },
+    LastSectionEnd { end: u64, file_bytes: u64 },
     #[error("{DAMAGED}{}{AGAIN}", missing(*.0))]
     MissingSection(SectionKind),
     #[error("{DAMAGED}{}{AGAIN}", missing(SectionKind::Rank))]
@@ -122,98 +63,44 @@ pub enum FormatError {
     #[error("{DAMAGED}fine parts of normals are there without normals of skin voxels (SPEC I4){AGAIN}")]
     LoneFine,
     #[error("{DAMAGED}coarse means are there without the voxels' own (SPEC I4){AGAIN}")]
-    LoneMeans {
-        /// The section of means.
-        kind: SectionKind,
-    },
+    LoneMeans { kind: SectionKind },
     #[error("{DAMAGED}a model of skin voxels has the {} section (SPEC I4){AGAIN}", .kind.name())]
     NotOfSkin { kind: SectionKind },
     #[error("{DAMAGED}a section is coded that must not be (SPEC I4){AGAIN}")]
     ForbiddenCodec {
         /// The section; `None` for an unknown kind.
         kind: Option<SectionKind>,
-        /// Its codec.
         codec: u8,
     },
     #[error("{DAMAGED}the {} section is too long (SPEC I4){AGAIN}", .kind.name())]
-    SectionTooLong {
-        kind: SectionKind,
-        /// Bytes per item.
-        item_bytes: u8,
-        /// Stored bytes.
-        stored_bytes: u64,
-    },
+    SectionTooLong { kind: SectionKind, item_bytes: u8, stored_bytes: u64 },
     #[error("{DAMAGED}the {} section has {items} items of {item_bytes} bytes where {due} are due (SPEC I4){AGAIN}", .kind.name())]
     SectionItems { kind: SectionKind, item_bytes: u8, items: u64, due: u64 },
-    /// I5: a side of the volume is not in 1..=65536.
     #[error("{DAMAGED}dims are outside 1..=65536{AGAIN}")]
-    DimsRange {
-        /// The sides.
-        dims: [u32; 3],
-    },
+    DimsRange { dims: [u32; 3] },
     /// I5: the depth is not the least that holds the dims.
     #[error("{DAMAGED}the depth does not belong to the dims{AGAIN}")]
-    DepthMismatch {
-        /// Depth that the header states.
-        stated: u8,
-        /// Depth of the dims.
-        due: u32,
-    },
-    /// I5: no skin voxel, or more than the volume has.
+    DepthMismatch { stated: u8, due: u32 },
     #[error("{DAMAGED}the number of skin voxels is impossible for the dims{AGAIN}")]
-    VoxelCount {
-        /// Skin voxels that the header states.
-        voxels: u64,
-        /// Voxels of the volume.
-        most: u64,
-    },
+    VoxelCount { voxels: u64, most: u64 },
     /// I5: more nodes than the skin voxels can have, or nodes in a grid without any, or none where some are due.
     #[error("{DAMAGED}the number of nodes is impossible for the skin voxels{AGAIN}")]
-    NodeCount {
-        /// Nodes that the header states.
-        nodes: u64,
-        /// Most that there can be.
-        most: u64,
-    },
+    NodeCount { nodes: u64, most: u64 },
     /// I6: the metadata's strings or lengths cannot be read.
     #[error("{DAMAGED}metadata cannot be read{AGAIN}")]
-    MetadataUnreadable {
-        /// Length of the section.
-        bytes: u64,
-    },
-    /// I6: the metadata does not fill its section.
+    MetadataUnreadable { bytes: u64 },
     #[error("{DAMAGED}metadata has bytes left over{AGAIN}")]
-    MetadataSurplus {
-        /// Bytes after the record.
-        extra: u64,
-    },
-    /// I6: the way in which the range was chosen is unknown.
+    MetadataSurplus { extra: u64 },
     #[error("{DAMAGED}selection kind {code} is unknown{AGAIN}")]
     UnknownSelection { code: u8 },
-    /// I6: an unknown sample type or connectivity.
     #[error("{DAMAGED}metadata names an unknown sample type or connectivity{AGAIN}")]
-    MetadataCodes {
-        /// Code of the sample type.
-        scalar: u8,
-        /// Connectivity.
-        connectivity: u8,
-    },
-    /// I6: affine, spacing or rescale are not finite, or the spacing is not positive.
+    MetadataCodes { scalar: u8, connectivity: u8 },
     #[error("{DAMAGED}metadata has a geometry that is not finite and positive{AGAIN}")]
-    MetadataGeometry {
-        /// The spacing.
-        spacing_mm: [f64; 3],
-    },
+    MetadataGeometry { spacing_mm: [f64; 3] },
     #[error("{DAMAGED}metadata and header disagree about the dims (SPEC I6){AGAIN}")]
-    MetadataDims {
-        /// Dims of the metadata.
-        metadata: [u32; 3],
-        /// Dims of the header.
-        header: [u32; 3],
-    },
+    MetadataDims { metadata: [u32; 3], header: [u32; 3] },
     #[error("{DAMAGED}the level table is impossible: it has a wrong number of items (SPEC I7){AGAIN}")]
     LevelCount {
-        /// Items found.
         found: u64,
         /// L + 1.
         due: u64,
@@ -221,73 +108,36 @@ pub enum FormatError {
     #[error(
         "{DAMAGED}the level table is impossible: it does not run from 0 to the number of nodes (SPEC I7){AGAIN}"
     )]
-    LevelEnds {
-        /// First item.
-        first: u64,
-        /// Last item.
-        last: u64,
-        /// Nodes N.
-        nodes: u64,
-    },
+    LevelEnds { first: u64, last: u64, nodes: u64 },
     #[error(
         "{DAMAGED}the level table is impossible: a level has more or fewer boxes than it can have (SPEC I7){AGAIN}"
     )]
     LevelBoxes {
-        /// The level.
         level: Level,
         /// Boxes that the table gives it; `None` where the table falls.
         boxes: Option<u64>,
     },
-    /// I6, I7, I8: a section's stored bytes are not those that were written.
     #[error("{DAMAGED}the checksum of {} does not match{AGAIN}", .kind.map_or("a section of unknown kind", SectionKind::name))]
     SectionChecksum {
         /// The section; `None` for an unknown kind.
         kind: Option<SectionKind>,
-        /// Where its stored bytes begin.
         offset: u64,
-        /// CRC that the table states.
         stated: u32,
-        /// CRC of the bytes.
         found: u32,
     },
-    /// I9: the header's reserved bytes are not zero.
     #[error("{DAMAGED}reserved header bytes are not zero{AGAIN}")]
-    HeaderReserved {
-        /// Their value.
-        value: u32,
-    },
-    /// I9: reserved bytes of the section table are not zero.
+    HeaderReserved { value: u32 },
     #[error("{DAMAGED}reserved bytes of the section table are not zero{AGAIN}")]
-    TableReserved {
-        /// Which section.
-        section: u16,
-        /// Their value.
-        value: u16,
-    },
+    TableReserved { section: u16, value: u16 },
     #[error("{DAMAGED}bytes between sections are not zero (SPEC I9){AGAIN}")]
-    PaddingNotZero {
-        /// Where it stands in the file.
-        offset: u64,
-    },
+    PaddingNotZero { offset: u64 },
     #[error("{DAMAGED}a node at depth {} has no children (SPEC I10){AGAIN}", .level.get())]
-    EmptyNode {
-        level: Level,
-        /// Its number.
-        node: NodeIndex,
-        /// Its lowest cell.
-        corner: [u32; 3],
-    },
+    EmptyNode { level: Level, node: NodeIndex, corner: [u32; 3] },
     #[error("{DAMAGED}depth {} has fewer nodes than their parents have children (SPEC I11){AGAIN}", .level.get())]
-    MissingNode {
-        level: Level,
-        /// Lowest cell of the first node that is not there.
-        corner: [u32; 3],
-    },
+    MissingNode { level: Level, corner: [u32; 3] },
     #[error("{DAMAGED}a depth has more boxes than their parents have children (SPEC I11){AGAIN}")]
     SurplusBoxes {
-        /// The level; that of the voxels is L.
         level: Level,
-        /// Boxes that the file states for it.
         stated: u64,
         /// Boxes that the walk met.
         found: u64,
@@ -302,7 +152,6 @@ pub enum FormatError {
     },
     #[error("{DAMAGED}a depth has too many or too few nodes (SPEC I11){AGAIN}")]
     SubtreeNodes {
-        /// The level.
         level: Level,
         /// Nodes that the level table leaves for it.
         room: u64,
@@ -310,23 +159,14 @@ pub enum FormatError {
         brought: u64,
     },
     #[error("{DAMAGED}a depth has fewer nodes than their parents have children (SPEC I11){AGAIN}")]
-    SubtreeCut {
-        /// The level.
-        level: Level,
-    },
+    SubtreeCut { level: Level },
     #[error("{DAMAGED}a box at depth {} lies outside the volume (SPEC I12){AGAIN}", .level.get())]
-    OutsideVolume {
-        level: Level,
-        /// Its lowest cell.
-        corner: [u32; 3],
-    },
+    OutsideVolume { level: Level, corner: [u32; 3] },
     #[error("{DAMAGED}{}{AGAIN}", too_few(SectionKind::Rank))]
     RankMismatch {
-        /// First node of the block or superblock.
         node: NodeIndex,
         /// Set bits that the infobytes give.
         due: u64,
-        /// What the directory says.
         found: u64,
     },
     #[error("{DAMAGED}{}{AGAIN}", illegal(*.channel, *.voxel))]
@@ -340,7 +180,6 @@ pub enum FormatError {
     CornerCount { due: u64, found: u64 },
     #[error("{DAMAGED}the directory of corners does not match the offsets (SPEC I18){AGAIN}")]
     CornerRank {
-        /// Block of the directory.
         block: u64,
         /// Cells with corners before it.
         due: u64,
@@ -349,24 +188,13 @@ pub enum FormatError {
     MeanNormal {
         channel: Channel,
         level: Level,
-        /// Its number.
         node: NodeIndex,
-        /// Code that the voxels give.
         due: u16,
         /// Code found; `None` where the section has ended.
         found: Option<u16>,
     },
     #[error("{DAMAGED}a mean {channel} at depth {} is not that of its voxels (SPEC I16){AGAIN}", .level.get())]
-    MeanValue {
-        channel: Channel,
-        level: Level,
-        /// Its number.
-        node: NodeIndex,
-        /// Value that the voxels give.
-        due: u64,
-        /// Value found.
-        found: u64,
-    },
+    MeanValue { channel: Channel, level: Level, node: NodeIndex, due: u64, found: u64 },
     /// I17: the metadata speaks of a channel that is not there, or is silent of one that is: by the gradient's
     /// name of normals, by their scale of values.
     #[error("{DAMAGED}metadata and sections disagree about {} (SPEC I17){AGAIN}", .channel.row().items_name)]
@@ -376,20 +204,13 @@ pub enum FormatError {
         stated: bool,
     },
     #[error("{DAMAGED}metadata has an impossible range of values (SPEC I17){AGAIN}")]
-    SelectionRange {
-        /// The range found.
-        selection: Selection,
-    },
-    /// SPEC 5: the coded bytes of a packed file are wrong.
+    SelectionRange { selection: Selection },
     #[error("{DAMAGED}{0}{AGAIN}")]
     Coding(#[from] CodingError),
-    /// A packed file where a mapped one is needed.
     #[error("is packed; run `{UNPACK}` on it first")]
     Packed,
-    /// A packed file where one is to be packed.
     #[error("is packed already; there is nothing to do")]
     AlreadyPacked,
-    /// A mapped file where one is to be unpacked.
     #[error("is not packed; there is nothing to unpack")]
     AlreadyMapped,
     #[error("{DAMAGED}a section of unknown kind parts nodes and rank{AGAIN}")]
@@ -397,22 +218,13 @@ pub enum FormatError {
     #[error("{DAMAGED}version 1.{minor} is not the lowest that suffices (SPEC 1){AGAIN}")]
     MinorApart { minor: u16 },
     #[error("{DAMAGED}metadata is longer than 1 MiB{AGAIN}")]
-    MetadataTooLong {
-        /// Its length.
-        bytes: u64,
-    },
+    MetadataTooLong { bytes: u64 },
     #[error("{DAMAGED}metadata cannot be written{AGAIN}")]
     MetadataUnwritable,
     #[error("{DAMAGED}a value does not fit one byte{AGAIN}")]
-    ValueTooLarge {
-        /// The value.
-        value: u16,
-    },
+    ValueTooLarge { value: u16 },
     #[error("{DAMAGED}the voxels are none, repeated, or outside the dims{AGAIN}")]
-    VoxelSet {
-        /// How many were given.
-        voxels: u64,
-    },
+    VoxelSet { voxels: u64 },
 }
 
 const DAMAGED: &str = "is damaged: ";
@@ -439,7 +251,7 @@ fn illegal(channel: Channel, voxel: VoxelIndex) -> String {
     }
 }
 
-/// What a section has one of for each voxel or node.
+/// The name of the items of a section.
 fn items_name(kind: SectionKind) -> &'static str {
     kind.channel().map_or(kind.name(), |channel| channel.row().items_name)
 }

@@ -60,7 +60,7 @@ pub struct Header {
     pub minor: u16,
     /// How sections are stored.
     pub encoding: Encoding,
-    /// What the boxes of the finest level are.
+    /// The kind of the boxes of the finest level.
     pub surface: SurfaceKind,
     /// Number of sections.
     pub sections: u16,

@@ -1,6 +1,6 @@
 //! Names of what a file holds: its surface, its channels and its sections.
 
-/// What the boxes of the finest level of a model are.
+/// The kind of the boxes of the finest level of a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -43,7 +43,7 @@ impl SurfaceKind {
 pub enum Channel {
     /// Outward direction of the surface (SPEC 4.6).
     Normal,
-    /// What the volume holds at the voxel (SPEC 4.7).
+    /// The value of the volume at the voxel (SPEC 4.7).
     Value,
     /// Where the surface lies: of cells that of the plane, or that there are corners instead (SPEC 4.8).
     Offset,
@@ -51,7 +51,7 @@ pub enum Channel {
     Color,
     /// Material number.
     Material,
-    /// What normals of 24 bits have beside the first 16 (SPEC 4.6).
+    /// The low bits of 24-bit normals, after the first 16 (SPEC 4.6).
     Fine,
     /// The eight samples of cells that no plane can separate (SPEC 4.8).
     Corners,

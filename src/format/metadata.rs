@@ -89,7 +89,7 @@ struct Wire {
     value_scale: [f64; 2],
 }
 
-/// What stands around the place in [`SourceMeta::kind`] of a model that keeps only what can be seen from it.
+/// The words around the place in [`SourceMeta::kind`] of a model that keeps only what can be seen from it.
 const SEEN_FROM: [&str; 2] = [" [visible-from ", "]"];
 
 impl Metadata {

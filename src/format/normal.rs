@@ -145,7 +145,7 @@ fn chart(direction: [f32; 3]) -> ([f32; 3], f32, f32) {
     (unit, u, v)
 }
 
-/// Of four codes that whose direction is closest.
+/// The code of four whose direction is closest.
 #[inline(always)]
 fn nearest(unit: [f32; 3], [u0, u1]: [f32; 2], [v0, v1]: [f32; 2]) -> u16 {
     let mut best = Candidate::new(unit, u0, v0);

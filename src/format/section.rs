@@ -82,11 +82,11 @@ impl SectionKind {
 /// One entry of the table.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct SectionEntry {
-    /// What the section holds; `None` for a kind of a later minor version.
+    /// The kind of section; `None` for a kind of a later minor version.
     pub kind: Option<SectionKind>,
     /// The four ASCII bytes as found.
     pub tag: [u8; 4],
-    /// Codec of the stored bytes (SPEC 5); 0 is none.
+    /// Codec of the stored bytes (SPEC 5); 0 for plain bytes.
     pub codec: u8,
     /// Bytes per item.
     pub item_bytes: u8,

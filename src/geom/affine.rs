@@ -50,6 +50,13 @@ impl Affine {
         self.rows.map(|r| r[0] * index[0] + r[1] * index[1] + r[2] * index[2] + r[3])
     }
 
+    /// The same steps, with index (0, 0, 0) where `index` is here.
+    pub(crate) fn starting_at(&self, index: [f64; 3]) -> Self {
+        let mut moved = *self;
+        moved.rows.iter_mut().zip(self.apply(index)).for_each(|(row, at)| row[3] = at);
+        moved
+    }
+
     /// Linear part applied to a vector: no translation.
     pub fn apply_vector(&self, v: [f64; 3]) -> [f64; 3] {
         self.rows.map(|r| r[0] * v[0] + r[1] * v[1] + r[2] * v[2])

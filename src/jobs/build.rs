@@ -1,7 +1,7 @@
 //! `oct build`: whatever lies at some paths into a model on disk.
 //!
 //! ```text
-//! paths --catalogue--> Subject --+-- volume: reshape, prepare, clean --+
+//! paths --discovery--> Subject --+-- volume: reshape, prepare, clean --+
 //!                                +-- mesh:   bounds, bins, caps -------+--> solid --builder--> .oct, BuildSummary
 //!                                +-- tree:   parse, place, lay --------+
 //! ```
@@ -21,9 +21,9 @@ use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
-use crate::catalogue;
 use crate::clean::{CleanError, CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
+use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, sentences};
 use crate::format::{MAGIC, SurfaceKind};
@@ -296,7 +296,7 @@ impl BuildJob<'_> {
             let how =
                 OpenOptions { opening_bytes: Some(opening_bytes), follow_links, ..OpenOptions::default() };
             let scratch = self.options.scratch_folder(self.output);
-            let mut source = catalogue::open_unprepared_in(std::slice::from_ref(path), &how, &scratch)?;
+            let mut source = discovery::open_unprepared_in(std::slice::from_ref(path), &how, &scratch)?;
             prepare(&mut *source, &CleanOptions::default(), self.options, self.output, self.progress)?;
             open.push((path.clone(), source));
         }

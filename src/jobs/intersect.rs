@@ -8,9 +8,9 @@ use serde::Serialize;
 use super::opened::open_model;
 use super::verify::verify_file;
 use crate::budget::peak_rss_bytes;
-use crate::contact::{Placed, contact};
 use crate::error::{Error, UsageError};
 use crate::geom::Affine;
+use crate::intersect::{Placed, intersection};
 use crate::text::Short;
 use crate::text::{data, shown};
 
@@ -53,8 +53,8 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectRepo
     let (one_view, other_view) = (one.view(), other.view());
     let one_placed = Placed { view: &one_view, affine: one.affine() };
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };
-    let found = contact(one_placed, other_placed);
-    let both = found.and_then(|one| Some((one, contact(other_placed, one_placed)?)));
+    let found = intersection(one_placed, other_placed);
+    let both = found.and_then(|one| Some((one, intersection(other_placed, one_placed)?)));
     for (model, input) in [(&one, inputs[0]), (&other, inputs[1])] {
         model.check_unchanged(input)?;
     }

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 
 use super::batch::{Claim, Claims, LeftOutCount, LeftOutFile, copy_of, numbered};
 use crate::budget::peak_rss_bytes;
-use crate::catalogue::Catalogue;
+use crate::discovery::Catalogue;
 use crate::error::Error;
 use crate::facts::sentences;
 use crate::source::{Finding, OpenOptions, Subject, SubjectKind};

@@ -1,4 +1,4 @@
-//! What a model says of its cells, as slices.
+//! The cells of a model, as slices.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number};
 use crate::format::normal;
@@ -6,7 +6,7 @@ use crate::format::normal;
 /// The surface within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum CellShape {
-    /// What lies behind the plane is inside.
+    /// Behind the plane is inside.
     Plane(Plane),
     /// Samples at the corners, above 0 inside; between them the surface is that of the trilinear interpolation.
     Corners([i8; CORNERS]),

@@ -33,7 +33,7 @@ pub enum LoadError {
     Changed { path: PathBuf },
 }
 
-/// What is wrong with the bytes, or what the file is by its name instead of a model.
+/// The fault of the bytes, or the kind of file by its name instead of a model.
 struct Reason<'a>(&'a Path, &'a FormatError);
 
 impl fmt::Display for Reason<'_> {

@@ -10,7 +10,7 @@ use super::stream::{Fault, ReadAt};
 
 /// Everything that `open` reads and checks (SPEC I1 to I7), for mapped and packed files alike.
 ///
-/// Reading costs at most the header, the table and 1 MiB of metadata, whatever the bytes are.
+/// Reading costs at most the header, the table and 1 MiB of metadata, for any bytes.
 #[derive(Clone, Debug)]
 pub struct Frame {
     /// The header.
@@ -78,7 +78,7 @@ impl Frame {
         })
     }
 
-    /// What the boxes of the finest level are.
+    /// The kind of the boxes of the finest level.
     pub fn surface(&self) -> SurfaceKind {
         self.header.surface
     }
@@ -95,14 +95,7 @@ impl Frame {
         let volume = Affine { rows: self.metadata.affine };
         match self.surface() {
             SurfaceKind::Skin => volume,
-            SurfaceKind::Cells => {
-                let corner = volume.apply([-0.5; 3]);
-                let mut cells = volume;
-                for (row, at) in cells.rows.iter_mut().zip(corner) {
-                    row[3] = at;
-                }
-                cells
-            }
+            SurfaceKind::Cells => volume.starting_at([-0.5; 3]),
         }
     }
 
@@ -120,6 +113,13 @@ impl Frame {
         }
     }
 
+    pub(super) fn refuse_packed(&self) -> Result<(), FormatError> {
+        match self.header.encoding {
+            Encoding::Mapped => Ok(()),
+            Encoding::Packed => Err(FormatError::Packed),
+        }
+    }
+
     /// SPEC I4: what each section must hold.
     fn check_item_counts(&self) -> Result<(), FormatError> {
         let (n, v) = (self.header.nodes, self.header.voxels);
@@ -132,7 +132,7 @@ impl Frame {
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
                 SectionKind::Means(channel) => {
                     let due = self.section(SectionKind::Voxels(channel)).map(|e| e.item_bytes);
-                    // Where the voxels' own items are illegal, that is what is told, below.
+                    // Where the voxels' own items are illegal, that is reported below.
                     let illegal = due.is_some_and(|due| !channel.row().item_bytes.contains(&due));
                     (Some(entry.item_bytes) == due || illegal, self.coarse_nodes())
                 }

@@ -12,21 +12,18 @@ use crate::platform;
 pub struct Mapping {
     map: memmap2::Mmap,
     file: File,
-    then: Stamp,
+    then: FileIdentity,
 }
 
-/// What tells that a file was written to: its size and its time of change.
+/// Changes when a file is written to: its size and its time of change.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) struct Stamp {
+pub(super) struct FileIdentity {
     bytes: u64,
     changed: (i64, i64),
 }
 
-impl Stamp {
+impl FileIdentity {
     /// The file as it is now.
-    ///
-    /// # Errors
-    /// The operating system refused.
     pub(super) fn of(file: &File) -> io::Result<Self> {
         let meta = file.metadata()?;
         Ok(Self { bytes: meta.len(), changed: platform::changed(&meta) })
@@ -40,20 +37,17 @@ impl Mapping {
     /// The operating system refused.
     pub fn of(file: &File) -> io::Result<Self> {
         let file = file.try_clone()?;
-        let then = Stamp::of(&file)?;
+        let then = FileIdentity::of(&file)?;
         Self::since(file, then)
     }
 
     /// Maps a file of which something was read before, when it was what `then` says.
-    ///
-    /// # Errors
-    /// The operating system refused.
-    pub(super) fn since(file: File, then: Stamp) -> io::Result<Self> {
+    pub(super) fn since(file: File, then: FileIdentity) -> io::Result<Self> {
         // SAFETY: the bytes must not change while they are mapped. This program keeps that promise by
         // never writing to a finished `.oct`: every output is a new file that replaces the old name by
         // rename, so a mapped file keeps its own unchanged bytes. Other programs are asked by the
         // specification (SPEC 7) to do the same; if one does not, no reference with an invariant
-        // beyond "any byte" is ever made from the mapping, [`Mapping::is_unchanged`] tells of it, and a
+        // beyond "any byte" is ever made from the mapping, [`Mapping::is_unchanged`] reports it, and a
         // file cut short raises a bus error, as every mapping of a file does: the command ends with a
         // sentence then.
         let map = unsafe { memmap2::Mmap::map(&file)? };
@@ -72,7 +66,7 @@ impl Mapping {
     /// # Errors
     /// The operating system refused.
     pub fn is_unchanged(&self) -> io::Result<bool> {
-        Ok(Stamp::of(&self.file)? == self.then)
+        Ok(FileIdentity::of(&self.file)? == self.then)
     }
 }
 

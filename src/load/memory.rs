@@ -60,6 +60,13 @@ impl MemoryTree {
         Some(Self { dims, voxels, infobytes, first_children, directory, normals, node_normals })
     }
 
+    /// The tree of these cells.
+    #[cfg(test)]
+    pub(crate) fn of_cells(dims: Dims, cells: impl IntoIterator<Item = [u32; 3]>) -> Self {
+        let codes: Vec<u64> = cells.into_iter().map(|[x, y, z]| morton::encode(x, y, z)).collect();
+        Self::new(dims, &codes).expect("cells of the volume")
+    }
+
     /// The same tree with one normal code (SPEC 4.6) per voxel in Morton order; `None` when the number of
     /// codes is not the number of voxels.
     pub fn with_normals(mut self, codes: Vec<u16>) -> Option<Self> {

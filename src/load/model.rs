@@ -5,13 +5,11 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
 
-use crate::format::{
-    Channel, Encoding, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank,
-};
+use crate::format::{Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 
 use super::frame::Frame;
-use super::map::{Mapping, Stamp};
+use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
 use super::{CellItems, LoadError, NodeView, NotRegular};
@@ -50,10 +48,10 @@ impl Model<Mapping> {
         let path = path.as_ref();
         let open = || -> Result<Self, Fault> {
             let file = open_regular(path)?;
-            let then = Stamp::of(&file)?;
-            // Through ordinary reads, so that a file that is no model is never mapped.
+            let then = FileIdentity::of(&file)?;
+            // By ordinary reads, so that only models are mapped.
             let frame = Frame::read(&file)?;
-            refuse_packed(&frame)?;
+            frame.refuse_packed()?;
             Self::assemble(Mapping::since(file, then)?, frame).map_err(Fault::from)
         };
         open().map_err(|fault| fault.at(path))
@@ -85,13 +83,6 @@ pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
     if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other(NotRegular)) }
 }
 
-fn refuse_packed(frame: &Frame) -> Result<(), FormatError> {
-    match frame.header.encoding {
-        Encoding::Mapped => Ok(()),
-        Encoding::Packed => Err(FormatError::Packed),
-    }
-}
-
 impl Model<Vec<u8>> {
     /// Reads a whole file into memory: what is written to the file afterwards, or cut from it, cannot reach the
     /// model, where a [`Mapping`] of a file that is cut short kills the process.
@@ -104,15 +95,15 @@ impl Model<Vec<u8>> {
         let path = path.as_ref();
         let read = || -> Result<Option<Self>, Fault> {
             let file = open_regular(path)?;
-            let then = Stamp::of(&file)?;
-            // So that a file that is no model is not read.
+            let then = FileIdentity::of(&file)?;
+            // So that only models are read whole.
             let frame = Frame::read(&file)?;
-            refuse_packed(&frame)?;
+            frame.refuse_packed()?;
             let mut bytes = Vec::new();
             let len = usize::try_from(frame.header.file_bytes).unwrap_or(usize::MAX);
             bytes.try_reserve_exact(len).map_err(io::Error::from)?;
             (&file).take(frame.header.file_bytes).read_to_end(&mut bytes)?;
-            if Stamp::of(&file)? != then {
+            if FileIdentity::of(&file)? != then {
                 return Ok(None);
             }
             Ok(Some(Self::assemble(bytes, frame)?))
@@ -137,7 +128,7 @@ impl<D: AsRef<[u8]>> Model<D> {
                 return Err(FormatError::Truncated { expected: got + 1, got });
             }
         };
-        refuse_packed(&frame)?;
+        frame.refuse_packed()?;
         Self::assemble(data, frame)
     }
 
@@ -326,7 +317,7 @@ pub struct ModelView<'a> {
 }
 
 impl<'a> ModelView<'a> {
-    /// A structure with nothing stored beside it: depth, number of skin voxels, infobytes and rank directory (SPEC
+    /// A structure without items: depth, number of skin voxels, infobytes and rank directory (SPEC
     /// 4.4, 4.5). Any bytes are safe, true or not.
     pub fn over(depth: u32, voxels: u64, infobytes: &'a [u8], directory: &'a [u8]) -> Self {
         Self {
@@ -359,7 +350,7 @@ impl<'a> ModelView<'a> {
         }
     }
 
-    /// Memory that the answers about a node are read from, for processors that are told ahead of time.
+    /// Memory that the answers about a node are read from, for hints to the processor.
     #[inline(always)]
     pub fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
         let at = node.index().unwrap_or(usize::MAX);
@@ -445,50 +436,29 @@ impl NodeView for ModelView<'_> {
     }
 }
 
+/// Methods that a model's view answers.
+macro_rules! by_view {
+    ($(fn $name:ident(&self $(, $index:ident: $t:ty)?) -> $out:ty;)*) => {$(
+        #[inline]
+        fn $name(&self $(, $index: $t)?) -> $out {
+            self.view().$name($($index)?)
+        }
+    )*};
+}
+
 impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
-    fn depth(&self) -> u32 {
-        self.frame.header.dims.depth()
+    by_view! {
+        fn depth(&self) -> u32;
+        fn node_count(&self) -> u64;
+        fn voxel_count(&self) -> u64;
+        fn infobyte(&self, node: NodeIndex) -> u8;
+        fn first_child(&self, node: NodeIndex) -> BoxIndex;
+        fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
+        fn node_normal(&self, node: NodeIndex) -> Option<u16>;
+        fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8>;
+        fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]>;
     }
 
-    fn node_count(&self) -> u64 {
-        self.frame.header.nodes
-    }
-
-    fn voxel_count(&self) -> u64 {
-        self.frame.header.voxels
-    }
-
-    #[inline]
-    fn infobyte(&self, node: NodeIndex) -> u8 {
-        self.view().infobyte(node)
-    }
-
-    #[inline]
-    fn first_child(&self, node: NodeIndex) -> BoxIndex {
-        self.view().first_child(node)
-    }
-
-    #[inline]
-    fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16> {
-        self.view().voxel_normal(voxel)
-    }
-
-    #[inline]
-    fn node_normal(&self, node: NodeIndex) -> Option<u16> {
-        self.view().node_normal(node)
-    }
-
-    #[inline]
-    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
-        self.view().voxel_fine(voxel)
-    }
-
-    #[inline]
-    fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
-        self.view().voxel_color(voxel)
-    }
-
-    #[inline]
     fn cells(&self) -> Option<CellItems<'_>> {
         self.view().cells
     }

@@ -11,9 +11,6 @@ use super::LoadError;
 /// Bytes that can be read at any position without a shared file pointer: a file, or memory in tests.
 pub trait ReadAt: Sync {
     /// Length in bytes.
-    ///
-    /// # Errors
-    /// The operating system refused.
     fn byte_len(&self) -> io::Result<u64>;
 
     /// Fills `out` from `offset` on.
@@ -48,7 +45,7 @@ impl ReadAt for [u8] {
     }
 }
 
-/// What stops a reader that does not know the file's name.
+/// The error of a reader that does not know the file's name.
 #[derive(Debug)]
 pub enum Fault {
     /// The system refused.
@@ -116,7 +113,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(&self.buffer[from..])
     }
 
-    /// As [`Cursor::next_part`], but at most `most` bytes.
+    /// [`Cursor::next_part`] of at most `most` bytes.
     ///
     /// # Errors
     /// Reading failed, or nothing is left.

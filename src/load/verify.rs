@@ -20,15 +20,13 @@ const CURSOR_BYTES: usize = 16 << 10;
 
 /// Checks every invariant of a mapped file (SPEC I1 to I19).
 ///
-/// Memory: under 2 MiB whatever the file. Cost: three passes over the nodes, two over the rest.
+/// Memory: under 2 MiB for any file. Cost: three passes over the nodes, two over the rest.
 ///
 /// # Errors
 /// The first rule that is broken, or a failure to read; [`FormatError::Packed`] for a packed file.
 pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     let frame = Frame::read(source)?;
-    if frame.header.encoding == Encoding::Packed {
-        return Err(FormatError::Packed.into());
-    }
+    frame.refuse_packed()?;
     check_minor(&frame)?;
     check_storage(source, &frame)?;
     check_metadata(&frame)?;
@@ -228,7 +226,7 @@ fn number_of_last<R: ReadAt + ?Sized>(items: &Cursor<'_, R>, item_bytes: usize, 
     end.saturating_sub(items.left() / item_bytes.max(1) as u64 + 1)
 }
 
-/// The channels that a walk reads: all but those whose items nothing is known of but their number.
+/// The channels that a walk reads: those with rules for their items or means.
 pub(crate) fn walked_channels(frame: &Frame) -> Vec<Channel> {
     let says_something =
         |c: &Channel| !c.row().is_sparse && (c.row().illegal.is_some() || c.row().means.is_some());
@@ -303,7 +301,7 @@ fn wrong_mean(
 
 /// A node on the path from the root to the present box.
 #[derive(Clone, Copy, Default)]
-struct Open {
+struct OpenNode {
     /// Octants still to visit.
     rest: u8,
     corner: [u32; 3],
@@ -317,7 +315,7 @@ struct Walk<'a, R: ReadAt + ?Sized> {
     nodes: Vec<Cursor<'a, R>>,
     channels: Vec<ChannelReader<'a, R>>,
     voxels: u64,
-    path: [Open; 17],
+    path: [OpenNode; 17],
     /// Sums of the open nodes: one of each channel by depth.
     sums: Vec<Sum>,
 }
@@ -332,7 +330,7 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
         let count = self.channels.len();
         if d == self.depth {
             self.voxels += 1;
-            self.path[d] = Open { rest: 0, corner };
+            self.path[d] = OpenNode { rest: 0, corner };
             for (i, reader) in self.channels.iter_mut().enumerate() {
                 let parent = d.checked_sub(1).map(|above| above * count + i);
                 reader.next(parent.and_then(|at| self.sums.get_mut(at)))?;
@@ -347,7 +345,7 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
             let node = NodeIndex::new(number_of_last(&self.nodes[d], 1, self.frame.level(level).end));
             return Err(FormatError::EmptyNode { level, node, corner }.into());
         }
-        self.path[d] = Open { rest, corner };
+        self.path[d] = OpenNode { rest, corner };
         let sums = &mut self.sums[d * count..][..count];
         sums.fill(Sum::default());
         if d + 1 == self.depth && corner.iter().zip(self.dims).all(|(c, n)| c + 1 < n) {
@@ -373,10 +371,10 @@ impl<R: ReadAt + ?Sized> Walk<'_, R> {
     }
 }
 
-/// Told the level of a node and the sums of its [`walked_channels`].
+/// Takes the level of a node and the sums of its [`walked_channels`].
 pub(crate) type Finished<'a> = dyn FnMut(Level, &[Sum]) -> Result<(), Fault> + 'a;
 
-/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` is told the level of every node
+/// SPEC I10 to I12 and I14: one depth-first walk over everything. `finished` takes the level of every node
 /// and the sums of its [`walked_channels`], within a depth in the order in which nodes are stored.
 pub(crate) fn walk<R: ReadAt + ?Sized>(
     source: &R,
@@ -400,7 +398,7 @@ pub(crate) fn walk<R: ReadAt + ?Sized>(
         sums: vec![Sum::default(); (depth + 1) * count],
         channels,
         voxels: 0,
-        path: [Open::default(); 17],
+        path: [OpenNode::default(); 17],
     };
     let mut at = 0;
     walk.enter(0, [0; 3])?;

@@ -40,7 +40,7 @@ pub struct StoredVoxels<'a> {
     next_node: [u64; MAX_LEVELS],
     /// Octants still to be visited, from the root down, and the lowest corner of each node in boxes of its children.
     open: [(u8, [u32; 3]); MAX_LEVELS],
-    /// Depth of the node at hand, from 1 on; 0 at the end.
+    /// Depth of the present node, from 1 on; 0 at the end.
     at: usize,
     number: u64,
 }

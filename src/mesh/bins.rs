@@ -27,7 +27,6 @@ const BIN_SHIFT: i32 = 5;
 pub(super) const BEYOND: i32 = 2;
 /// Most records of a block.
 pub(super) const BLOCK: usize = 1020;
-/// Bytes of a record.
 const RECORD: usize = size_of::<Record>();
 /// Bytes written at a time.
 const WRITE: usize = 128 << 10;
@@ -38,7 +37,7 @@ const CHUNKS: usize = 4 << 10;
 const WORTH: u32 = 16;
 const NONE: u32 = u32::MAX;
 
-/// Memory while triangles are binned, beside the bins themselves.
+/// Memory while triangles are binned, without the bins themselves.
 pub(super) const BINNING_BYTES: u64 = (CHUNKS * size_of::<Chunk>() + WRITE + (64 << 10)) as u64;
 
 /// A triangle shorter than eight voxels: its first vertex, and the ways to the others along x, y and z, to the
@@ -48,7 +47,6 @@ pub(super) type Record = [i32; 6];
 /// Added to the x of a longer triangle.
 const LONG: i32 = 1 << 30;
 
-/// The record of a short triangle.
 #[inline]
 fn short(t: &Triangle) -> Option<Record> {
     let ways: [i32; 6] = std::array::from_fn(|k| t[3 + k].wrapping_sub(t[k % 3]));
@@ -57,7 +55,6 @@ fn short(t: &Triangle) -> Option<Record> {
     (beyond >> 16 == 0).then(|| [t[0], t[1], t[2], both(0), both(1), both(2)])
 }
 
-/// The two records of a triangle.
 fn pair([x, rest @ .., a, b, c]: &Triangle) -> [Record; 2] {
     let [y, z, p, q, r] = *rest;
     [[x + LONG, y, z, p, q, r], [*a, *b, *c, 0, 0, 0]]
@@ -70,7 +67,6 @@ pub(super) fn ways(record: &Record, axis: usize) -> [i32; 2] {
     [both << 16 >> 16, both >> 16]
 }
 
-/// The triangle of a record.
 #[inline]
 pub(super) fn unpacked(record: &Record) -> Triangle {
     let [x, y, z, ..] = *record;
@@ -85,25 +81,25 @@ pub(super) fn packed(t: &Triangle) -> Vec<Record> {
     short(t).map_or_else(|| pair(t).to_vec(), |record| vec![record])
 }
 
-/// What a block holds.
-pub(super) enum Held<'a> {
+/// A triangle of a block.
+pub(super) enum BinTriangle<'a> {
     Short(&'a Record),
     Long(Triangle),
 }
 
-impl Held<'_> {
+impl BinTriangle<'_> {
     #[inline]
     pub(super) fn triangle(&self) -> Triangle {
         match self {
-            Held::Short(record) => unpacked(record),
-            Held::Long(t) => *t,
+            BinTriangle::Short(record) => unpacked(record),
+            BinTriangle::Long(t) => *t,
         }
     }
 }
 
 /// The triangles of a block, with the number of the first record of each.
 #[inline]
-pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, Held<'_>)> {
+pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, BinTriangle<'_>)> {
     let mut at = 0;
     std::iter::from_fn(move || {
         let first = at;
@@ -111,30 +107,27 @@ pub(super) fn numbered(block: &[Record]) -> impl Iterator<Item = (u32, Held<'_>)
         at += 1;
         let [x, y, z, p, q, r] = *record;
         if x < LONG / 2 {
-            return Some((first as u32, Held::Short(record)));
+            return Some((first as u32, BinTriangle::Short(record)));
         }
         let [a, b, c, ..] = *block.get(at)?;
         at += 1;
-        Some((first as u32, Held::Long([x - LONG, y, z, p, q, r, a, b, c])))
+        Some((first as u32, BinTriangle::Long([x - LONG, y, z, p, q, r, a, b, c])))
     })
 }
 
-/// The triangles of a block.
 #[inline]
-pub(super) fn held(block: &[Record]) -> impl Iterator<Item = Held<'_>> {
+pub(super) fn held(block: &[Record]) -> impl Iterator<Item = BinTriangle<'_>> {
     numbered(block).map(|(_, t)| t)
 }
 
 /// A block's head, as long as a record: where the bin's block before it is, and how many records that holds.
 type Head = [u64; 3];
 
-/// A bin in the file.
 #[derive(Clone, Copy, Debug)]
 struct Bin {
     /// Where its last block is, and the records of that.
     offset: u64,
     records: u32,
-    /// Triangles in all.
     triangles: u32,
     /// Columns between which they lie.
     columns: (i16, i16),
@@ -179,7 +172,6 @@ pub(super) struct Bins {
 }
 
 impl Bins {
-    /// Memory of the bins of a grid.
     pub(super) fn memory_bytes(dims: Dims) -> u64 {
         let count = dims.ny().div_ceil(32) as usize * dims.nz().div_ceil(32) as usize;
         (count * size_of::<Bin>()) as u64
@@ -211,7 +203,6 @@ impl Bins {
         self.bins.iter().map(|b| b.triangles).max().unwrap_or(0)
     }
 
-    /// Bytes written.
     pub(super) fn bytes(&self) -> u64 {
         self.bytes
     }
@@ -246,7 +237,6 @@ pub(super) struct BlockBuffers {
 }
 
 impl BlockBuffers {
-    /// Memory of one.
     pub(super) const BYTES: u64 = ((BLOCK + 1) * RECORD + (4 << 10)) as u64;
 
     pub(super) fn new() -> Self {
@@ -255,9 +245,9 @@ impl BlockBuffers {
 }
 
 impl Binner {
-    /// Bins of a grid, in a nameless file in `folder`.
+    /// Bins of a grid, in a scratch file in `folder`.
     pub(super) fn new(dims: Dims, folder: &Path) -> Result<Self, SourceError> {
-        let file = crate::scratch::nameless(folder)
+        let file = crate::scratch::unnamed(folder)
             .map_err(|cause| SourceError::Scratch { path: folder.to_path_buf(), cause })?;
         let grid = [dims.ny().div_ceil(32) as i32, dims.nz().div_ceil(32) as i32];
         let count = (grid[0] * grid[1]) as usize;
@@ -289,7 +279,7 @@ impl Binner {
     pub(super) fn add(&mut self, t: &Triangle) -> Result<(), SourceError> {
         let ((j0, j1), (k0, k1)) = (centres(t, 1), centres(t, 2));
         let (x0, x1) = centres(t, 0);
-        // What lies beyond the last column is met by no row before its end; but the rows may be inside until then.
+        // No row meets a triangle beyond the last column before its end; but rows may be inside until then.
         let beyond = x0 > self.bins.columns + BEYOND;
         let bin = |at: i32| at >> BIN_SHIFT;
         let [ny, nz] = self.bins.grid;

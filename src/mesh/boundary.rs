@@ -6,7 +6,7 @@
 //! Invertible Bloom Filters*). The open edges of any mesh form loops; a cap over each closes it. A face that is
 //! there twice, or turned over, is such a loop, too: its cap undoes it.
 
-use super::lattice::{Triangle, turned};
+use super::lattice::{Triangle, smallest_first};
 use crate::facts::MeshFault;
 
 /// Cells of the table. The number is part of the definition of a solid: it decides which meshes can be closed.
@@ -20,7 +20,6 @@ pub(super) const BOUNDARY_BYTES: u64 =
 
 type Point = [i32; 3];
 
-/// How edges are summed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Sums {
     /// With the sign of their direction.
@@ -45,7 +44,6 @@ pub(super) struct OpenEdge {
     times: i32,
 }
 
-/// The table of sums.
 pub(super) struct Table {
     sums: Sums,
     cells: Vec<Cell>,
@@ -160,7 +158,7 @@ pub(super) fn disagree(edges: &[OpenEdge]) -> bool {
     edges.iter().any(|edge| edge.times % 2 == 0)
 }
 
-/// What is wrong with a mesh whose open edges are too many.
+/// The fault of a mesh with too many open edges.
 pub(super) fn too_open() -> MeshFault {
     MeshFault::TooOpen { most_edges: MAX_EDGES as u64 }
 }
@@ -260,7 +258,7 @@ fn close_loop(
     cap: &mut dyn FnMut(Triangle) -> Result<(), crate::facts::SourceError>,
 ) -> Result<(), crate::facts::SourceError> {
     if let [a, b, c] = points {
-        return cap(turned([*b, *a, *c]));
+        return cap(smallest_first([*b, *a, *c]));
     }
     let n = i64::try_from(points.len()).unwrap_or(1).max(1);
     let middle: Point = std::array::from_fn(|k| {
@@ -268,7 +266,7 @@ fn close_loop(
         i32::try_from(sum.div_euclid(n)).unwrap_or(0)
     });
     for (a, b) in points.iter().zip(points.iter().cycle().skip(1)) {
-        cap(turned([*b, *a, middle]))?;
+        cap(smallest_first([*b, *a, middle]))?;
     }
     Ok(())
 }
@@ -282,7 +280,10 @@ mod tests {
     fn sheet(n: i32) -> Vec<Triangle> {
         let p = |x: i32, y: i32| [100 * x, 100 * y, x * y % 7];
         let square = |x: i32, y: i32| {
-            [turned([p(x, y), p(x + 1, y), p(x + 1, y + 1)]), turned([p(x, y), p(x + 1, y + 1), p(x, y + 1)])]
+            [
+                smallest_first([p(x, y), p(x + 1, y), p(x + 1, y + 1)]),
+                smallest_first([p(x, y), p(x + 1, y + 1), p(x, y + 1)]),
+            ]
         };
         (0..n).flat_map(|x| (0..n).flat_map(move |y| square(x, y))).collect()
     }

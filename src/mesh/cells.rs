@@ -8,7 +8,7 @@
 //!
 //! Bounds are in single precision with steps to spare; what is offered is decided as ever.
 //!
-//! What was tried for the search on a torus of 1.84 M skin voxels, of 1 M triangles of two voxels and of 10 M of half
+//! Searches that were tried on a torus of 1.84 M skin voxels, of 1 M triangles of two voxels and of 10 M of half
 //! a voxel; in processor seconds, on a machine that differs by a fifth from run to run:
 //!
 //! | tried | 1 M | 10 M |
@@ -54,7 +54,6 @@ struct Ball {
     cell: u16,
 }
 
-/// Eight balls.
 #[derive(Clone, Copy, Debug)]
 struct Balls {
     at: [[f32; LANES]; 3],
@@ -77,7 +76,6 @@ pub(super) struct Cells {
 }
 
 impl Cells {
-    /// Memory of one.
     pub(super) const BYTES: u64 = (MAX_BALLS * size_of::<Ball>()
         + (MAX_BALLS / LANES + 1) * size_of::<Balls>()
         + (SIDE * SIDE + 1) * size_of::<u16>()) as u64;
@@ -115,7 +113,7 @@ impl Cells {
         let cell = |doubled: i32| (doubled >> 13) + MARGIN;
         let (column, row) = (cell(doubled[0]), cell(doubled[1]));
         let side = 0..SIDE as i32;
-        // As far as its box tells.
+        // By its box.
         let far = doubled[2].abs() - edges[2] > 2 * reach + 2;
         if far || !side.contains(&column) || !side.contains(&row) {
             return true;
@@ -131,7 +129,7 @@ impl Cells {
         true
     }
 
-    /// Offers what was added, whose records are found by number, to the wanted voxels of a brick's slice, and
+    /// Offers the added triangles, whose records are found by number, to the wanted voxels of a brick's slice, and
     /// begins anew.
     #[inline(never)]
     pub(super) fn seek<'r>(
@@ -207,7 +205,7 @@ impl<'r, F: Fn(u32) -> &'r Record> Kernel for Seek<'_, F> {
                 let voxel = [corner[0] + within[0], corner[1] + within[1], corner[2]];
                 let middle = within.map(|c| c as f32);
                 let mut sought =
-                    Sought { voxel, best: &mut nearest[32 * y + x], waiting: [0; LANES], count: 0 };
+                    VoxelSearch { voxel, best: &mut nearest[32 * y + x], waiting: [0; LANES], count: 0 };
                 let mut first = cells.nearest_middle([x, y], middle, 0);
                 if first == NONE {
                     first = cells.nearest_middle([x, y], middle, 1);
@@ -239,14 +237,14 @@ impl<'r, F: Fn(u32) -> &'r Record> Kernel for Seek<'_, F> {
 }
 
 /// A voxel, and triangles that wait to be offered to it.
-struct Sought<'a> {
+struct VoxelSearch<'a> {
     voxel: [i32; 3],
     best: &'a mut Nearest,
     waiting: [u32; LANES],
     count: usize,
 }
 
-impl Sought<'_> {
+impl VoxelSearch<'_> {
     /// As far as a triangle may be, with steps to spare.
     #[inline(always)]
     fn bound(&self) -> f32 {

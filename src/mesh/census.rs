@@ -13,7 +13,7 @@ pub(crate) struct Census {
     parity: u128,
 }
 
-/// What the sums say.
+/// The result of the sums.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Closed {
     Oriented,

@@ -1,14 +1,15 @@
-//! Corners of triangles on the lattice: what is computed of a vertex is computed once, for all triangles that name it.
+//! Corners of triangles on the lattice: a vertex is placed and hashed once, for all triangles that name it.
 
 use super::census::vertex_hash;
 use super::lattice::MAX_VOXELS;
+use super::read::Stop;
 use crate::facts::MeshFault;
 
 /// Brings a vertex onto the lattice.
-pub(super) type Place<'a> = dyn Fn([f64; 3]) -> Result<[i32; 3], MeshFault> + 'a;
+pub(super) type PlaceVertex<'a> = dyn Fn([f64; 3]) -> Result<[i32; 3], MeshFault> + 'a;
 
-/// Is called with the corners of one triangle after the other.
-pub(super) type EachCorners<'a> = dyn FnMut(&[Corner; 3]) -> Result<(), MeshFault> + 'a;
+/// Takes the corners of one triangle after the other.
+pub(super) type EachCorners<'a> = dyn FnMut(&[Corner; 3]) -> Result<(), Stop> + 'a;
 
 /// A vertex on the lattice.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +29,7 @@ enum State {
 
 impl Corner {
     #[inline]
-    pub(super) fn new(p: [f64; 3], place: &Place<'_>) -> Self {
+    pub(super) fn new(p: [f64; 3], place: &PlaceVertex<'_>) -> Self {
         let none = Self { at: [0; 3], state: State::NotFinite, hash: [0; 2] };
         if !p.iter().all(|c| c.is_finite()) {
             return none;
@@ -39,7 +40,7 @@ impl Corner {
         }
     }
 
-    /// What is wrong with a triangle, which is counted from 1.
+    /// Refuses a triangle, counted from 1, with a corner that is not sound.
     #[inline]
     pub(super) fn check(corners: &[Self; 3], triangle: u64) -> Result<(), MeshFault> {
         let any = |state: State| corners.iter().any(|corner| corner.state == state);

@@ -12,8 +12,8 @@
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::solid::{MeshSolid, MeshWorker};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile,
-    VoxelBox,
+    CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker,
+    Tile, VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
@@ -21,7 +21,7 @@ use crate::geom::Dims;
 
 /// A crossing so near to a centre is one of both edges that end there.
 const SAME: f64 = 1.0 / 65536.0;
-/// What the model says of its planes.
+/// The source of its planes, for the model.
 const ESTIMATOR: &str = "triangle planes";
 
 /// The cells of a mesh whose triangles have been binned for [`cell_dims`](crate::builder::cell_dims).
@@ -39,7 +39,7 @@ impl Solid for MeshCells {
         SurfaceKind::Cells
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         Metadata { gradient: ESTIMATOR.into(), ..self.mesh.metadata(found) }
     }
 
@@ -51,7 +51,7 @@ impl Solid for MeshCells {
         self.mesh.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         CellEdges::form(channel)
     }
 
@@ -68,7 +68,6 @@ impl Solid for MeshCells {
     }
 }
 
-/// One thread's view of it.
 struct CellWorker<'a> {
     samples: Dims,
     mesh: MeshWorker<'a>,

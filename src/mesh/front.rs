@@ -8,23 +8,22 @@ use super::boundary::{self, BOUNDARY_BYTES, OpenEdge, Sums, Table};
 use super::census::{Census, Closed};
 use super::corner::Corner;
 use super::crossed::MeshCells;
-use super::lattice::{Bounds, Grid, GridChoice, Triangle, turned};
-use super::paint::{self, COLLECTING_BYTES, Collector, Painter, Wanted};
+use super::lattice::{Bounds, Grid, GridChoice, Triangle, smallest_first};
+use super::paint::{self, COLLECTING_BYTES, Collector, PaintChannels, Painter};
 use super::raster::Rule;
 use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
 use super::solid::{MeshSolid, fixed_bytes};
 use super::thin::{self, Thin, ThinSolid};
-use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions};
+use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
-use crate::builder::{BuildError, BuildOptions, CellEdges, Made, Progress, Solid, Tile, cell_dims};
+use crate::builder::{BuildError, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims};
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
-/// From files to a solid.
 pub(super) struct Front<'a> {
     pub(super) inputs: &'a [PathBuf],
     pub(super) mesh: &'a MeshOptions,
@@ -44,38 +43,20 @@ struct Closing {
     closed: bool,
 }
 
-/// What one pass over all triangles on the lattice found.
+/// Counts of one pass over all triangles on the lattice.
 #[derive(Default)]
-struct Counted {
+struct Counts {
     triangles: u64,
     flat: u64,
     census: Census,
 }
 
-/// Triangles on their way from a reader, and why one was not taken.
-#[derive(Default)]
-struct Handed {
-    counted: Counted,
-    stopped: Option<SourceError>,
-}
-
-impl Handed {
-    /// Counts a triangle and hands it on.
+impl Counts {
     #[inline(always)]
-    fn take(
-        &mut self,
-        t: &Triangle,
-        corners: &[Corner; 3],
-        each: impl FnOnce(&Triangle) -> Result<(), SourceError>,
-    ) -> Result<(), MeshFault> {
-        let [a, b, c] = corners;
-        self.counted.triangles += 1;
-        self.counted.flat += u64::from(a.at == b.at || b.at == c.at || a.at == c.at);
-        self.counted.census.add_hashed([a.hash, b.hash, c.hash]);
-        each(t).map_err(|failed| {
-            self.stopped = Some(failed);
-            MeshFault::CutShort
-        })
+    fn add(&mut self, [a, b, c]: &[Corner; 3]) {
+        self.triangles += 1;
+        self.flat += u64::from(a.at == b.at || b.at == c.at || a.at == c.at);
+        self.census.add_hashed([a.hash, b.hash, c.hash]);
     }
 }
 
@@ -104,14 +85,16 @@ impl Front<'_> {
     ///
     /// # Errors
     /// It cannot be read, or not be built in this way.
-    pub(super) fn made(&self) -> Result<(Made<'static>, Channels, MeshFacts, Vec<MeshNote>), BuildError> {
+    pub(super) fn made(
+        &self,
+    ) -> Result<(FileSolid<'static>, Channels, MeshFacts, Vec<MeshNote>), BuildError> {
         let started = Instant::now();
         let (cells, thin) = (self.is_of_cells(), self.mesh.thin());
         if cells && thin.is_some() {
             return Err(self.unusable(MeshFault::ThinCells).into());
         }
         let (mesh, facts, notes) = self.solid()?;
-        // A mesh without colours has none to store; whoever wants them of cells is told that these have none.
+        // A mesh without colours has none to store; cells never have colours, and the builder refuses these by name.
         let colored = cells || mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
         let stored = self.options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
         let channels = stored.collect();
@@ -124,7 +107,7 @@ impl Front<'_> {
             Some(thin) => Box::new(ThinSolid { mesh, thin }),
         };
         let making_s = started.elapsed().as_secs_f64();
-        let made = Made { solid, held_bytes, scratch_bytes, reading_s: making_s, making_s };
+        let made = FileSolid { solid, held_bytes, scratch_bytes, reading_s: making_s, making_s };
         Ok((made, channels, facts, notes))
     }
 
@@ -132,10 +115,10 @@ impl Front<'_> {
         let budget = Budget::of_job(self.options.memory);
         let reading = self.reserve(&budget, READER_BYTES)?;
         let files = self.open(budget.left_bytes() / 2)?;
-        let described = self.reserve(&budget, files.iter().map(MeshFile::held_bytes).sum())?;
-        let beside = files.iter().flat_map(|file| file.beside().iter().cloned());
+        let described = self.reserve(&budget, files.iter().map(|file| file.summary.held_bytes).sum())?;
+        let others = files.iter().flat_map(|file| &file.summary.files);
         let inputs: Vec<_> =
-            self.inputs.iter().cloned().chain(beside).map(|p| (p.clone(), stamp(&p))).collect();
+            self.inputs.iter().chain(others).map(|p| (p.clone(), file_identity(p))).collect();
         let grid = self.grid(&files)?;
         let held = self.reserve(&budget, Bins::memory_bytes(self.boxes(&grid)))?;
         let binning = self.reserve(&budget, BINNING_BYTES)?;
@@ -191,7 +174,7 @@ impl Front<'_> {
         budget: &Budget,
         files: &[MeshFile],
         grid: &Grid,
-    ) -> Result<(Binner, Counted, Option<paint::Paint>), BuildError> {
+    ) -> Result<(Binner, Counts, Option<paint::Paint>), BuildError> {
         let mut binner = Binner::new(self.boxes(grid), &self.scratch)?;
         let wanted = self.wanted(files);
         if !wanted.anything() {
@@ -206,7 +189,7 @@ impl Front<'_> {
                 known += 1;
                 let first_part = files[..file].iter().map(MeshFile::parts).sum();
                 collector
-                    .file(first_part, files[file].materials())
+                    .file(first_part, &files[file].summary.materials)
                     .map_err(|fault| self.of_paint(fault, file))?;
             }
             collector.add(t, look)?;
@@ -250,29 +233,20 @@ impl Front<'_> {
         Ok(Closing { bins: binner.finish()?, boundary, rule, closed })
     }
 
-    /// What files lack.
+    /// Missing parts of files.
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
             let mesh = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
             let note = |name: &String| MeshNote::NoColors { mesh: mesh.clone(), name: name.clone() };
-            file.missing().iter().map(note).collect::<Vec<_>>()
+            file.summary.missing.iter().map(note).collect::<Vec<_>>()
         };
         files.iter().zip(self.inputs).flat_map(of).collect()
     }
 
     /// Takes memory for a part of the work.
     fn reserve(&self, budget: &Budget, bytes: u64) -> Result<Reservation, BuildError> {
-        let refused = |_| {
-            let dry = Budget::dry(self.options.memory);
-            let _most = dry.reserve(READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES));
-            let limit_bytes = self.options.memory.bytes();
-            BuildError::BudgetTooSmall {
-                name: self.name(),
-                limit_bytes,
-                minimum_bytes: dry.smallest_limit(1).max(limit_bytes + 1),
-            }
-        };
-        budget.reserve(bytes).map_err(refused)
+        let most = READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES);
+        budget.reserve(bytes).map_err(|_| too_small(self.name(), self.options.memory, most))
     }
 
     fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
@@ -291,11 +265,11 @@ impl Front<'_> {
         if own { Channels::NONE } else { self.options.channels }
     }
 
-    /// What is asked for and there.
-    fn wanted(&self, files: &[MeshFile]) -> Wanted {
-        let has = |k: usize| files.iter().any(|file| file.has_looks()[k]);
+    /// Channels that are asked for and present.
+    fn wanted(&self, files: &[MeshFile]) -> PaintChannels {
+        let has = |k: usize| files.iter().any(|file| file.summary.looks[k]);
         let channels = self.channels();
-        Wanted {
+        PaintChannels {
             colors: channels.contains(Channel::Color) && has(0),
             parts: channels.contains(Channel::Material),
             normals: channels.contains(Channel::Normal) && has(1),
@@ -339,12 +313,12 @@ impl Front<'_> {
         files: &[MeshFile],
         grid: &Grid,
         each: &mut dyn FnMut(&Triangle) -> Result<(), SourceError>,
-    ) -> Result<Counted, SourceError> {
+    ) -> Result<Counts, SourceError> {
         let place = |p| self.point(grid, p);
-        self.go_through(files, &mut |file, _, handed| {
+        self.go_through(files, &mut |file, _, counts| {
             file.for_each_corner(&self.scratch, &place, &mut |corners| {
-                let t = turned(corners.map(|corner| corner.at));
-                handed.take(&t, corners, |t| each(t))
+                counts.add(corners);
+                Ok(each(&smallest_first(corners.map(|corner| corner.at)))?)
             })
         })
     }
@@ -355,22 +329,20 @@ impl Front<'_> {
         files: &[MeshFile],
         grid: &Grid,
         each: &mut dyn FnMut(&Triangle, &Look, usize) -> Result<(), SourceError>,
-    ) -> Result<Counted, SourceError> {
+    ) -> Result<Counts, SourceError> {
         let place = |p| self.point(grid, p);
-        self.go_through(files, &mut |file, number, handed| {
+        self.go_through(files, &mut |file, number, counts| {
             file.for_each_look(&self.scratch, &mut |t, look| {
                 let corners = t.map(|p| Corner::new(p, &place));
                 Corner::check(&corners, 0)?;
                 let at = corners.map(|corner| corner.at);
-                let t = turned(at);
-                let turned;
-                let mut look = look;
-                if *look != Look::NONE {
-                    // What corners carry turns with them.
-                    turned = look.turned(at.iter().position(|corner| t.starts_with(corner)).unwrap_or(0));
-                    look = &turned;
+                let t = smallest_first(at);
+                let mut look = *look;
+                if look != Look::NONE {
+                    look = look.rotated(at.iter().position(|corner| t.starts_with(corner)).unwrap_or(0));
                 }
-                handed.take(&t, &corners, |t| each(t, look, number))
+                counts.add(&corners);
+                Ok(each(&t, &look, number)?)
             })
         })
     }
@@ -387,16 +359,15 @@ impl Front<'_> {
     fn go_through(
         &self,
         files: &[MeshFile],
-        read: &mut dyn FnMut(&MeshFile, usize, &mut Handed) -> Result<(), SourceError>,
-    ) -> Result<Counted, SourceError> {
+        read: &mut dyn FnMut(&MeshFile, usize, &mut Counts) -> Result<(), SourceError>,
+    ) -> Result<Counts, SourceError> {
         self.progress.stage("triangles", files.len() as u64);
-        let mut handed = Handed::default();
+        let mut counts = Counts::default();
         for (number, file) in files.iter().enumerate() {
-            let done = read(file, number, &mut handed);
-            handed.stopped.take().map_or(done, Err)?;
+            read(file, number, &mut counts)?;
             self.progress.step(1)?;
         }
-        Ok(handed.counted)
+        Ok(counts)
     }
 
     /// The open edges, and how they are counted: with their direction, unless that disagrees with its neighbours;
@@ -425,7 +396,7 @@ impl Front<'_> {
         }
     }
 
-    /// How many triangles a worker may have at hand: those of the fullest bin, if the budget has room.
+    /// How many triangles a worker may load: those of the fullest bin, if the budget has room.
     fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
         let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(MIN_WORKER) + WORKER_OVERHEAD;

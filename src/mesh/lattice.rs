@@ -169,7 +169,7 @@ impl Grid {
 /// The triangle of three points, its smallest vertex first: what is computed of it does not depend on where the file
 /// begins it.
 #[inline]
-pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
+pub(crate) fn smallest_first([a, b, c]: [[i32; 3]; 3]) -> Triangle {
     let [a, b, c] = if a <= b && a <= c {
         [a, b, c]
     } else if b <= c {
@@ -178,6 +178,14 @@ pub(crate) fn turned([a, b, c]: [[i32; 3]; 3]) -> Triangle {
         [c, a, b]
     };
     [a[0], a[1], a[2], b[0], b[1], b[2], c[0], c[1], c[2]]
+}
+
+/// The first corner, and the edges from it to the others.
+#[inline]
+pub(super) fn edges(t: &Triangle) -> [[f64; 3]; 3] {
+    let f = t.map(f64::from);
+    let edge = |k: usize| [f[k] - f[0], f[k + 1] - f[1], f[k + 2] - f[2]];
+    [[f[0], f[1], f[2]], edge(3), edge(6)]
 }
 
 /// First slice (row, column) whose centre is at or beyond a coordinate. (Coordinates are below 2^29: nothing is checked

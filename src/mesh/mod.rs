@@ -1,31 +1,21 @@
-//! Triangle meshes as solids: any size, in a fixed amount of memory, every voxel decided in integers.
+#![doc = include_str!("MESHES.md")]
+//!
+//! ---
 //!
 //! ```text
 //! file --bounds--> grid --triangles on the lattice--> bins (scratch) --rows--> bits --builder--> .oct
 //!                              └─> census: closed? ──no──> open edges ──> caps ──┘
 //! ```
 //!
-//! A voxel is inside if its centre is. That is decided on a lattice of 2^-12 voxel, to which vertices are rounded
-//! once; so the model depends neither on the order of triangles nor on memory or threads, and formats that hold the
-//! same numbers give the same bytes. Which rule applies follows from what the mesh is:
-//!
-//! | mesh | inside is |
-//! |---|---|
-//! | closed, directions agree | what it winds around (nonzero winding): overlapping parts are one |
-//! | closed, directions disagree | where a ray meets it an odd number of times (parity) |
-//! | open | as above, once caps close the loops of its open edges |
-//!
-//! [`Fill::Surface`] asks for none of them: inside are the voxels that rows of centres cross the mesh in.
-//!
 //! | part | what it holds |
 //! |---|---|
 //! | `read` | triangles from files |
 //! | `lattice` | the grid, and whole numbers for coordinates |
 //! | `corner` | vertices on the lattice, each once |
-//! | `census`, `boundary` | closed or not, told by sums; open edges and caps |
-//! | `bins` | triangles sorted by place, in a nameless file |
+//! | `census`, `boundary` | closed or not, by sums; open edges and caps |
+//! | `bins` | triangles sorted by place, in a scratch file |
 //! | `raster` | rows that cross triangles, bits from crossings |
-//! | `resident`, `cells` | triangles at hand; small ones by cells of a voxel |
+//! | `resident`, `cells` | triangles in memory; small ones by cells of a voxel |
 //! | `nearest`, `bound`, `prism` | the nearest of a voxel; what is too far to be it |
 //! | `crossed` | cells instead of skin: planes from where edges meet triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
@@ -57,7 +47,7 @@ mod solid;
 mod thin;
 
 pub(crate) use census::{Census, Closed};
-pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, span, turned};
+pub(crate) use lattice::{Bounds, MAX_VOXELS, STEPS, Triangle, smallest_first, span};
 pub use lattice::{Grid, GridChoice};
 pub(crate) use nearest::{Facet, Nearest};
 pub(crate) use raster::{Crossings, Rule, cross_slice};
@@ -65,6 +55,7 @@ pub(crate) use raster::{Crossings, Rule, cross_slice};
 use std::path::{Path, PathBuf};
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
+use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, BuildReport, CellEdges, Progress, Tile};
 use crate::facts::{Fill, MeshFacts, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -77,8 +68,8 @@ use paint::{COLLECTING_BYTES, Painter};
 use read::{Limits, MeshFile, READER_BYTES};
 pub(crate) use read::{check, format_of, is_named};
 use resident::Resident;
-pub(crate) use solid::MeshSolid;
 use solid::fixed_bytes;
+pub(crate) use solid::{MeshSolid, from_faces, row_words};
 use thin::Thin;
 
 /// How a mesh is made a solid.
@@ -88,7 +79,7 @@ pub struct MeshOptions {
     pub grid: GridChoice,
     /// Millimetres of a unit of the files.
     pub unit_mm: f64,
-    /// What is inside; what fits the mesh, if not given.
+    /// The rule for inside; the one that fits the mesh, if not given.
     pub fill: Option<Fill>,
     /// Are walls thinner than a voxel kept? What is inside is then, too, a voxel of every two neighbours between whose
     /// centres, both outside, the mesh passes. Without effect where the fill is [`Fill::Surface`].
@@ -106,23 +97,23 @@ impl MeshOptions {
     }
 }
 
-/// What was built, and what was found about the mesh.
+/// The report of a build from a mesh.
 #[derive(Clone, Debug)]
 pub struct MeshReport {
     /// Figures of the build; the time of reading the mesh is in the scan's.
     pub build: BuildReport,
-    /// What was found and chosen.
+    /// Facts about the mesh, and the choices made.
     pub facts: MeshFacts,
-    /// What the mesh lacks.
+    /// Missing parts of the mesh.
     pub notes: Vec<MeshNote>,
 }
 
 /// Fewest triangles that a worker has room for.
 const MIN_RESIDENT: usize = 2048;
-/// Bytes of a worker of the builder beside its part of the solid, about.
+/// Bytes of a worker of the builder without its part of the solid, about.
 const COLUMN_BYTES: u64 = 768 << 10;
 
-/// What is stored of a mesh where nothing else is asked for: normals, and of skin colours if it has them.
+/// The default channels of a mesh: normals, and for skin colours if it has them.
 pub fn usual_channels(surface: SurfaceKind) -> Channels {
     match surface {
         SurfaceKind::Skin => Channels::default().with(Channel::Color),
@@ -194,6 +185,15 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
         COLUMN_BYTES + fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 32) + painter + thin + edges;
     bins + (READER_BYTES + collecting + BINNING_BYTES.max(BOUNDARY_BYTES))
         .max(column.max(MIN_WORKER) + WORKER_OVERHEAD)
+}
+
+/// The refusal of a memory cap in which so many bytes have no room.
+pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildError {
+    let dry = Budget::dry(memory);
+    let _most = dry.reserve(bytes);
+    let limit_bytes = memory.bytes();
+    let minimum_bytes = dry.smallest_limit(1).max(limit_bytes + 1);
+    BuildError::BudgetTooSmall { name, limit_bytes, minimum_bytes }
 }
 
 /// The bounds of a mesh at another place.

@@ -5,9 +5,9 @@
 //! meet at the nearest point tie; of these the one wins that faces the voxel most, then that with the smallest code.
 //! Distances: Ericson 2005, *Real-Time Collision Detection*, 5.1.5, with the dot products shared among voxels.
 
-use super::lattice::Triangle;
+use super::lattice::{Triangle, edges};
 use crate::format::normal;
-use crate::geom::dot;
+use crate::geom::{cross, dot};
 
 /// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
@@ -49,7 +49,6 @@ impl Nearest {
         Self { squared, height: -1.0, normal: [0.0; 3] }
     }
 
-    /// Was one found?
     pub(crate) fn found(&self) -> bool {
         self.height >= 0.0
     }
@@ -101,17 +100,50 @@ impl Nearest {
     }
 }
 
+pub(super) enum Point {
+    /// On an edge or a corner: weights of the second and the third corner.
+    Border([f64; 2]),
+    /// Within: areas opposite the corners.
+    Face([f64; 3]),
+}
+
+/// The point of a triangle nearest to another one (Ericson 2005, 5.1.5), by the products of the edges from the first
+/// corner with the way to that point, and with each other.
+#[inline(always)]
+pub(super) fn nearest_point([d1, d2]: [f64; 2], [abab, abac, acac]: [f64; 3]) -> Point {
+    if d1 <= 0.0 && d2 <= 0.0 {
+        return Point::Border([0.0, 0.0]);
+    }
+    let (d3, d4) = (d1 - abab, d2 - abac);
+    if d3 >= 0.0 && d4 <= d3 {
+        return Point::Border([1.0, 0.0]);
+    }
+    let vc = d1 * d4 - d3 * d2;
+    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
+        return Point::Border([d1 / abab, 0.0]);
+    }
+    let (d5, d6) = (d1 - abac, d2 - acac);
+    if d6 >= 0.0 && d5 <= d6 {
+        return Point::Border([0.0, 1.0]);
+    }
+    let vb = d5 * d2 - d1 * d6;
+    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
+        return Point::Border([0.0, d2 / acac]);
+    }
+    let va = d3 * d6 - d5 * d4;
+    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
+        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
+        return Point::Border([1.0 - w, w]);
+    }
+    Point::Face([va, vb, vc])
+}
+
 impl Facet {
     /// The triangle made ready; `None` if it has no area.
     #[inline]
     pub(crate) fn new(t: &Triangle) -> Option<Self> {
-        let f = t.map(f64::from);
-        let a = [f[0], f[1], f[2]];
-        let (b, c) = ([f[3], f[4], f[5]], [f[6], f[7], f[8]]);
-        let ab = [b[0] - a[0], b[1] - a[1], b[2] - a[2]];
-        let ac = [c[0] - a[0], c[1] - a[1], c[2] - a[2]];
-        let normal =
-            [ab[1] * ac[2] - ab[2] * ac[1], ab[2] * ac[0] - ab[0] * ac[2], ab[0] * ac[1] - ab[1] * ac[0]];
+        let [a, ab, ac] = edges(t);
+        let normal = cross(ab, ac);
         let normal_squared = dot(normal, normal);
         if normal_squared == 0.0 {
             return None;
@@ -134,37 +166,14 @@ impl Facet {
 
     #[inline]
     fn squared_distance(&self, ap: [f64; 3], along: f64) -> f64 {
-        let (d1, d2) = (dot(self.ab, ap), dot(self.ac, ap));
-        // The nearest point is a + v ab + w ac.
-        let at = |v: f64, w: f64| {
-            let d: [f64; 3] = std::array::from_fn(|k| ap[k] - v * self.ab[k] - w * self.ac[k]);
-            dot(d, d)
-        };
-        if d1 <= 0.0 && d2 <= 0.0 {
-            return dot(ap, ap);
+        let along_edges = [dot(self.ab, ap), dot(self.ac, ap)];
+        match nearest_point(along_edges, [self.abab, self.abac, self.acac]) {
+            Point::Border([v, w]) => {
+                let d: [f64; 3] = std::array::from_fn(|k| ap[k] - v * self.ab[k] - w * self.ac[k]);
+                dot(d, d)
+            }
+            Point::Face(_) => along * along / self.normal_squared,
         }
-        let (d3, d4) = (d1 - self.abab, d2 - self.abac);
-        if d3 >= 0.0 && d4 <= d3 {
-            return at(1.0, 0.0);
-        }
-        let vc = d1 * d4 - d3 * d2;
-        if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-            return at(d1 / self.abab, 0.0);
-        }
-        let (d5, d6) = (d1 - self.abac, d2 - self.acac);
-        if d6 >= 0.0 && d5 <= d6 {
-            return at(0.0, 1.0);
-        }
-        let vb = d5 * d2 - d1 * d6;
-        if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-            return at(0.0, d2 / self.acac);
-        }
-        let va = d3 * d6 - d5 * d4;
-        if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-            let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-            return at(1.0 - w, w);
-        }
-        along * along / self.normal_squared
     }
 
     /// The normal that leads from an inside voxel through the triangle's plane; `along` is how far the voxel is

@@ -1,7 +1,7 @@
 //! How far rows of voxels are from a triangle, at least: from its plane, and beyond its edges within that.
 //!
 //! Both parts are at right angles, and each changes evenly along a row. So most triangles that are not the nearest of
-//! a voxel are told by a few products, without asking which part of them is near. Processor seconds of whole builds,
+//! a voxel are ruled out by a few products, without finding which part of them is near. Processor seconds of builds,
 //! one thread, in turns with what was before; vertices are placed once there, too, and rows settled only where crossed:
 //!
 //! | mesh at 1024^3 | before | now |
@@ -26,7 +26,7 @@ pub(super) struct Prism {
     normals: [[f64; 3]; 4],
 }
 
-/// What they say along a row: at its first voxel, and from voxel to voxel.
+/// Distances from the planes along a row: at its first voxel, and from voxel to voxel.
 pub(super) struct Row {
     first: [f64; 4],
     step: [f64; 4],
@@ -56,7 +56,7 @@ impl Prism {
         Self { corners, normals }
     }
 
-    /// Of the row that begins with this middle of a voxel.
+    /// The row that begins with this middle of a voxel.
     #[inline(always)]
     pub(super) fn row(&self, p: [f64; 3]) -> Row {
         let [a, b] = self.corners.map(|corner| [p[0] - corner[0], p[1] - corner[1], p[2] - corner[2]]);

@@ -2,7 +2,7 @@
 //!
 //! A row runs along x through the centres of its voxels. Centres are moved by (-e, e^2, e^3), e infinitely small, so
 //! that a centre never lies on a triangle nor a row on an edge: of the triangles around an edge exactly those are
-//! crossed that a row beside it would cross.
+//! crossed that a row next to it would cross.
 
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 
@@ -157,7 +157,6 @@ impl Crossings {
         }
     }
 
-    /// The bits of a row.
     pub(crate) fn row(&self, row: usize) -> &[u64] {
         &self.bits[row * self.words..][..self.words]
     }

@@ -6,15 +6,16 @@
 
 use std::ops::Range;
 
-use super::bins::{BEYOND, Held, Record, held, ways};
+use super::bins::{BEYOND, BinTriangle, Bins, BlockBuffers, Record, held, ways};
 use super::lattice::{centres, first_centre, last_centre};
+use crate::facts::SourceError;
 
-/// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Place`].
+/// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Location`].
 pub(super) type Item = [i32; 7];
 
 /// Where an item belongs.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct Location {
     /// Slices between whose centres it lies, from the first of the run.
     first: i8,
     last: i8,
@@ -23,7 +24,7 @@ struct Place {
     group: u16,
 }
 
-impl Place {
+impl Location {
     #[inline(always)]
     fn of(item: &Item) -> Self {
         let [first, last, low, high] = item[6].to_le_bytes();
@@ -80,7 +81,7 @@ pub(super) struct Resident {
     /// First item of every slot of every group, and one more.
     starts: Vec<u32>,
     next: Vec<u32>,
-    /// Of the triangles near to many bricks, so many stand in front that are near to the slice at hand.
+    /// So many of the triangles near to many bricks, the first ones, are near to the current slice.
     wide: usize,
 }
 
@@ -95,15 +96,15 @@ impl Resident {
         (places * size_of::<Item>() + 2 * slots(bricks) * size_of::<u32>()) as u64
     }
 
-    /// Places that so many bytes have room for, beside the lists of the bricks.
+    /// Places that so many bytes have room for, without the lists of the bricks.
     pub(super) fn fit(bytes: u64) -> usize {
         usize::try_from(bytes / size_of::<Item>() as u64).unwrap_or(usize::MAX)
     }
 
     /// Places that a triangle takes that is near to bricks `from..=to`.
     #[inline(always)]
-    pub(super) fn places(t: &Held<'_>, from: i32, to: i32) -> u32 {
-        1 + u32::from(to - from == 1) + if matches!(t, Held::Short(_)) { 0 } else { 2 }
+    pub(super) fn places(t: &BinTriangle<'_>, from: i32, to: i32) -> u32 {
+        1 + u32::from(to - from == 1) + if matches!(t, BinTriangle::Short(_)) { 0 } else { 2 }
     }
 
     pub(super) fn new(places: usize, bricks: usize) -> Self {
@@ -130,7 +131,7 @@ impl Resident {
         self.long = 0;
     }
 
-    /// Places that are filled whatever comes.
+    /// Places that can always be filled.
     pub(super) fn room(&self) -> usize {
         self.items.len().saturating_sub(MAX_PLACES)
     }
@@ -140,8 +141,28 @@ impl Resident {
         self.bricks
     }
 
+    /// Takes the triangles of a bin, that of a row and a slice, that are near to `slices` and to the bricks `taken` from
+    /// column `x0` on, in place of those before; `false` where they do not fit.
+    pub(super) fn load(
+        &mut self,
+        bins: &Bins,
+        (row, slice): (u32, u32),
+        slices: Range<i32>,
+        x0: i32,
+        taken: Range<usize>,
+        buffers: &mut BlockBuffers,
+    ) -> Result<bool, SourceError> {
+        self.clear(slices.start, x0, taken);
+        let mut fits = true;
+        bins.for_each_block(row, slice, buffers, &mut |block| {
+            fits = self.take(block, slices.start, slices.end);
+            fits
+        })?;
+        Ok(fits)
+    }
+
     /// Takes those triangles that bear upon slices `first..end`; `false` where there is no room.
-    pub(super) fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
+    fn take(&mut self, block: &[Record], first: i32, end: i32) -> bool {
         let near = |low: i32, high: i32| low < end + BEYOND && high >= first - BEYOND;
         held(block).all(|t| {
             let (low, high) = slices(&t);
@@ -151,7 +172,7 @@ impl Resident {
 
     /// Takes a triangle between slices `low..=high`; `false` where there is no room.
     #[inline]
-    fn keep(&mut self, t: &Held<'_>, low: i32, high: i32) -> bool {
+    fn keep(&mut self, t: &BinTriangle<'_>, low: i32, high: i32) -> bool {
         let (from, to) = bricks_of(t, self.x0);
         let Range { start, end } = self.taken;
         let away = to < start as i32 || from >= end as i32;
@@ -162,8 +183,8 @@ impl Resident {
             return false;
         }
         let [a, b, c, d, e, f] = match t {
-            Held::Short(record) => **record,
-            Held::Long(t) => {
+            BinTriangle::Short(record) => **record,
+            BinTriangle::Long(t) => {
                 self.long += 1;
                 let at = self.items.len() - 2 * self.long;
                 let [a, b, c, d, e, f, g, h, i] = *t;
@@ -175,7 +196,7 @@ impl Resident {
         let within = |at: i32| (at - self.base).clamp(-FAR, FAR) as i8;
         let (first, last) = (within(low), within(high));
         let mut put = |group: usize, again: u16| {
-            let place = Place { first, last, group: group as u16 | again };
+            let place = Location { first, last, group: group as u16 | again };
             self.items[self.count] = [a, b, c, d, e, f, place.word()];
             self.count += 1;
         };
@@ -195,34 +216,32 @@ impl Resident {
         true
     }
 
-    /// The triangle of an item.
     #[inline(always)]
-    fn held<'a>(&'a self, item: &'a Item) -> Held<'a> {
+    fn held<'a>(&'a self, item: &'a Item) -> BinTriangle<'a> {
         let [x, at, ..] = *item;
         match item.first_chunk::<6>() {
-            Some(record) if x != ELSEWHERE => Held::Short(record),
+            Some(record) if x != ELSEWHERE => BinTriangle::Short(record),
             _ => {
                 let [a, b, c, d, e, f, _] = self.items[at as usize];
                 let [g, h, i, ..] = self.items[at as usize + 1];
-                Held::Long([a, b, c, d, e, f, g, h, i])
+                BinTriangle::Long([a, b, c, d, e, f, g, h, i])
             }
         }
     }
 
-    /// The record of an item, which is no longer triangle.
+    /// The record of an item with a short triangle.
     #[inline]
     pub(super) fn record(&self, number: u32) -> &Record {
         let [record @ .., _] = &self.items[number as usize];
         record
     }
 
-    /// Sorts the triangles, in place.
     pub(super) fn settle(&mut self) {
         let Self { items, starts, next, bricks, count, .. } = self;
         self.wide = 0;
         starts.fill(0);
         for item in &items[..*count] {
-            starts[Place::of(item).slot(*bricks) + 1] += 1;
+            starts[Location::of(item).slot(*bricks) + 1] += 1;
         }
         for at in 1..starts.len() {
             starts[at] += starts[at - 1];
@@ -231,7 +250,7 @@ impl Resident {
         for slot in 0..starts.len() - 1 {
             while next[slot] < starts[slot + 1] {
                 let at = next[slot] as usize;
-                let own = Place::of(&items[at]).slot(*bricks);
+                let own = Location::of(&items[at]).slot(*bricks);
                 if own != slot {
                     items.swap(at, next[own] as usize);
                 }
@@ -260,19 +279,19 @@ impl Resident {
 
     /// Calls `each` with the triangles between whose ends the centres of a slice lie.
     #[inline]
-    pub(super) fn crossed(&self, slice: i32, each: &mut impl FnMut(&Held<'_>)) {
+    pub(super) fn crossed(&self, slice: i32, each: &mut impl FnMut(&BinTriangle<'_>)) {
         self.around(slice, 0, each);
     }
 
     /// Calls `each` with the triangles within so many slices of one, those near to no brick that is taken among them.
     #[inline]
-    pub(super) fn around(&self, slice: i32, reach: i32, each: &mut impl FnMut(&Held<'_>)) {
+    pub(super) fn around(&self, slice: i32, reach: i32, each: &mut impl FnMut(&BinTriangle<'_>)) {
         let z = slice - self.base;
         for group in 0..self.bricks + 2 {
             // One of two slices begins one before its end.
             let (run, tall) = (self.run(group, z - reach - 1, z + reach), self.tall(group));
             for item in self.items(run).iter().chain(self.items(tall)) {
-                let place = Place::of(item);
+                let place = Location::of(item);
                 if place.is_near(z, reach) && place.group & AGAIN == 0 {
                     each(&self.held(item));
                 }
@@ -287,7 +306,7 @@ impl Resident {
         let wide = &mut self.items[self.starts[slot] as usize..self.starts[slot + 1] as usize];
         self.wide = 0;
         for at in 0..wide.len() {
-            if Place::of(&wide[at]).is_near(z, reach) {
+            if Location::of(&wide[at]).is_near(z, reach) {
                 wide.swap(at, self.wide);
                 self.wide += 1;
             }
@@ -297,7 +316,13 @@ impl Resident {
     /// Calls `each` with the number and the triangle of every item that may be within `reach` voxels, at most
     /// two, of a brick's voxels of the slice that was gathered.
     #[inline(always)]
-    pub(super) fn near(&self, slice: i32, brick: usize, reach: i32, each: &mut impl FnMut(u32, &Held<'_>)) {
+    pub(super) fn near(
+        &self,
+        slice: i32,
+        brick: usize,
+        reach: i32,
+        each: &mut impl FnMut(u32, &BinTriangle<'_>),
+    ) {
         let z = slice - self.base;
         let wide = self.tall(self.bricks);
         let wide = wide.start..wide.start + self.wide as u32;
@@ -305,7 +330,7 @@ impl Resident {
         // stands once, so that it becomes part of this loop and of its instructions.
         for numbers in [self.run(brick, z - reach - 1, z + reach), self.tall(brick), wide] {
             for (number, item) in numbers.clone().zip(self.items(numbers)) {
-                if Place::of(item).is_near(z, reach) {
+                if Location::of(item).is_near(z, reach) {
                     each(number, &self.held(item));
                 }
             }
@@ -313,30 +338,29 @@ impl Resident {
     }
 }
 
-/// Slices between whose centres a triangle lies.
+/// Slices (rows, columns) whose centres lie between the ends of a triangle: empty if the second is less.
 #[inline(always)]
-pub(super) fn slices(t: &Held<'_>) -> (i32, i32) {
+fn ends(t: &BinTriangle<'_>, axis: usize) -> (i32, i32) {
     match t {
-        Held::Short(record) => {
-            let [a, b] = ways(record, 2);
-            let from = |way: i32| record[2].wrapping_add(way);
+        BinTriangle::Short(record) => {
+            let [a, b] = ways(record, axis);
+            let from = |way: i32| record[axis].wrapping_add(way);
             (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
         }
-        Held::Long(t) => centres(t, 2),
+        BinTriangle::Long(t) => centres(t, axis),
     }
+}
+
+/// Slices between whose centres a triangle lies.
+#[inline(always)]
+pub(super) fn slices(t: &BinTriangle<'_>) -> (i32, i32) {
+    ends(t, 2)
 }
 
 /// Bricks along x, counted from a column, that a triangle is within two voxels of.
 #[inline(always)]
-pub(super) fn bricks_of(t: &Held<'_>, x0: i32) -> (i32, i32) {
-    let (left, right) = match t {
-        Held::Short(record) => {
-            let [a, b] = ways(record, 0);
-            let from = |way: i32| record[0].wrapping_add(way);
-            (first_centre(from(a.min(b).min(0))), last_centre(from(a.max(b).max(0))))
-        }
-        Held::Long(t) => centres(t, 0),
-    };
+pub(super) fn bricks_of(t: &BinTriangle<'_>, x0: i32) -> (i32, i32) {
+    let (left, right) = ends(t, 0);
     ((left - 2 - x0) >> 5, (right + 2 - x0) >> 5)
 }
 

@@ -19,7 +19,7 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::bins::{BEYOND, Bins, BlockBuffers, Held, Record, held, numbered};
+use super::bins::{BEYOND, BinTriangle, Bins, BlockBuffers, Record, held, numbered};
 use super::cells::Cells;
 use super::crossed::cross_edges;
 use super::lattice::{Grid, HALF, STEPS, Triangle, first_centre, last_centre, span};
@@ -29,14 +29,14 @@ use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Exposed, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker,
-    Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
-use crate::stamp::stamp;
+use crate::identity::file_identity;
 
 /// Rows and columns of a brick.
 const BRICK: usize = 32;
@@ -47,7 +47,7 @@ const VOXEL_SQUARED: f64 = 16_777_217.0;
 /// How far the nearest triangle is sought, and that squared: one voxel, two where the thick skin has voxels that
 /// touch the outside with a corner only.
 const REACHES: [(i32, f64); 2] = [(STEPS, VOXEL_SQUARED), (2 * STEPS, 4.0 * VOXEL_SQUARED)];
-/// What the model says of its normals.
+/// The source of its normals, for the model.
 const ESTIMATOR: &str = "nearest triangle";
 
 /// The voxels inside a mesh whose triangles have been binned.
@@ -67,11 +67,11 @@ pub(crate) struct MeshSolid {
 }
 
 /// Words of a row of a tile, with one on either side.
-fn row_words(tile: &Tile) -> usize {
+pub(crate) fn row_words(tile: &Tile) -> usize {
     tile.columns.div_ceil(64) as usize + 2
 }
 
-/// Memory of a worker beside its resident triangles.
+/// Memory of a worker without its resident triangles.
 pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     Crossings::bytes(row_words(tile), ROWS)
         + BlockBuffers::BYTES
@@ -85,7 +85,7 @@ impl Solid for MeshSolid {
     }
 
     /// The same for every file of the same solid: neither format, size nor number of triangles.
-    fn metadata(&self, _: &Found) -> Metadata {
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
         let Grid { dims, voxel_mm, origin_mm, .. } = self.grid;
         let mut affine = [[0.0; 4]; 3];
         for (axis, row) in affine.iter_mut().enumerate() {
@@ -107,13 +107,13 @@ impl Solid for MeshSolid {
 
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
-        match self.inputs.iter().find(|(path, then)| stamp(path) != *then) {
+        match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
             Some((path, _)) => Err(SourceError::Unusable { path: path.clone(), fault: Fault::ChangedInUse }),
             None => Ok(()),
         }
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         let wanted = self.paint.as_ref().map(|paint| paint.wanted);
         let bytes = match channel {
             Channel::Normal => Some(2),
@@ -138,11 +138,11 @@ impl Solid for MeshSolid {
 pub(crate) struct MeshWorker<'a> {
     solid: &'a MeshSolid,
     column: VoxelBox,
-    /// Slices and bricks whose skin can be described with the triangles at hand; fewer bricks than the tile has
+    /// Slices and bricks whose skin the loaded triangles describe; fewer bricks than the tile has
     /// are those of one slice, and none where not even a brick's triangles have room.
     run: (i32, i32),
     bricks: Range<usize>,
-    /// Of the bin at hand, if not all of it has room.
+    /// Counts of the current bin, if not all of it has room.
     needs: Needs,
     resident: Resident,
     buffers: BlockBuffers,
@@ -203,7 +203,7 @@ impl MeshWorker<'_> {
         })
     }
 
-    /// Has the triangles for describing slice `z`, and for the bits two slices ahead, at hand, if they have room.
+    /// Loads the triangles for describing slice `z` and for the bits two slices ahead, if they have room.
     fn seek(&mut self, z: i32) -> Result<(), SourceError> {
         if (self.run.0..self.run.1).contains(&z) {
             return Ok(());
@@ -223,13 +223,8 @@ impl MeshWorker<'_> {
         self.gathered = None;
         loop {
             resident.clear(z, x0, all.clone());
-            let mut fits = end > z;
-            if fits {
-                solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
-                    fits = resident.take(block, z, end);
-                    fits
-                })?;
-            }
+            let bin = (row, z as u32);
+            let fits = end > z && resident.load(&solid.bins, bin, z..end, x0, all.clone(), buffers)?;
             if fits || end <= z + 1 {
                 self.bricks = if fits { all } else { 0..0 };
                 break;
@@ -251,7 +246,7 @@ impl MeshWorker<'_> {
         let bottom = self.column.y.end as i32 + 1;
         let left = i64::from(self.column.x.start) - 64;
         let Self { resident, crossings, solid, buffers, column, bricks, .. } = self;
-        let mut each = |t: &Held<'_>| {
+        let mut each = |t: &BinTriangle<'_>| {
             cross_slice(&t.triangle(), slice, top, bottom, &mut |row, column, sign| {
                 crossings.add((row - top) as usize, column - left, sign);
             });
@@ -274,7 +269,7 @@ impl MeshWorker<'_> {
         Ok(())
     }
 
-    /// Has the triangles of a brick's slice at hand, and those of as many bricks behind it as have room; `false`
+    /// Loads the triangles of a brick's slice, and those of as many bricks behind it as have room; `false`
     /// if its own have none.
     fn seek_brick(&mut self, z: i32, brick: usize) -> Result<bool, SourceError> {
         self.seek(z)?;
@@ -305,13 +300,7 @@ impl MeshWorker<'_> {
         self.gathered = None;
         self.bricks = 0..0;
         while end > brick {
-            resident.clear(z, x0, brick..end);
-            let mut fits = true;
-            solid.bins.for_each_block(row, z as u32, buffers, &mut |block| {
-                fits = resident.take(block, z, z + 1);
-                fits
-            })?;
-            if fits {
+            if resident.load(&solid.bins, (row, z as u32), z..z + 1, x0, brick..end, buffers)? {
                 resident.settle();
                 self.bricks = brick..end;
                 break;
@@ -327,7 +316,7 @@ impl MeshWorker<'_> {
         let brick = (x0 - self.column.x.start as i32) as usize / BRICK;
         let fits = self.seek_brick(z, brick)?;
         let Self { resident, nearest, solid, buffers, column, gathered, cells, .. } = self;
-        let mut offered = Offered { corner: [x0, y0, z], wanted, reach, cells, nearest };
+        let mut offered = SliceSearch { corner: [x0, y0, z], wanted, reach, cells, nearest };
         if fits {
             let voxels = reach / STEPS;
             if *gathered != Some((z, voxels)) {
@@ -346,7 +335,7 @@ impl MeshWorker<'_> {
     }
 }
 
-/// What the slices of a bin need, to be told how many of them have room.
+/// Places that the slices of a bin need: how many of them have room follows.
 struct Needs {
     /// Row and slab.
     bin: (u32, i32),
@@ -388,16 +377,16 @@ impl Needs {
     fn places(&self, first: i32, end: i32) -> usize {
         let sum = |counts: &[u32]| counts.iter().map(|count| *count as usize).sum::<usize>();
         let at = |slice: i32| (slice - (self.bin.1 << 5)).clamp(0, BRICK as i32) as usize;
-        // What begins within a slice may end before it.
+        // Triangles that begin within a slice may end before it.
         let ended = at(first + 1).min(BRICK);
         sum(&self.begin[..at(end)]).saturating_sub(sum(&self.ended[..ended]))
     }
 }
 
-/// Offers what is near to a brick's slice.
+/// Offers the triangles near to a brick's slice.
 struct OfferNear<'a, 'b> {
     resident: &'a Resident,
-    offered: &'a mut Offered<'b>,
+    offered: &'a mut SliceSearch<'b>,
     brick: usize,
 }
 
@@ -414,8 +403,8 @@ impl Kernel for OfferNear<'_, '_> {
     }
 }
 
-/// What is offered to the skin voxels of a brick's slice.
-struct Offered<'a> {
+/// The skin voxels of a brick's slice, to which triangles are offered.
+struct SliceSearch<'a> {
     corner: [i32; 3],
     wanted: &'a [u32; BRICK],
     reach: i32,
@@ -423,11 +412,11 @@ struct Offered<'a> {
     nearest: &'a mut [Nearest],
 }
 
-impl Offered<'_> {
+impl SliceSearch<'_> {
     /// Offers a triangle: at once, or together with others that are as small, whose records are found by number.
     #[inline(always)]
-    fn add<'r>(&mut self, number: u32, t: &Held<'_>, record: impl Fn(u32) -> &'r Record) {
-        if let Held::Short(own) = t {
+    fn add<'r>(&mut self, number: u32, t: &BinTriangle<'_>, record: impl Fn(u32) -> &'r Record) {
+        if let BinTriangle::Short(own) = t {
             let [x, y, z] = self.corner;
             if self.cells.add(own, number, [x * STEPS, y * STEPS, z * STEPS + HALF], self.reach) {
                 if self.cells.is_full() {
@@ -598,7 +587,7 @@ fn each_bit(row: u32, mut act: impl FnMut(usize)) {
 }
 
 /// The mean direction of the faces of a voxel that look outside, where no triangle is near.
-fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
+pub(crate) fn from_faces(exposed: &Exposed, x: usize) -> [f32; 3] {
     let at = |face: usize| (exposed.faces[face] >> x & 1) as f32;
     let sum = [at(1) - at(0), at(3) - at(2), at(5) - at(4)];
     if sum == [0.0; 3] { [0.0, 0.0, 1.0] } else { sum }

@@ -6,7 +6,7 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `files` | reading and writing at places, names as bytes, nameless files, links, limits |
+//! | `files` | reading and writing at places, names as bytes, unnamed files, links, limits |
 //! | `machine` | processor, memory, other processes |
 //! | `memory` | the memory of this process, as the system accounts it |
 //! | `resident` | resident memory given back |

@@ -3,9 +3,7 @@
 //! From each point that is seen, rays go out over the hemisphere above it, more of them upwards as a matt surface is lit
 //! (by the cosine); the part of them that meets nothing is the point's openness. Hollows turn dark, ridges stay bright.
 //!
-//! A ray does not start a little above the surface, but where it leaves the boxes around the one that was hit: a surface
-//! of boxes is a stair, whose own steps are no hollows. That border lies between boxes, so it is exact in the ray's
-//! integers, and no ray meets the box that it comes from.
+//! A ray starts where it leaves the boxes around the one that was hit (`leave`).
 //!
 //! Directions are a spiral by the golden angle, turned in sixteen ways over four by four pixels: they depend on the pixel
 //! alone. All of it is additions, products, quotients and roots in one order, the same on every machine. Cost: 0.3 microseconds
@@ -18,11 +16,11 @@ use rayon::prelude::*;
 use crate::geom::{add_scaled, cross, dot};
 use crate::load::ModelView;
 
-use super::around::Surroundings;
 use super::batch::Batch;
 use super::form::Form;
 use super::leave;
-use super::picture::{Open, Painter};
+use super::normals::around::Surroundings;
+use super::picture::{Openness, Painter};
 use super::ray::Ray;
 use super::space::GridSpace;
 use super::surface::Surface;
@@ -50,7 +48,7 @@ pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
-/// What a worker keeps from pixel to pixel.
+/// The memory of a worker, from pixel to pixel.
 pub(super) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
@@ -65,7 +63,7 @@ impl Lot {
 
 /// A point that is seen, where its light comes from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place<'a> {
+pub(super) struct ShadedPoint<'a> {
     pub(super) space: &'a GridSpace,
     pub(super) hit: &'a Hit,
     /// In the world.
@@ -110,12 +108,12 @@ impl Sky {
         &self,
         lot: &mut Lot,
         (view, surface): (&ModelView<'_>, &S),
-        place: &Place<'_>,
+        place: &ShadedPoint<'_>,
         pixel: [usize; 2],
         between: &dyn Fn(),
     ) -> u8 {
         let directions = self.of(pixel);
-        let [right, ahead] = beside(place.normal);
+        let [right, ahead] = tangents(place.normal);
         let mut closed = 0;
         for directions in directions.chunks(STEP_RAYS) {
             lot.rays.clear();
@@ -133,7 +131,7 @@ impl Sky {
     }
 }
 
-impl Place<'_> {
+impl ShadedPoint<'_> {
     /// The ray from here into a direction of the world, from where it leaves the boxes around; `None` where that is
     /// outside the grid.
     fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
@@ -174,7 +172,7 @@ impl<S: Surface> Painter<'_, S> {
                 rows_done(height as u32);
             },
         );
-        self.open = Open { top: from, pixels: open };
+        self.open = Openness { top: from, pixels: open };
         start.elapsed()
     }
 
@@ -191,7 +189,7 @@ impl<S: Surface> Painter<'_, S> {
         let seen = self.seen(&Trace { hit: Some(hit), steps: 0 }, x, y);
         let normal = self.normals.normal(around, seen, line);
         let away = dot(normal, sight) > 0.0;
-        let place = Place {
+        let place = ShadedPoint {
             space: self.sight.space(),
             hit: &hit,
             point: add_scaled(origin, hit.t, sight),
@@ -202,7 +200,7 @@ impl<S: Surface> Painter<'_, S> {
 }
 
 /// Two unit vectors perpendicular to a unit vector and to each other.
-pub(crate) fn beside(normal: [f64; 3]) -> [[f64; 3]; 2] {
+pub(crate) fn tangents(normal: [f64; 3]) -> [[f64; 3]; 2] {
     let size = normal.map(f64::abs);
     let least = (1..3).fold(0, |least, a| if size[a] < size[least] { a } else { least });
     let mut axis = [0.0; 3];
@@ -216,7 +214,7 @@ pub(crate) fn beside(normal: [f64; 3]) -> [[f64; 3]; 2] {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::{Affine, Dims, morton};
+    use crate::geom::{Affine, Dims};
     use crate::load::MemoryTree;
     use crate::render::leave::REACH;
     use crate::render::picture::{Canvas, Traversal, paint};
@@ -251,13 +249,9 @@ mod tests {
         let picture = |wall: u32, ambient_rays, threads| {
             let around = |c: u32| (10..22).contains(&c);
             let edge = |x: u32, y: u32| around(x) && around(y) && [x, y].iter().any(|c| *c == 10 || *c == 21);
-            let mut codes: Vec<u64> = (0..32_u32 * 32 * 32)
-                .map(|i| [i % 32, i / 32 % 32, i / 1024])
-                .filter(|[x, y, z]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z)))
-                .map(|[x, y, z]| morton::encode(x, y, z))
-                .collect();
-            codes.sort_unstable();
-            let tree = MemoryTree::new(dims, &codes).unwrap();
+            let all = (0..32_u32 * 32 * 32).map(|i| [i % 32, i / 32 % 32, i / 1024]);
+            let is_skin = |[x, y, z]: &[u32; 3]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z));
+            let tree = MemoryTree::of_cells(dims, all.filter(is_skin));
             let space = space(32);
             let support = |direction| space.support(&tree.view(), direction);
             let top = ViewPoint::Named(NamedView::Top);
@@ -287,8 +281,8 @@ mod tests {
         assert!(plain.iter().zip(&dark).all(|(plain, dark)| dark <= plain));
     }
 
-    /// Of a million rays out of a ball none meets the box that it comes from, nor those next to it, nor any that it
-    /// rises from steeply.
+    /// A million rays out of a ball: none meets the box that it comes from, nor those next to it, nor any that it rises
+    /// from steeply.
     #[test]
     fn no_ray_of_a_ball_meets_where_it_comes_from() {
         let side = 64_u32;
@@ -297,20 +291,12 @@ mod tests {
             let d = c.map(|c| f64::from(c) + 0.5 - middle);
             dot(d, d) <= 24.0 * 24.0
         };
-        let mut codes = vec![];
-        for i in 0..side * side * side {
-            let c = [i % side, i / side % side, i / side / side];
-            let open = (0..27_u32).any(|n| {
-                let next: [u32; 3] =
-                    [c[0] + n % 3, c[1] + n / 3 % 3, c[2] + n / 9].map(|c| c.wrapping_sub(1));
-                !inside(next)
-            });
-            if inside(c) && open {
-                codes.push(morton::encode(c[0], c[1], c[2]));
-            }
-        }
-        codes.sort_unstable();
-        let tree = MemoryTree::new(Dims::new(side, side, side).unwrap(), &codes).unwrap();
+        let all = (0..side * side * side).map(|i| [i % side, i / side % side, i / side / side]);
+        let is_skin = |c: &[u32; 3]| {
+            let next = |n: u32| [c[0] + n % 3, c[1] + n / 3 % 3, c[2] + n / 9].map(|c| c.wrapping_sub(1));
+            inside(*c) && (0..27).any(|n| !inside(next(n)))
+        };
+        let tree = MemoryTree::of_cells(Dims::new(side, side, side).unwrap(), all.filter(is_skin));
         let (space, sky) = (space(side), Sky::new(256));
         let (mut rays, mut met) = (0_u32, 0_u32);
         for at in 0..4096_usize {
@@ -322,8 +308,8 @@ mod tests {
             let ray = space.ray(from, outward.map(|c| -c)).unwrap().unwrap();
             let hit = single::trace(Form::best(), &tree.view(), &Skin, &ray, 0).hit.unwrap();
             let point = std::array::from_fn(|a| from[a] - hit.t * outward[a]);
-            let place = Place { space: &space, hit: &hit, point, normal: outward };
-            let [right, ahead] = beside(outward);
+            let place = ShadedPoint { space: &space, hit: &hit, point, normal: outward };
+            let [right, ahead] = tangents(outward);
             for d in sky.of([at % 4, at / 4]) {
                 let world = std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + outward[a] * d[2]);
                 let Some(ray) = place.ray(world) else { continue };

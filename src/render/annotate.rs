@@ -1,4 +1,4 @@
-//! What is written into a picture: how long a millimetre is, and where the patient's sides are.
+//! Marks in a picture: a scale bar, and the patient's sides.
 //!
 //! Letters and lines are white with a black border, so that they are read on any ground.
 

@@ -7,13 +7,13 @@ use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
 
-use super::around::Surroundings;
 use super::colors::{color_of, has_colors};
-use super::facing::tile::{Doubts, Judge, Judged, Settle, Stored};
 use super::image::Image;
+use super::normals::around::Surroundings;
+use super::normals::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
+use super::normals::shown::{Line, PixelHit, towards_eye};
 use super::picture::{Painter, depth_code, normal_code};
 use super::shade::{Lit, Shader, TileLight};
-use super::shown::{Line, Seen, towards_eye};
 use super::surface::Surface;
 use super::tile::{RAYS as TILE_PIXELS, TILE};
 
@@ -25,14 +25,15 @@ fn id_code(number: u64) -> [u16; 3] {
 }
 
 /// Row `y` of a band whose hits stand tile after tile.
-fn row_of(seen: &[Seen], width: usize, y: usize) -> impl Iterator<Item = Seen> {
+fn row_of(seen: &[PixelHit], width: usize, y: usize) -> impl Iterator<Item = PixelHit> {
     let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
-    (0..width)
-        .map(move |x| seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(Seen::NOTHING))
+    (0..width).map(move |x| {
+        seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(PixelHit::NOTHING)
+    })
 }
 
 /// The pixels of a tile that `wanted` names.
-fn each(wanted: u64, seen: &[Seen]) -> impl Iterator<Item = (usize, Seen)> {
+fn each(wanted: u64, seen: &[PixelHit]) -> impl Iterator<Item = (usize, PixelHit)> {
     let mut left = wanted;
     std::iter::from_fn(move || {
         let at = left.trailing_zeros() as usize;
@@ -55,8 +56,8 @@ enum Normal {
     Awaited(u8),
 }
 
-/// What a worker keeps from one pixel to the next.
-struct Kept {
+/// The memory of a worker, from one pixel to the next.
+struct WorkerState {
     around: Surroundings,
     stored: Stored,
     doubts: Doubts,
@@ -65,7 +66,7 @@ struct Kept {
     round: u32,
 }
 
-impl Kept {
+impl WorkerState {
     fn new() -> Self {
         let nothing = (0, 0, Normal::Awaited(0));
         Self {
@@ -77,19 +78,19 @@ impl Kept {
         }
     }
 
-    fn slot(seen: Seen) -> usize {
+    fn slot(seen: PixelHit) -> usize {
         (seen.key().wrapping_mul(MIXER) >> (u64::BITS - KEPT_BITS)) as usize
     }
 
     /// The normal of the face of a box, if it was found.
     #[inline]
-    fn recall(&self, seen: Seen) -> Option<Normal> {
+    fn recall(&self, seen: PixelHit) -> Option<Normal> {
         let (round, key, normal) = self.normals.get(Self::slot(seen))?;
         ((*round, *key) == (self.round, seen.key())).then_some(*normal)
     }
 
     #[inline]
-    fn keep(&mut self, seen: Seen, normal: Normal) {
+    fn keep(&mut self, seen: PixelHit, normal: Normal) {
         if let Some(place) = self.normals.get_mut(Self::slot(seen)) {
             *place = (self.round, seen.key(), normal);
         }
@@ -104,7 +105,7 @@ impl Kept {
 impl<S: Surface> Painter<'_, S> {
     /// Linear RGB of a pixel that saw a surface with this normal.
     #[inline]
-    pub(super) fn light(&self, seen: Seen, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
+    pub(super) fn light(&self, seen: PixelHit, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
         let light = match color_of(self.view, &self.shader, seen) {
             Some(color) => Shader::lit(color, normal, line.1),
             None => self.shader.light(normal, line.1),
@@ -118,7 +119,7 @@ impl<S: Surface> Painter<'_, S> {
     /// Colours the rows of a traced band: `top` and those below it of an image that begins at the picture's row `from`.
     pub(super) fn shade_band(
         &self,
-        seen: &[Seen],
+        seen: &[PixelHit],
         image: &mut Image,
         from: usize,
         top: usize,
@@ -151,16 +152,16 @@ impl<S: Surface> Painter<'_, S> {
     /// tile's corner, the tile's hits, and the bytes of its row of tiles, `N` a pixel.
     fn each_tile<const N: usize>(
         &self,
-        seen: &[Seen],
+        seen: &[PixelHit],
         out: &mut [u8],
         [from, top, rows]: [usize; 3],
-        paint: impl Fn(&mut Kept, [usize; 2], &[Seen], &mut [[u8; N]]) + Sync,
+        paint: impl Fn(&mut WorkerState, [usize; 2], &[PixelHit], &mut [[u8; N]]) + Sync,
     ) {
         let width = self.canvas.width as usize;
         let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
         let out = out.par_chunks_mut(width * N * TILE).skip(top / TILE).take(rows.div_ceil(TILE));
         let tiles = out.zip(seen.par_chunks(tile_row)).enumerate();
-        tiles.for_each_init(Kept::new, |kept, (n, (out, seen))| {
+        tiles.for_each_init(WorkerState::new, |kept, (n, (out, seen))| {
             kept.forget();
             let (out, _) = out.as_chunks_mut::<N>();
             for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
@@ -173,7 +174,7 @@ impl<S: Surface> Painter<'_, S> {
     }
 
     /// Colours of the hits of a traced band.
-    fn color(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
+    fn color(&self, seen: &[PixelHit], out: &mut [u8], place: [usize; 3]) {
         let width = self.canvas.width as usize;
         let has_colors = has_colors(self.view);
         self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
@@ -207,15 +208,15 @@ impl<S: Surface> Painter<'_, S> {
         });
     }
 
-    /// What the hits of a tile are lit by; and the pixels whose normals look towards the eye, since no normal in the
+    /// The normals and openness of a tile's hits; and the pixels whose normals look towards the eye, since no normal in the
     /// frame of the boxes does that.
-    fn lit(&self, kept: &mut Kept, corner: [usize; 2], seen: &[Seen]) -> (Lit, u64) {
+    fn lit(&self, kept: &mut WorkerState, corner: [usize; 2], seen: &[PixelHit]) -> (Lit, u64) {
         let width = self.canvas.width as usize;
         let mut lit = Lit::NOTHING;
         let (mut noted, mut alone, mut to_eye) = (0_u64, 0_u64, 0_u64);
         let edge_mm = self.normals.judged_together();
         // Tiles at the border reach over it; what is there may be of an earlier band.
-        let is_seen = |at: usize, pixel: &Seen| pixel.is_hit() && corner[0] + at % TILE < width;
+        let is_seen = |at: usize, pixel: &PixelHit| pixel.is_hit() && corner[0] + at % TILE < width;
         for (at, pixel) in seen.iter().enumerate().filter(|(at, pixel)| is_seen(*at, pixel)) {
             if edge_mm.is_some() && self.normals.note(&mut kept.stored, at, *pixel) {
                 noted |= 1 << (at % TILE_PIXELS);
@@ -226,7 +227,7 @@ impl<S: Surface> Painter<'_, S> {
                 lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
             }
         }
-        let mut judged = Judged::NOTHING;
+        let mut judged = Verdicts::NOTHING;
         if let (Some(edge_mm), 1..) = (edge_mm, noted) {
             self.form.run(Judge { stored: &kept.stored, edge_mm, out: &mut judged });
             lit.normals = judged.normals;
@@ -276,7 +277,7 @@ impl<S: Surface> Painter<'_, S> {
     }
 
     /// Normals of the hits of a traced band.
-    fn fill_normals(&self, seen: &[Seen], out: &mut [u8], place: [usize; 3]) {
+    fn fill_normals(&self, seen: &[PixelHit], out: &mut [u8], place: [usize; 3]) {
         let width = self.canvas.width as usize;
         self.each_tile::<3>(seen, out, place, |kept, corner, seen, out| {
             for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
@@ -295,7 +296,7 @@ impl<S: Surface> Painter<'_, S> {
 
     /// As `Normals::in_boxes`; pixels of one face have one normal, which is found once.
     #[inline]
-    fn normal_of(&self, kept: &mut Kept, seen: Seen, line: impl Fn() -> Line) -> Option<[f64; 3]> {
+    fn normal_of(&self, kept: &mut WorkerState, seen: PixelHit, line: impl Fn() -> Line) -> Option<[f64; 3]> {
         // Without a face it may depend on the line of sight.
         if !seen.is_of_face() || self.canvas.blended {
             return self.normals.in_boxes(&mut kept.around, seen, line);

@@ -6,14 +6,14 @@
 //! of eight rays are under way at once.
 //!
 //! Rays that start within the grid begin at the bottom: the bricks from the root to the box of the start are looked at
-//! from the finest on, and where the ray before started nearby, they are known already. At the end `pierce` decides in
+//! from the finest on, and where the ray before started nearby, they are known already. At the end `mirrored_ray` decides in
 //! integers, so hits are those of every other form.
 //!
 //! ```text
-//! choose: box -> node (fetch) --> find: first child (fetch) --> look: pierced & occupied --> choose
+//! choose: box -> node (fetch) --> find: first child (fetch) --> look: intersected & occupied --> choose
 //! ```
 //!
-//! What was tried, in M rays/s of one thread on the 1024^3 phantom of `docs/MEASURED.md` (skin, AMD EPYC with AVX2; the
+//! Alternatives, in M rays/s of one thread on the 1024^3 phantom of `docs/MEASURED.md` (skin, AMD EPYC with AVX2; the
 //! best of several runs, which differ by a third; random rays come from outside):
 //!
 //! | form | random, first hit | random, any | ambient occlusion, first hit | any |
@@ -30,16 +30,17 @@
 //! fetched: 0.85. The estimates of a line's three pairs made before the first is compared: 0.85.
 //!
 //! Within one run the row before that is 1.4 times `single` on random rays, and 1.25 times on rays of ambient occlusion. One of
-//! those looks at 3.1 bricks beside the five that it starts in (two in three of these have boxes ahead of it); they lie in the
+//! those looks at 3.1 bricks besides the five that it starts in (two in three of these have boxes ahead of it); they lie in the
 //! cache, so little is waited for. Making a ray takes 35 to 90 ns more.
 
 use crate::geom::NodeIndex;
 use crate::load::{ModelView, NodeView};
 
 use super::form::{Form, LanesKernel};
+use super::image::refill;
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::mirrored_ray::MirroredRay;
 use super::occupancy::{at_least, place};
-use super::pierce::MirroredRay;
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
 use super::single::{ALONG_A, ALONG_B, BRICK_LEVELS, SLACK, top_edge};
 use super::surface::Surface;
@@ -71,7 +72,7 @@ impl Batch {
     /// First hits of rays: those of [`super::traverse::first_hit_sealed`], for every form.
     ///
     /// The rays must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
-    /// surface. Any view is safe, whatever it answers.
+    /// surface. Any view is safe, right or wrong.
     pub fn nearest<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
@@ -80,8 +81,7 @@ impl Batch {
         lod_edge_log2: u32,
         hits: &mut Vec<Option<Hit>>,
     ) {
-        hits.clear();
-        hits.resize(rays.len(), None);
+        refill(hits, rays.len(), None);
         let Self { form, slots, known } = self;
         known.forget();
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Nearest(hits) });
@@ -96,8 +96,7 @@ impl Batch {
         lod_edge_log2: u32,
         met: &mut Vec<bool>,
     ) {
-        met.clear();
-        met.resize(rays.len(), false);
+        refill(met, rays.len(), false);
         let Self { form, slots, known } = self;
         known.forget();
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Any(met) });
@@ -191,7 +190,7 @@ const KNOWN: usize = 256;
 /// Bricks that rays looked at before, by their nodes.
 #[derive(Clone, Debug)]
 struct Bricks {
-    /// Of this call: nodes of another one may be of another view.
+    /// The present call: another one may be for another view.
     call: u64,
     known: Box<[Brick; KNOWN]>,
 }
@@ -343,7 +342,7 @@ impl Slot {
             }
             // Of rays that leave a surface, many have nothing ahead of them in the bricks around.
             if pending != 0 {
-                pending &= self.pierced(l, low, level);
+                pending &= self.intersected(l, low, level);
             }
             if pending != 0 {
                 self.levels[at] = Level { pending, stored: path.stored[at], first: path.first[at], low };
@@ -377,10 +376,10 @@ impl Slot {
         boxes
     }
 
-    /// Boxes of the brick at `low` that the line pierces.
+    /// Boxes of the brick at `low` that the line intersects.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    fn pierced<L: Lanes>(&self, l: L, low: [u32; 3], level: u32) -> u64 {
+    fn intersected<L: Lanes>(&self, l: L, low: [u32; 3], level: u32) -> u64 {
         let half_brick = f64::from(2_u32.wrapping_shl(2 * level));
         let per_edge = 2.0 / half_brick;
         let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
@@ -425,7 +424,7 @@ impl Slot {
         let mirror = self.exact.mirror;
         let pending = l.mirror_brick(stored, mirror | mirror << 3)
             & self.ahead(low, level)
-            & self.pierced(l, low, level);
+            & self.intersected(l, low, level);
         // Most bricks have nothing in the way.
         if pending != 0 {
             // Boxes of the finest level are numbered where they are met.

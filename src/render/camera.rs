@@ -67,33 +67,25 @@ impl NamedView {
 
     /// Its name on the command line.
     pub fn name(self) -> &'static str {
-        match self {
-            Self::Front => "front",
-            Self::Back => "back",
-            Self::Left => "left",
-            Self::Right => "right",
-            Self::Top => "top",
-            Self::Bottom => "bottom",
-            Self::Iso => "iso",
-        }
+        self.row().0
     }
 
     /// The world direction that it looks along.
     pub fn looks_along(self) -> [f64; 3] {
-        self.forward_and_up().0
+        self.row().1
     }
 
-    /// World directions that it looks along and has at the top (not yet at right angles for iso).
-    fn forward_and_up(self) -> ([f64; 3], [f64; 3]) {
+    /// Its name, and the world directions that it looks along and has at the top (not yet at right angles for iso).
+    fn row(self) -> (&'static str, [f64; 3], [f64; 3]) {
         let head = [0.0, 0.0, 1.0];
         match self {
-            Self::Front => ([0.0, 1.0, 0.0], head),
-            Self::Back => ([0.0, -1.0, 0.0], head),
-            Self::Left => ([-1.0, 0.0, 0.0], head),
-            Self::Right => ([1.0, 0.0, 0.0], head),
-            Self::Top => ([0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
-            Self::Bottom => ([0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
-            Self::Iso => ([-0.55, 0.75, -0.38], head),
+            Self::Front => ("front", [0.0, 1.0, 0.0], head),
+            Self::Back => ("back", [0.0, -1.0, 0.0], head),
+            Self::Left => ("left", [-1.0, 0.0, 0.0], head),
+            Self::Right => ("right", [1.0, 0.0, 0.0], head),
+            Self::Top => ("top", [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]),
+            Self::Bottom => ("bottom", [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]),
+            Self::Iso => ("iso", [-0.55, 0.75, -0.38], head),
         }
     }
 }
@@ -176,7 +168,7 @@ impl Camera {
         let tangent = tan_deg(fov_deg / 2.0);
         match point {
             ViewPoint::Named(view) => {
-                let (forward, up) = view.forward_and_up();
+                let (_, forward, up) = view.row();
                 let axes = Axes::new(forward, up)?;
                 Ok(match projection {
                     Projection::Parallel => Self::framed_parallel(axes, aspect, support),
@@ -187,7 +179,7 @@ impl Camera {
                 if !degrees.is_finite() {
                     return Err(CameraFault::NotFinite.into());
                 }
-                let (forward, up) = view.forward_and_up();
+                let (_, forward, up) = view.row();
                 let axes = Axes::new(turned(forward, degrees), turned(up, degrees))?;
                 Ok(Self::around(axes, projection, fov_deg, aspect, support))
             }
@@ -260,9 +252,8 @@ impl Camera {
         let (half_height, back) = match projection {
             Projection::Parallel => (half, ball * (1.0 + MARGIN)),
             Projection::Perspective => {
-                let [sin, cos] = angle::sin_cos_series(fov_deg / 2.0);
                 // The narrower of the picture's sides touches the ball around the model.
-                let tangent = sin / cos;
+                let tangent = tan_deg(fov_deg / 2.0);
                 let narrow = tangent * aspect.min(1.0);
                 (tangent, ball * (1.0 + MARGIN) * (1.0 + narrow * narrow).sqrt() / narrow)
             }
@@ -303,12 +294,12 @@ impl Camera {
     }
 
     /// The formula of [`Camera::ray`] as numbers.
-    pub(super) fn frame(&self) -> Frame {
+    pub(super) fn frame(&self) -> RayFrame {
         let sides = [self.right.map(|c| c * self.half_width), self.up.map(|c| c * self.half_height)];
         let parallel = self.projection == Projection::Parallel;
         let (of_origin, of_direction) =
             if parallel { (sides, [[0.0; 3]; 2]) } else { ([[0.0; 3]; 2], sides) };
-        Frame {
+        RayFrame {
             parallel,
             origin: [self.eye, of_origin[0], of_origin[1]],
             direction: [self.forward, of_direction[0], of_direction[1]],
@@ -351,7 +342,7 @@ impl Camera {
 
 /// Rays as affine functions of the picture point (x, y): each is a constant, its change with x, and with y.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Frame {
+pub(super) struct RayFrame {
     /// Does the origin change, and not the direction?
     pub(super) parallel: bool,
     pub(super) origin: [[f64; 3]; 3],
@@ -370,17 +361,10 @@ struct Axes {
 
 impl Axes {
     fn new(forward: [f64; 3], up: [f64; 3]) -> Result<Self, CameraFault> {
-        let (Some(forward), Some(up)) = (unit(forward), unit(up)) else {
-            return Err(CameraFault::UpWithoutLength);
-        };
+        let (forward, up) = unit(forward).zip(unit(up)).ok_or(CameraFault::UpWithoutLength)?;
         let right = cross(forward, up);
         // Under a thousandth of a radian the picture's rotation would be noise.
-        if dot(right, right) < 1e-6 {
-            return Err(CameraFault::UpAlongSight);
-        }
-        let Some(right) = unit(right) else {
-            return Err(CameraFault::UpAlongSight);
-        };
+        let right = unit(right).filter(|_| dot(right, right) >= 1e-6).ok_or(CameraFault::UpAlongSight)?;
         Ok(Self { right, up: cross(right, forward), forward })
     }
 
@@ -428,6 +412,22 @@ mod tests {
         Camera::new(ViewPoint::Named(view), projection, 40.0, aspect, model).unwrap()
     }
 
+    /// Is the whole box before the camera and in the picture? The greatest coordinate of a corner there.
+    fn sees(c: &Camera, low: [f64; 3], high: [f64; 3]) -> f64 {
+        let mut most = 0.0_f64;
+        for corner in 0..8_u32 {
+            let p = std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] });
+            let v = add_scaled(p, -1.0, c.eye);
+            let depth = dot(v, c.forward);
+            let scale = if c.projection == Projection::Parallel { 1.0 } else { depth };
+            let x = dot(v, c.right) / (c.half_width * scale);
+            let y = dot(v, c.up) / (c.half_height * scale);
+            assert!(depth > 0.0 && x.abs() < 1.0 && y.abs() < 1.0, "{c:?} {p:?} {x} {y}");
+            most = most.max(x.abs()).max(y.abs());
+        }
+        most
+    }
+
     #[test]
     fn named_views_have_the_documented_sides() {
         for (view, forward, right, up) in [
@@ -451,18 +451,7 @@ mod tests {
             for projection in [Projection::Parallel, Projection::Perspective] {
                 for aspect in [0.5, 1.0, 2.0] {
                     let c = named(view, projection, aspect);
-                    let mut most = 0.0_f64;
-                    for corner in 0..8_u32 {
-                        let pick = |a: u32, l: f64, h: f64| if corner >> a & 1 == 1 { h } else { l };
-                        let p = [pick(0, -10.0, 30.0), pick(1, 20.0, 26.0), pick(2, 5.0, 9.0)];
-                        let v = add_scaled(p, -1.0, c.eye);
-                        let depth = dot(v, c.forward);
-                        let scale = if projection == Projection::Parallel { 1.0 } else { depth };
-                        let x = dot(v, c.right) / (c.half_width * scale);
-                        let y = dot(v, c.up) / (c.half_height * scale);
-                        assert!(depth > 0.0 && x.abs() < 1.0 && y.abs() < 1.0, "{c:?} {p:?} {x} {y}");
-                        most = most.max(x.abs()).max(y.abs());
-                    }
+                    let most = sees(&c, [-10.0, 20.0, 5.0], [30.0, 26.0, 9.0]);
                     assert!(most > 0.94, "{view:?} {projection:?} {aspect}: {most}");
                 }
             }
@@ -494,15 +483,7 @@ mod tests {
                 for (step, aspect) in [(0, 1.0), (1, 0.5), (2, 2.0), (3, 1.0), (4, 0.7)] {
                     let point = ViewPoint::Turned { view, degrees: 73.0 * f64::from(step) };
                     let c = Camera::new(point, projection, 40.0, aspect, of_box(low, high)).unwrap();
-                    for corner in 0..8_u32 {
-                        let p = std::array::from_fn(|a| if corner >> a & 1 == 1 { high[a] } else { low[a] });
-                        let v = add_scaled(p, -1.0, c.eye);
-                        let depth = dot(v, c.forward);
-                        let scale = if projection == Projection::Parallel { 1.0 } else { depth };
-                        let x = dot(v, c.right) / (c.half_width * scale);
-                        let y = dot(v, c.up) / (c.half_height * scale);
-                        assert!(depth > 0.0 && x.abs() < 1.0 && y.abs() < 1.0, "{c:?} {p:?} {x} {y}");
-                    }
+                    sees(&c, low, high);
                 }
             }
         }

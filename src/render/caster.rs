@@ -5,8 +5,9 @@ use std::ops::Deref;
 use super::batch::Batch;
 use super::cells::Cells;
 use super::form::Form;
+use super::image::refill;
+use super::normals::shown::cell_coordinates;
 use super::ray::{BadRay, Ray};
-use super::shown::cell_coordinates;
 use super::single;
 use super::surface::Skin;
 use super::traverse::Hit;
@@ -61,24 +62,24 @@ pub struct SurfacePoint {
     pub normal: Option<[f64; 3]>,
 }
 
-/// What many rays meet: arrays with an item for each ray, in their order, to be used again for the next rays.
+/// The hits of many rays: arrays with an item for each ray, in their order, to be used again for the next rays.
 #[non_exhaustive]
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Hits {
-    /// As [`SurfacePoint::t`]; infinity for a ray that meets nothing.
+    /// [`SurfacePoint::t`]; infinity for a ray that meets nothing.
     pub t: Vec<f64>,
-    /// As [`SurfacePoint::position_mm`]; NaN for a ray that meets nothing.
+    /// [`SurfacePoint::position_mm`]; NaN for a ray that meets nothing.
     pub position_mm: Vec<[f64; 3]>,
-    /// As [`SurfacePoint::normal`]; NaN where there is none.
+    /// [`SurfacePoint::normal`]; NaN without one.
     pub normal: Vec<[f64; 3]>,
-    /// As [`SurfacePoint::voxel`]; 0 for a ray that meets nothing.
+    /// [`SurfacePoint::voxel`]; 0 for a ray that meets nothing.
     pub voxel: Vec<[u32; 3]>,
-    /// As [`SurfacePoint::number`]; [`Hits::NOTHING`] for a ray that meets nothing.
+    /// [`SurfacePoint::number`]; [`Hits::NOTHING`] for a ray that meets nothing.
     pub number: Vec<u64>,
 }
 
 impl Hits {
-    /// The number that stands for no voxel.
+    /// The number of no voxel.
     pub const NOTHING: u64 = u64::MAX;
 
     /// Rays.
@@ -91,7 +92,7 @@ impl Hits {
         self.t.is_empty()
     }
 
-    /// What a ray meets, if anything.
+    /// The hit of a ray, if any.
     pub fn get(&self, ray: usize) -> Option<SurfacePoint> {
         let number = *self.number.get(ray).filter(|number| **number != Self::NOTHING)?;
         Some(SurfacePoint {
@@ -113,15 +114,11 @@ impl Hits {
 
     /// So many rays that meet nothing.
     fn reset(&mut self, rays: usize) {
-        fn fill<T: Copy>(items: &mut Vec<T>, rays: usize, item: T) {
-            items.clear();
-            items.resize(rays, item);
-        }
-        fill(&mut self.t, rays, f64::INFINITY);
-        fill(&mut self.position_mm, rays, [f64::NAN; 3]);
-        fill(&mut self.normal, rays, [f64::NAN; 3]);
-        fill(&mut self.voxel, rays, [0; 3]);
-        fill(&mut self.number, rays, Self::NOTHING);
+        refill(&mut self.t, rays, f64::INFINITY);
+        refill(&mut self.position_mm, rays, [f64::NAN; 3]);
+        refill(&mut self.normal, rays, [f64::NAN; 3]);
+        refill(&mut self.voxel, rays, [0; 3]);
+        refill(&mut self.number, rays, Self::NOTHING);
     }
 }
 

@@ -9,16 +9,16 @@
 //! The time of a crossing within is one division of two integers that doubles hold exactly; it is off by less
 //! than 2^-36 cell along the ray in the largest grid.
 //!
-//! Along a ray the interpolation of corners is a cubic. Most rays are told at a glance, by its values at the points of
+//! Along a ray the interpolation of corners is a cubic. Most rays are decided at a glance, by its values at the points of
 //! entry and exit and its Bernstein coefficients. Else it is followed in doubles by operations in a fixed order: every
 //! form and machine finds the same. On a face whose corners are all inside it is at least 1, so rounding opens no gap.
 
 use crate::format::cell::{CORNERS, Plane};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
-use super::lanes::each3;
+use super::lanes::{each3, larger, smaller};
 use super::ray::{FRACTION_BITS, Ray};
-use super::surface::{Approach, Crossing, Glance, Looked, Passage, Surface};
+use super::surface::{Approach, Crossing, Estimate, Glance, Passage, Surface};
 use super::traverse::Hit;
 
 /// Half the edge of a cell in units of a ray's origin.
@@ -44,7 +44,7 @@ impl<'a> Cells<'a> {
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
     ///
-    /// Of a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
+    /// For a cell with corners its stored direction, which is smooth, as long as it is near to the surface's own at
     /// that point; there may be two surfaces in the cell.
     pub fn normal(&self, cell: u64, u: [f64; 3]) -> [f64; 3] {
         let stored = self.items.normal(cell).map(f64::from);
@@ -71,9 +71,9 @@ impl Surface for Cells<'_> {
     const SOLID: bool = false;
 
     #[inline(always)]
-    fn foretell(&self, view: &ModelView<'_>, approach: &Approach) -> Looked {
+    fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
         let Some(plane) = self.items.plane(approach.box_number.wrapping_sub(view.node_count())) else {
-            return Looked::Unsure;
+            return Estimate::Unsure;
         };
         let (start, slope) = along(&plane, approach);
         // Where the ray crosses the plane, from the middle of the cell and times the slope's size; on a ray that
@@ -83,7 +83,7 @@ impl Surface for Cells<'_> {
         let farthest = larger(larger(at[0], at[1]), at[2]);
         if farthest > half + CROSSING_SLACK {
             // Beyond a face that the ray leaves by: it is in front of the plane until then.
-            return Looked::Past;
+            return Estimate::Past;
         }
         let nearest = smaller(smaller(at[0], at[1]), at[2]);
         if (slope < 0.0)
@@ -91,13 +91,13 @@ impl Surface for Cells<'_> {
             & (farthest < half - CROSSING_SLACK)
             & (nearest > CROSSING_SLACK - half)
         {
-            return Looked::Within { distance: start, component: -slope };
+            return Estimate::Within { distance: start, component: -slope };
         }
-        Looked::Unsure
+        Estimate::Unsure
     }
 
     #[inline]
-    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Looked {
+    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let cell = glance.approach.box_number.wrapping_sub(view.node_count());
         let Some(plane) = self.items.plane(cell) else {
             return look_at_corners(self.items.corners(cell), glance);
@@ -106,13 +106,13 @@ impl Surface for Cells<'_> {
         let (start, slope) = along(&plane, &glance.approach);
         let (first, last) = (start + slope * glance.enter, start + slope * glance.leave);
         if first < -1.0 {
-            Looked::Entry
+            Estimate::Entry
         } else if first > 1.0 && last > 1.0 {
-            Looked::Past
+            Estimate::Past
         } else if first > 1.0 && last < -1.0 {
-            Looked::Within { distance: start, component: -slope }
+            Estimate::Within { distance: start, component: -slope }
         } else {
-            Looked::Unsure
+            Estimate::Unsure
         }
     }
 
@@ -144,16 +144,6 @@ fn along(plane: &Plane, approach: &Approach) -> (f64, f64) {
         n[0] * from[0] + n[1] * from[1] + n[2] * from[2] - f64::from(plane.offset) * HALF,
         n[0] * d[0] + n[1] * d[1] + n[2] * d[2],
     )
-}
-
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
 }
 
 /// The moment at which a ray starts.
@@ -193,9 +183,9 @@ pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<
 /// exit are off by less than 2^-20 of the cell, and values change by 381 over it at most.
 const SURELY: f64 = 0.01;
 
-/// What can be said of a cell with corners at a glance.
+/// A quick answer about a cell with corners.
 #[inline(never)]
-fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Looked {
+fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Estimate {
     let mirror = glance.approach.mirror as usize & (CORNERS - 1);
     let field = Trilinear::new(std::array::from_fn(|c| corners[c ^ mirror]));
     let point = |t: f64| -> [f64; 3] {
@@ -206,7 +196,7 @@ fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Looked {
     let (first, last) = (point(glance.enter), point(glance.leave));
     let at_first = field.at(first);
     if at_first > SURELY {
-        return Looked::Entry;
+        return Estimate::Entry;
     }
     let at_last = field.at(last);
     let slope = |at: [f64; 3]| {
@@ -216,7 +206,7 @@ fn look_at_corners(corners: [i8; CORNERS], glance: &Glance) -> Looked {
     // A cubic lies below its four Bernstein coefficients' greatest.
     let (second, third) = (at_first + slope(first) * (1.0 / 3.0), at_last - slope(last) * (1.0 / 3.0));
     let is_below = [at_first, second, third, at_last].iter().all(|c| *c < -SURELY);
-    if is_below { Looked::Past } else { Looked::Unsure }
+    if is_below { Estimate::Past } else { Estimate::Unsure }
 }
 
 /// Where the ray meets the inside of a trilinear interpolation.

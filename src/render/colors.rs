@@ -1,7 +1,7 @@
 //! The colour of what was hit: that of a voxel, or the mean of some voxels of a coarser box.
 
+use super::normals::shown::PixelHit;
 use super::shade::Shader;
-use super::shown::Seen;
 use crate::geom::{BoxIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 
@@ -14,7 +14,7 @@ pub(super) fn has_colors(view: &ModelView<'_>) -> bool {
 }
 
 /// Linear RGB of what was hit, if the model has colours.
-pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: Seen) -> Option<[f64; 3]> {
+pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) -> Option<[f64; 3]> {
     if !has_colors(view) {
         return None;
     }

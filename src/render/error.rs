@@ -60,7 +60,7 @@ pub enum RenderError {
     },
 }
 
-/// What is wrong with a camera.
+/// A fault of a camera.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum CameraFault {
@@ -80,7 +80,7 @@ pub enum CameraFault {
     UpAlongSight,
 }
 
-/// What a picture may hold besides its colours.
+/// A layer of a picture besides its colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Layer {
     /// Depth.

@@ -8,7 +8,7 @@ use crate::cpu::Avx2;
 
 /// A kernel that runs on any lanes; `#[inline(always)]` all the way down.
 pub(crate) trait LanesKernel {
-    /// What it returns.
+    /// Its result.
     type Output;
     /// The work.
     fn run(self, lanes: impl Lanes) -> Self::Output;

@@ -8,13 +8,13 @@ use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
 use crate::mark::{KEYWORD, PROGRAM};
 
-/// Pictures of more pixels than thumbnails have are compressed in haste: a quarter to a third larger, in a twentieth to
+/// Pictures of more pixels than thumbnails have are compressed fast: a quarter to a third larger, in a twentieth to
 /// a fortieth of the time, which was longer than that of tracing them. Every row by the same filter: choosing the best
 /// for each takes as long as all the rest, for 2 % fewer bytes.
 const MAX_SMALL: u64 = 1 << 18;
 
 /// How hard smaller pictures are compressed. Of a thumbnail of 256^2, in ms and bytes: level 3 5.1 and 40,264, the usual
-/// 6 16.6 and 38,220, 2 3.4 and 42,618, in haste .7 and 51,073; all the rest of making it takes some 30 ms.
+/// 6 16.6 and 38,220, 2 3.4 and 42,618, fast .7 and 51,073; all the rest of making it takes some 30 ms.
 const SMALL_LEVEL: png::DeflateCompression = png::DeflateCompression::Level(3);
 
 /// A picture, rows from the top.
@@ -39,7 +39,7 @@ pub struct Image {
 impl Image {
     /// Writes the picture as a PNG with a transparent background.
     ///
-    /// The file appears whole or not at all: it is written beside its place and renamed.
+    /// The file appears whole or not at all: it is written next to its place and renamed.
     ///
     /// # Errors
     /// [`RenderError::Write`] when the folder is missing or the disk refuses.
@@ -96,7 +96,7 @@ impl Image {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
     }
 
-    /// As [`Image::write_png`] and its like, to a file begun before.
+    /// Writes a layer to a file begun before.
     pub(crate) fn write_layer_to(&self, file: ImageFile, layer: PngLayer) -> Result<(), RenderError> {
         let mut rows = PngRows::begin(file, layer, [self.width, self.height])?;
         rows.put(self)?;
@@ -107,24 +107,10 @@ impl Image {
     pub(crate) fn clear(&mut self, rows: u32) {
         let pixels = self.width as usize * rows as usize;
         self.height = rows;
-        let bytes = |layer: &mut Vec<u8>, each: usize| {
-            layer.clear();
-            layer.resize(pixels * each, 0);
-        };
-        let words = |layer: &mut Vec<u16>, each: usize| {
-            layer.clear();
-            layer.resize(pixels * each, 0);
-        };
-        bytes(&mut self.rgba, 4);
-        if let Some(normals) = &mut self.normals {
-            bytes(normals, 3);
-        }
-        if let Some(depth) = &mut self.depth {
-            words(depth, 1);
-        }
-        if let Some(ids) = &mut self.ids {
-            words(ids, 3);
-        }
+        refill(&mut self.rgba, pixels * 4, 0);
+        self.normals.iter_mut().for_each(|normals| refill(normals, pixels * 3, 0));
+        self.depth.iter_mut().for_each(|depth| refill(depth, pixels, 0));
+        self.ids.iter_mut().for_each(|ids| refill(ids, pixels * 3, 0));
     }
 
     /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.
@@ -163,14 +149,18 @@ impl Image {
     }
 }
 
+/// Makes a vector so many times an item, in the memory that it has.
+pub(super) fn refill<T: Copy>(items: &mut Vec<T>, count: usize, item: T) {
+    items.clear();
+    items.resize(count, item);
+}
+
 /// A layer of a picture as a PNG.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum PngLayer {
     /// Colours.
     Color,
-    /// Depths.
     Depth,
-    /// Normals.
     Normals,
     /// Numbers of boxes.
     Ids,
@@ -264,9 +254,6 @@ impl PngRows {
     }
 
     /// Puts the file in its place, which all rows have been given to.
-    ///
-    /// # Errors
-    /// As [`PngRows::begin`].
     pub(crate) fn finish(self) -> Result<(), RenderError> {
         let Self { writer, path, file, .. } = self;
         let written = writer.finish().map_err(io::Error::from).and_then(|()| file.commit());

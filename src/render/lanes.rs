@@ -36,6 +36,28 @@ macro_rules! each3 {
 }
 pub(crate) use each3;
 
+/// The larger of two numbers, without the rules of [`f64::max`] for NaN.
+#[inline(always)]
+pub(crate) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, as [`larger`].
+#[inline(always)]
+pub(crate) fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
+
+/// Methods of one expression, inlined into every kernel.
+macro_rules! inlined {
+    ($(fn $name:ident($self:ident $(, $argument:ident: $t:ty)*) -> $out:ty { $body:expr })*) => {$(
+        #[inline(always)]
+        fn $name($self $(, $argument: $t)*) -> $out {
+            $body
+        }
+    )*};
+}
+
 /// Arithmetic that wraps where it is of integers.
 pub(crate) trait Ring: Copy + Add<Output = Self> + Sub<Output = Self> + Mul<Output = Self> {}
 impl<T: Copy + Add<Output = T> + Sub<Output = T> + Mul<Output = T>> Ring for T {}
@@ -121,7 +143,7 @@ pub(crate) trait Lanes: Copy {
         super::occupancy::mirrored(boxes, flip)
     }
 
-    /// Tells the processor that the first of these bytes will be read.
+    /// Hints that the first of these bytes will be read.
     #[inline(always)]
     fn prefetch(self, bytes: &[u8]) {
         let _ = bytes;
@@ -223,33 +245,21 @@ arithmetic!(i64, DOUBLES, Add add i64::wrapping_add, Sub sub i64::wrapping_sub, 
 
 impl BitAnd for Bits {
     type Output = Self;
-    #[inline(always)]
-    fn bitand(self, other: Self) -> Self {
-        Self(self.0 & other.0)
-    }
+    inlined! { fn bitand(self, other: Self) -> Self { Self(self.0 & other.0) } }
 }
 
 impl BitOr for Bits {
     type Output = Self;
-    #[inline(always)]
-    fn bitor(self, other: Self) -> Self {
-        Self(self.0 | other.0)
-    }
+    inlined! { fn bitor(self, other: Self) -> Self { Self(self.0 | other.0) } }
 }
 
 impl Not for Bits {
     type Output = Self;
-    #[inline(always)]
-    fn not(self) -> Self {
-        Self(!self.0)
-    }
+    inlined! { fn not(self) -> Self { Self(!self.0) } }
 }
 
 impl Truths for Bits {
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        self.0
-    }
+    inlined! { fn bits(self) -> u32 { self.0 } }
 }
 
 impl Lanes for Portable {
@@ -259,83 +269,30 @@ impl Lanes for Portable {
     type I = Array<i64, DOUBLES>;
     type Truths = Bits;
 
-    #[inline(always)]
-    fn f(self, x: f32) -> Self::F {
-        Array([x; SINGLES])
-    }
-    #[inline(always)]
-    fn f_load(self, x: &[f32; SINGLES]) -> Self::F {
-        Array(*x)
-    }
-    #[inline(always)]
-    fn f_store(self, x: Self::F, to: &mut [f32; SINGLES]) {
-        *to = x.0;
-    }
-    #[inline(always)]
-    fn f_abs(self, x: Self::F) -> Self::F {
-        Array(x.0.map(f32::abs))
-    }
-    #[inline(always)]
-    fn f_le(self, a: Self::F, b: Self::F) -> Bits {
-        a.truths(b, |a, b| a <= b)
-    }
+    inlined! {
+        fn f(self, x: f32) -> Self::F { Array([x; SINGLES]) }
+        fn f_load(self, x: &[f32; SINGLES]) -> Self::F { Array(*x) }
+        fn f_store(self, x: Self::F, to: &mut [f32; SINGLES]) -> () { *to = x.0 }
+        fn f_abs(self, x: Self::F) -> Self::F { Array(x.0.map(f32::abs)) }
+        fn f_le(self, a: Self::F, b: Self::F) -> Bits { a.truths(b, |a, b| a <= b) }
 
-    #[inline(always)]
-    fn d(self, x: f64) -> Self::D {
-        Array([x; DOUBLES])
-    }
-    #[inline(always)]
-    fn d_load(self, x: &[f64; DOUBLES]) -> Self::D {
-        Array(*x)
-    }
-    #[inline(always)]
-    fn d_store(self, x: Self::D, to: &mut [f64; DOUBLES]) {
-        *to = x.0;
-    }
-    #[inline(always)]
-    fn d_abs(self, x: Self::D) -> Self::D {
-        Array(x.0.map(f64::abs))
-    }
-    #[inline(always)]
-    fn d_with_sign(self, magnitude: Self::D, sign: Self::D) -> Self::D {
-        magnitude.zip(sign, f64::copysign)
-    }
-    #[inline(always)]
-    fn d_lt(self, a: Self::D, b: Self::D) -> Bits {
-        a.truths(b, |a, b| a < b)
-    }
-    #[inline(always)]
-    fn d_le(self, a: Self::D, b: Self::D) -> Bits {
-        a.truths(b, |a, b| a <= b)
-    }
-    #[inline(always)]
-    fn d_eq(self, a: Self::D, b: Self::D) -> Bits {
-        a.truths(b, |a, b| a == b)
-    }
-    #[inline(always)]
-    fn d_choose(self, which: Bits, a: Self::D, b: Self::D) -> Self::D {
-        Array(std::array::from_fn(|i| if which.0 >> i & 1 == 1 { a.0[i] } else { b.0[i] }))
-    }
-    #[inline(always)]
-    fn d_bits(self, x: Self::D) -> Self::I {
-        Array(x.0.map(|x| x.to_bits().cast_signed()))
-    }
+        fn d(self, x: f64) -> Self::D { Array([x; DOUBLES]) }
+        fn d_load(self, x: &[f64; DOUBLES]) -> Self::D { Array(*x) }
+        fn d_store(self, x: Self::D, to: &mut [f64; DOUBLES]) -> () { *to = x.0 }
+        fn d_abs(self, x: Self::D) -> Self::D { Array(x.0.map(f64::abs)) }
+        fn d_with_sign(self, magnitude: Self::D, sign: Self::D) -> Self::D { magnitude.zip(sign, f64::copysign) }
+        fn d_lt(self, a: Self::D, b: Self::D) -> Bits { a.truths(b, |a, b| a < b) }
+        fn d_le(self, a: Self::D, b: Self::D) -> Bits { a.truths(b, |a, b| a <= b) }
+        fn d_eq(self, a: Self::D, b: Self::D) -> Bits { a.truths(b, |a, b| a == b) }
+        fn d_choose(self, which: Bits, a: Self::D, b: Self::D) -> Self::D {
+            Array(std::array::from_fn(|i| if which.0 >> i & 1 == 1 { a.0[i] } else { b.0[i] }))
+        }
+        fn d_bits(self, x: Self::D) -> Self::I { Array(x.0.map(|x| x.to_bits().cast_signed())) }
 
-    #[inline(always)]
-    fn i(self, x: i64) -> Self::I {
-        Array([x; DOUBLES])
-    }
-    #[inline(always)]
-    fn i_gt(self, a: Self::I, b: Self::I) -> Bits {
-        a.truths(b, |a, b| a > b)
-    }
-    #[inline(always)]
-    fn exponent_field(self, x: Self::D) -> Self::I {
-        Array(x.0.map(|x| (x.to_bits() >> 52).cast_signed()))
-    }
-    #[inline(always)]
-    fn power(self, field: Self::I) -> Self::D {
-        Array(field.0.map(|field| f64::from_bits(field.cast_unsigned() << 52)))
+        fn i(self, x: i64) -> Self::I { Array([x; DOUBLES]) }
+        fn i_gt(self, a: Self::I, b: Self::I) -> Bits { a.truths(b, |a, b| a > b) }
+        fn exponent_field(self, x: Self::D) -> Self::I { Array(x.0.map(|x| (x.to_bits() >> 52).cast_signed())) }
+        fn power(self, field: Self::I) -> Self::D { Array(field.0.map(|x| f64::from_bits(x.cast_unsigned() << 52))) }
     }
 }
 

@@ -127,7 +127,7 @@ macro_rules! bit_manipulation {
         }
         #[inline(always)]
         fn prefetch(self, bytes: &[u8]) {
-            // SAFETY: see the top of this file; nothing is read, whatever the address.
+            // SAFETY: see the top of this file; nothing is read, and any address is allowed.
             unsafe { _mm_prefetch::<_MM_HINT_T0>(bytes.as_ptr().cast()) }
         }
     };
@@ -142,6 +142,18 @@ macro_rules! both {
         let $x = second;
         [first, $e]
     }};
+}
+
+/// Methods of one expression of intrinsics, inlined into every kernel.
+macro_rules! inlined {
+    ($(fn $name:ident($self:ident $(, $argument:ident: $t:ty)*) -> $out:ty { $body:expr })*) => {$(
+        #[inline(always)]
+        #[allow(clippy::macro_metavars_in_unsafe, reason = "the expressions stand in this file only")]
+        fn $name($self $(, $argument: $t)*) -> $out {
+            // SAFETY: see the top of this file; loads and stores are of whole arrays.
+            unsafe { $body }
+        }
+    )*};
 }
 
 /// Operators of a vector type by the intrinsics of its registers.
@@ -214,37 +226,37 @@ operators!(Truths2, two, BitAnd bitand _mm256_and_pd, BitOr bitor _mm256_or_pd);
 
 impl Not for FTruths2 {
     type Output = Self;
-    #[inline(always)]
-    fn not(self) -> Self {
-        // SAFETY: see the top of this file.
-        Self(both!(x in self => unsafe { _mm256_xor_ps(x, _mm256_castsi256_ps(_mm256_set1_epi64x(-1))) }))
+    inlined! {
+        fn not(self) -> Self { Self(both!(x in self => _mm256_xor_ps(x, _mm256_castsi256_ps(_mm256_set1_epi64x(-1))))) }
     }
 }
 
 impl Not for Truths2 {
     type Output = Self;
-    #[inline(always)]
-    fn not(self) -> Self {
-        // SAFETY: see the top of this file.
-        Self(both!(x in self => unsafe { _mm256_xor_pd(x, _mm256_castsi256_pd(_mm256_set1_epi64x(-1))) }))
+    inlined! {
+        fn not(self) -> Self { Self(both!(x in self => _mm256_xor_pd(x, _mm256_castsi256_pd(_mm256_set1_epi64x(-1))))) }
     }
 }
 
 impl Truths for FTruths2 {
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        // SAFETY: see the top of this file.
-        let [low, high] = both!(x in self => unsafe { _mm256_movemask_ps(x) }.cast_unsigned());
-        low | high << 8
+    inlined! {
+        fn bits(self) -> u32 {
+            {
+                let [low, high] = both!(x in self => _mm256_movemask_ps(x).cast_unsigned());
+                low | high << 8
+            }
+        }
     }
 }
 
 impl Truths for Truths2 {
-    #[inline(always)]
-    fn bits(self) -> u32 {
-        // SAFETY: see the top of this file.
-        let [low, high] = both!(x in self => unsafe { _mm256_movemask_pd(x) }.cast_unsigned());
-        low | high << 4
+    inlined! {
+        fn bits(self) -> u32 {
+            {
+                let [low, high] = both!(x in self => _mm256_movemask_pd(x).cast_unsigned());
+                low | high << 4
+            }
+        }
     }
 }
 
@@ -255,134 +267,69 @@ impl Lanes for Avx2 {
     type I = I2;
     type Truths = Truths2;
 
-    #[inline(always)]
-    fn f(self, x: f32) -> F2 {
-        // SAFETY: see the top of this file.
-        F2([unsafe { _mm256_set1_ps(x) }; 2])
-    }
-    #[inline(always)]
-    fn f_load(self, x: &[f32; SINGLES]) -> F2 {
-        let p = x.as_ptr();
-        // SAFETY: see the top of this file; sixteen singles are readable from `p`.
-        F2(unsafe { [_mm256_loadu_ps(p), _mm256_loadu_ps(p.add(8))] })
-    }
-    #[inline(always)]
-    fn f_store(self, x: F2, to: &mut [f32; SINGLES]) {
-        let p = to.as_mut_ptr();
-        // SAFETY: see the top of this file; sixteen singles are writable from `p`.
-        unsafe {
-            _mm256_storeu_ps(p, x.0[0]);
-            _mm256_storeu_ps(p.add(8), x.0[1]);
+    inlined! {
+        fn f(self, x: f32) -> F2 { F2([_mm256_set1_ps(x); 2]) }
+        fn f_load(self, x: &[f32; SINGLES]) -> F2 {
+            F2([_mm256_loadu_ps(x.as_ptr()), _mm256_loadu_ps(x.as_ptr().add(8))])
         }
-    }
-    #[inline(always)]
-    fn f_abs(self, x: F2) -> F2 {
-        // SAFETY: see the top of this file.
-        F2(both!(x in x => unsafe { _mm256_andnot_ps(_mm256_set1_ps(-0.0), x) }))
-    }
-    #[inline(always)]
-    fn f_le(self, a: F2, b: F2) -> FTruths2 {
-        // SAFETY: see the top of this file.
-        FTruths2(unsafe {
-            [_mm256_cmp_ps::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_ps::<_CMP_LE_OQ>(a.0[1], b.0[1])]
-        })
-    }
+        fn f_store(self, x: F2, to: &mut [f32; SINGLES]) -> () {
+            {
+                let p = to.as_mut_ptr();
+                _mm256_storeu_ps(p, x.0[0]);
+                _mm256_storeu_ps(p.add(8), x.0[1]);
+            }
+        }
+        fn f_abs(self, x: F2) -> F2 { F2(both!(x in x => _mm256_andnot_ps(_mm256_set1_ps(-0.0), x))) }
+        fn f_le(self, a: F2, b: F2) -> FTruths2 {
+            FTruths2([_mm256_cmp_ps::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_ps::<_CMP_LE_OQ>(a.0[1], b.0[1])])
+        }
 
-    #[inline(always)]
-    fn d(self, x: f64) -> D2 {
-        // SAFETY: see the top of this file.
-        D2([unsafe { _mm256_set1_pd(x) }; 2])
-    }
-    #[inline(always)]
-    fn d_load(self, x: &[f64; DOUBLES]) -> D2 {
-        let p = x.as_ptr();
-        // SAFETY: see the top of this file; eight doubles are readable from `p`.
-        D2(unsafe { [_mm256_loadu_pd(p), _mm256_loadu_pd(p.add(4))] })
-    }
-    #[inline(always)]
-    fn d_store(self, x: D2, to: &mut [f64; DOUBLES]) {
-        let p = to.as_mut_ptr();
-        // SAFETY: see the top of this file; eight doubles are writable from `p`.
-        unsafe {
-            _mm256_storeu_pd(p, x.0[0]);
-            _mm256_storeu_pd(p.add(4), x.0[1]);
+        fn d(self, x: f64) -> D2 { D2([_mm256_set1_pd(x); 2]) }
+        fn d_load(self, x: &[f64; DOUBLES]) -> D2 {
+            D2([_mm256_loadu_pd(x.as_ptr()), _mm256_loadu_pd(x.as_ptr().add(4))])
         }
-    }
-    #[inline(always)]
-    fn d_abs(self, x: D2) -> D2 {
-        // SAFETY: see the top of this file.
-        D2(both!(x in x => unsafe { _mm256_andnot_pd(_mm256_set1_pd(-0.0), x) }))
-    }
-    #[inline(always)]
-    fn d_with_sign(self, magnitude: D2, sign: D2) -> D2 {
-        // SAFETY: see the top of this file.
-        D2(unsafe {
-            [
+        fn d_store(self, x: D2, to: &mut [f64; DOUBLES]) -> () {
+            {
+                let p = to.as_mut_ptr();
+                _mm256_storeu_pd(p, x.0[0]);
+                _mm256_storeu_pd(p.add(4), x.0[1]);
+            }
+        }
+        fn d_abs(self, x: D2) -> D2 { D2(both!(x in x => _mm256_andnot_pd(_mm256_set1_pd(-0.0), x))) }
+        fn d_with_sign(self, magnitude: D2, sign: D2) -> D2 {
+            D2([
                 _mm256_or_pd(magnitude.0[0], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[0])),
                 _mm256_or_pd(magnitude.0[1], _mm256_and_pd(_mm256_set1_pd(-0.0), sign.0[1])),
-            ]
-        })
-    }
-    #[inline(always)]
-    fn d_lt(self, a: D2, b: D2) -> Truths2 {
-        // SAFETY: see the top of this file.
-        Truths2(unsafe {
-            [_mm256_cmp_pd::<_CMP_LT_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a.0[1], b.0[1])]
-        })
-    }
-    #[inline(always)]
-    fn d_le(self, a: D2, b: D2) -> Truths2 {
-        // SAFETY: see the top of this file.
-        Truths2(unsafe {
-            [_mm256_cmp_pd::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a.0[1], b.0[1])]
-        })
-    }
-    #[inline(always)]
-    fn d_eq(self, a: D2, b: D2) -> Truths2 {
-        // SAFETY: see the top of this file.
-        Truths2(unsafe {
-            [_mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[1], b.0[1])]
-        })
-    }
-    #[inline(always)]
-    fn d_choose(self, which: Truths2, a: D2, b: D2) -> D2 {
-        // SAFETY: see the top of this file.
-        D2(unsafe {
-            [_mm256_blendv_pd(b.0[0], a.0[0], which.0[0]), _mm256_blendv_pd(b.0[1], a.0[1], which.0[1])]
-        })
-    }
-    #[inline(always)]
-    fn d_bits(self, x: D2) -> I2 {
-        // SAFETY: see the top of this file.
-        I2(both!(x in x => unsafe { _mm256_castpd_si256(x) }))
-    }
+            ])
+        }
+        fn d_lt(self, a: D2, b: D2) -> Truths2 {
+            Truths2([_mm256_cmp_pd::<_CMP_LT_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LT_OQ>(a.0[1], b.0[1])])
+        }
+        fn d_le(self, a: D2, b: D2) -> Truths2 {
+            Truths2([_mm256_cmp_pd::<_CMP_LE_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_LE_OQ>(a.0[1], b.0[1])])
+        }
+        fn d_eq(self, a: D2, b: D2) -> Truths2 {
+            Truths2([_mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[0], b.0[0]), _mm256_cmp_pd::<_CMP_EQ_OQ>(a.0[1], b.0[1])])
+        }
+        fn d_choose(self, which: Truths2, a: D2, b: D2) -> D2 {
+            D2([_mm256_blendv_pd(b.0[0], a.0[0], which.0[0]), _mm256_blendv_pd(b.0[1], a.0[1], which.0[1])])
+        }
+        fn d_bits(self, x: D2) -> I2 { I2(both!(x in x => _mm256_castpd_si256(x))) }
 
-    #[inline(always)]
-    fn i(self, x: i64) -> I2 {
-        // SAFETY: see the top of this file.
-        I2([unsafe { _mm256_set1_epi64x(x) }; 2])
-    }
-    #[inline(always)]
-    fn i_gt(self, a: I2, b: I2) -> Truths2 {
-        // SAFETY: see the top of this file.
-        Truths2(unsafe {
-            [
+        fn i(self, x: i64) -> I2 { I2([_mm256_set1_epi64x(x); 2]) }
+        fn i_gt(self, a: I2, b: I2) -> Truths2 {
+            Truths2([
                 _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[0], b.0[0])),
                 _mm256_castsi256_pd(_mm256_cmpgt_epi64(a.0[1], b.0[1])),
-            ]
-        })
+            ])
+        }
+        fn exponent_field(self, x: D2) -> I2 {
+            I2(both!(x in x => _mm256_srli_epi64::<52>(_mm256_castpd_si256(x))))
+        }
+        fn power(self, field: I2) -> D2 {
+            D2(both!(x in field => _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x))))
+        }
     }
-    #[inline(always)]
-    fn exponent_field(self, x: D2) -> I2 {
-        // SAFETY: see the top of this file.
-        I2(both!(x in x => unsafe { _mm256_srli_epi64::<52>(_mm256_castpd_si256(x)) }))
-    }
-    #[inline(always)]
-    fn power(self, field: I2) -> D2 {
-        // SAFETY: see the top of this file.
-        D2(both!(x in field => unsafe { _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x)) }))
-    }
-
     bit_manipulation!();
 }
 
@@ -421,103 +368,30 @@ impl Lanes for Avx512 {
     type I = I1;
     type Truths = __mmask8;
 
-    #[inline(always)]
-    fn f(self, x: f32) -> F1 {
-        // SAFETY: see the top of this file.
-        F1(unsafe { _mm512_set1_ps(x) })
-    }
-    #[inline(always)]
-    fn f_load(self, x: &[f32; SINGLES]) -> F1 {
-        // SAFETY: see the top of this file; sixteen singles are readable.
-        F1(unsafe { _mm512_loadu_ps(x.as_ptr()) })
-    }
-    #[inline(always)]
-    fn f_store(self, x: F1, to: &mut [f32; SINGLES]) {
-        // SAFETY: see the top of this file; sixteen singles are writable.
-        unsafe { _mm512_storeu_ps(to.as_mut_ptr(), x.0) }
-    }
-    #[inline(always)]
-    fn f_abs(self, x: F1) -> F1 {
-        // SAFETY: see the top of this file.
-        F1(unsafe { _mm512_abs_ps(x.0) })
-    }
-    #[inline(always)]
-    fn f_le(self, a: F1, b: F1) -> __mmask16 {
-        // SAFETY: see the top of this file.
-        unsafe { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a.0, b.0) }
-    }
+    inlined! {
+        fn f(self, x: f32) -> F1 { F1(_mm512_set1_ps(x)) }
+        fn f_load(self, x: &[f32; SINGLES]) -> F1 { F1(_mm512_loadu_ps(x.as_ptr())) }
+        fn f_store(self, x: F1, to: &mut [f32; SINGLES]) -> () { _mm512_storeu_ps(to.as_mut_ptr(), x.0) }
+        fn f_abs(self, x: F1) -> F1 { F1(_mm512_abs_ps(x.0)) }
+        fn f_le(self, a: F1, b: F1) -> __mmask16 { _mm512_cmp_ps_mask::<_CMP_LE_OQ>(a.0, b.0) }
 
-    #[inline(always)]
-    fn d(self, x: f64) -> D1 {
-        // SAFETY: see the top of this file.
-        D1(unsafe { _mm512_set1_pd(x) })
-    }
-    #[inline(always)]
-    fn d_load(self, x: &[f64; DOUBLES]) -> D1 {
-        // SAFETY: see the top of this file; eight doubles are readable.
-        D1(unsafe { _mm512_loadu_pd(x.as_ptr()) })
-    }
-    #[inline(always)]
-    fn d_store(self, x: D1, to: &mut [f64; DOUBLES]) {
-        // SAFETY: see the top of this file; eight doubles are writable.
-        unsafe { _mm512_storeu_pd(to.as_mut_ptr(), x.0) }
-    }
-    #[inline(always)]
-    fn d_abs(self, x: D1) -> D1 {
-        // SAFETY: see the top of this file.
-        D1(unsafe { _mm512_abs_pd(x.0) })
-    }
-    #[inline(always)]
-    fn d_with_sign(self, magnitude: D1, sign: D1) -> D1 {
-        // SAFETY: see the top of this file.
-        D1(unsafe { _mm512_or_pd(magnitude.0, _mm512_and_pd(_mm512_set1_pd(-0.0), sign.0)) })
-    }
-    #[inline(always)]
-    fn d_lt(self, a: D1, b: D1) -> __mmask8 {
-        // SAFETY: see the top of this file.
-        unsafe { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a.0, b.0) }
-    }
-    #[inline(always)]
-    fn d_le(self, a: D1, b: D1) -> __mmask8 {
-        // SAFETY: see the top of this file.
-        unsafe { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a.0, b.0) }
-    }
-    #[inline(always)]
-    fn d_eq(self, a: D1, b: D1) -> __mmask8 {
-        // SAFETY: see the top of this file.
-        unsafe { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a.0, b.0) }
-    }
-    #[inline(always)]
-    fn d_choose(self, which: __mmask8, a: D1, b: D1) -> D1 {
-        // SAFETY: see the top of this file.
-        D1(unsafe { _mm512_mask_blend_pd(which, b.0, a.0) })
-    }
-    #[inline(always)]
-    fn d_bits(self, x: D1) -> I1 {
-        // SAFETY: see the top of this file.
-        I1(unsafe { _mm512_castpd_si512(x.0) })
-    }
+        fn d(self, x: f64) -> D1 { D1(_mm512_set1_pd(x)) }
+        fn d_load(self, x: &[f64; DOUBLES]) -> D1 { D1(_mm512_loadu_pd(x.as_ptr())) }
+        fn d_store(self, x: D1, to: &mut [f64; DOUBLES]) -> () { _mm512_storeu_pd(to.as_mut_ptr(), x.0) }
+        fn d_abs(self, x: D1) -> D1 { D1(_mm512_abs_pd(x.0)) }
+        fn d_with_sign(self, magnitude: D1, sign: D1) -> D1 {
+            D1(_mm512_or_pd(magnitude.0, _mm512_and_pd(_mm512_set1_pd(-0.0), sign.0)))
+        }
+        fn d_lt(self, a: D1, b: D1) -> __mmask8 { _mm512_cmp_pd_mask::<_CMP_LT_OQ>(a.0, b.0) }
+        fn d_le(self, a: D1, b: D1) -> __mmask8 { _mm512_cmp_pd_mask::<_CMP_LE_OQ>(a.0, b.0) }
+        fn d_eq(self, a: D1, b: D1) -> __mmask8 { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a.0, b.0) }
+        fn d_choose(self, which: __mmask8, a: D1, b: D1) -> D1 { D1(_mm512_mask_blend_pd(which, b.0, a.0)) }
+        fn d_bits(self, x: D1) -> I1 { I1(_mm512_castpd_si512(x.0)) }
 
-    #[inline(always)]
-    fn i(self, x: i64) -> I1 {
-        // SAFETY: see the top of this file.
-        I1(unsafe { _mm512_set1_epi64(x) })
+        fn i(self, x: i64) -> I1 { I1(_mm512_set1_epi64(x)) }
+        fn i_gt(self, a: I1, b: I1) -> __mmask8 { _mm512_cmpgt_epi64_mask(a.0, b.0) }
+        fn exponent_field(self, x: D1) -> I1 { I1(_mm512_srli_epi64::<52>(_mm512_castpd_si512(x.0))) }
+        fn power(self, field: I1) -> D1 { D1(_mm512_castsi512_pd(_mm512_slli_epi64::<52>(field.0))) }
     }
-    #[inline(always)]
-    fn i_gt(self, a: I1, b: I1) -> __mmask8 {
-        // SAFETY: see the top of this file.
-        unsafe { _mm512_cmpgt_epi64_mask(a.0, b.0) }
-    }
-    #[inline(always)]
-    fn exponent_field(self, x: D1) -> I1 {
-        // SAFETY: see the top of this file.
-        I1(unsafe { _mm512_srli_epi64::<52>(_mm512_castpd_si512(x.0)) })
-    }
-    #[inline(always)]
-    fn power(self, field: I1) -> D1 {
-        // SAFETY: see the top of this file.
-        D1(unsafe { _mm512_castsi512_pd(_mm512_slli_epi64::<52>(field.0)) })
-    }
-
     bit_manipulation!();
 }

@@ -15,31 +15,36 @@
 //! | [`cells`] | the surface within a cell |
 //! | [`discrete`] | the paper's own traversal |
 //! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
-//! | `occupancy`, `pierce` | two levels of the octree at once; whether a ray passes through a box, exactly |
+//! | `occupancy`, `mirrored_ray` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
 //! | `leave` | rays that start at a surface, beyond the box that was hit |
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
-//! | `shown` | what a ray saw, and its normal; `facing`, `around`: normals that the skin around a hit contradicts |
+//! | `normals` | the normal that is shown at a hit |
 //! | [`shade`], [`picture`], `band`, [`image`] | light, the way from camera to pixels, the pixels of a band of rows, files |
 //! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
+/// Adds fields of `other` to those of `$sum`.
+macro_rules! add_counts {
+    ($sum:ident, $other:ident: $($field:ident),+) => {{
+        $($sum.$field += $other.$field;)+
+    }};
+}
+pub(crate) use add_counts;
+
 pub(crate) mod ambient;
 pub(crate) mod annotate;
-pub(crate) mod around;
 mod band;
 pub mod batch;
-pub(crate) mod blend;
 pub mod camera;
 mod caster;
 pub mod cells;
 mod colors;
 pub mod discrete;
 mod error;
-mod facing;
 mod font;
 pub mod form;
 pub mod image;
@@ -47,14 +52,14 @@ mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_x86;
 pub(crate) mod leave;
+mod mirrored_ray;
+pub(crate) mod normals;
 mod occupancy;
 pub mod picture;
-mod pierce;
 pub mod ray;
 pub mod reference;
 pub mod selfcheck;
 pub mod shade;
-pub(crate) mod shown;
 pub mod sight;
 pub mod single;
 pub mod space;

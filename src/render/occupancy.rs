@@ -41,6 +41,16 @@ impl Brick {
         Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: NodeIndex::ROOT }
     }
 
+    /// The top brick of a tree with this many levels, at least 1.
+    #[inline(always)]
+    pub(super) fn top<L: Lanes>(lanes: L, view: &ModelView<'_>, levels: u32, mirror: u32) -> Self {
+        if levels.is_multiple_of(2) {
+            Self::of(lanes, view, 0, mirror)
+        } else {
+            Self::above_root(view, mirror)
+        }
+    }
+
     /// Number of the first box.
     #[inline(always)]
     pub(super) fn first(&self, view: &ModelView<'_>) -> u64 {

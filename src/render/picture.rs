@@ -9,13 +9,13 @@ use rayon::prelude::*;
 
 use crate::load::{ModelView, NodeView};
 
-use super::around::Surroundings;
 use super::cells::Cells;
 use super::discrete::DiscreteRays;
 use super::form::Form;
 use super::image::Image;
+use super::normals::around::Surroundings;
+use super::normals::shown::{Normals, PixelHit};
 use super::shade::Shader;
-use super::shown::{Normals, Seen};
 use super::sight::Sight;
 use super::single;
 use super::space::GridSpace;
@@ -34,7 +34,7 @@ const WORKER_STACK_BYTES: usize = 4 << 20;
 const MAX_SIDE: u32 = 32_768;
 const MAX_PIXELS: u64 = 1 << 28;
 
-/// What to paint besides the camera.
+/// The settings of a picture besides the camera.
 #[derive(Clone, Copy, Debug)]
 pub struct Canvas {
     /// Pixels in a row.
@@ -55,20 +55,20 @@ pub struct Canvas {
     pub ids: bool,
     /// Are normals blended between the boxes around a hit?
     pub blended: bool,
-    /// Rays of each pixel that tell how open its surroundings are; 0 for none.
+    /// Rays of each pixel that measure how open its surroundings are; 0 for none.
     pub ambient_rays: u32,
-    /// What a hit is.
+    /// The rays' kind.
     pub traversal: Traversal,
     /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
     pub most_band_pixels: Option<u32>,
 }
 
-/// What the rays of a picture hit.
+/// The kind of a picture's rays.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum Traversal {
-    /// The first box that the line pierces.
+    /// The first box that the line intersects.
     #[default]
     Exact,
     /// The first voxel of a 6-connected discrete ray ([`super::discrete`]).
@@ -124,13 +124,8 @@ impl Counts {
     }
 
     pub(super) fn plus(mut self, other: Self) -> Self {
-        self.rays += other.rays;
-        self.hits += other.hits;
-        self.steps += other.steps;
+        add_counts!(self, other: rays, hits, steps, trace, shade, ambient);
         self.max_steps = self.max_steps.max(other.max_steps);
-        self.trace += other.trace;
-        self.shade += other.shade;
-        self.ambient += other.ambient;
         self
     }
 }
@@ -183,11 +178,11 @@ pub(super) struct Painter<'a, S> {
     pub(super) form: Form,
     pub(super) canvas: Canvas,
     pub(super) shader: Shader,
-    pub(super) open: Open,
+    pub(super) open: Openness,
     pub(super) watch: Watch<'a>,
 }
 
-/// Who is told of a picture's progress.
+/// The receivers of a picture's progress.
 #[derive(Clone, Copy)]
 pub(crate) struct Watch<'a> {
     /// Each time how many more rows are painted.
@@ -204,13 +199,13 @@ impl Watch<'_> {
 
 /// How open the surroundings of some rows' pixels are, 0 to 255; empty where that does not matter.
 #[derive(Default)]
-pub(super) struct Open {
+pub(super) struct Openness {
     /// The first row.
     pub(super) top: usize,
     pub(super) pixels: Vec<u8>,
 }
 
-impl Open {
+impl Openness {
     /// That of a pixel of a picture of this width.
     #[inline]
     pub(super) fn at(&self, width: usize, [x, y]: [usize; 2]) -> Option<u8> {
@@ -221,15 +216,15 @@ impl Open {
 /// Takes a picture from the top, a part after the other.
 pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderError> + Send);
 
-/// Bytes that [`paint`] takes for a picture of this size with smooth edges, beside the model: the picture,
+/// Bytes that [`paint`] takes for a picture of this size with smooth edges, besides the model: the picture,
 /// a band of hits, edges if a quarter of it is silhouette; and a stack for each thread.
 pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
     let band = pixels.next_multiple_of(TILE_PIXELS as u64).min(BAND_PIXELS as u64 + 4096 * u64::from(width));
-    4 * pixels + band * size_of::<Seen>() as u64 + 2 * pixels + ((threads as u64) << 17)
+    4 * pixels + band * size_of::<PixelHit>() as u64 + 2 * pixels + ((threads as u64) << 17)
 }
 
-/// Bytes that [`paint_parts`] takes for such a picture, beside the model and the program: the fewest, in bands of 8 rows.
+/// Bytes that [`paint_parts`] takes for such a picture, besides the model and the program: the fewest, in bands of 8 rows.
 pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
     let row = u64::from(canvas.width).next_multiple_of(TILE as u64);
     let rows = (canvas.band_pixels() as u64 / (row * TILE as u64)).max(1) * TILE as u64;
@@ -239,7 +234,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 }
         + if canvas.ambient_rays > 0 { 1 } else { 0 };
-    rows * row * (2 * layers + size_of::<Seen>() as u64) + ((canvas.threads.max(1) as u64) << 18)
+    rows * row * (2 * layers + size_of::<PixelHit>() as u64) + ((canvas.threads.max(1) as u64) << 18)
 }
 
 /// Paints a model as a camera sees it.
@@ -259,10 +254,7 @@ pub fn paint(
     paint_watched(view, space, camera, canvas, Watch { rows_done: &|_| {}, between: &|| {} })
 }
 
-/// As [`paint`], watched. With ambient occlusion all rows are done twice.
-///
-/// # Errors
-/// As [`paint`].
+/// [`paint`] with progress. With ambient occlusion all rows are done twice.
 pub(crate) fn paint_watched(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -276,13 +268,10 @@ pub(crate) fn paint_watched(
     Ok((whole, counts))
 }
 
-/// As [`paint_watched`], a part of some rows after the other: the picture is never held as a whole, unless its edges are
+/// [`paint_watched`] in parts, some rows after the other: the picture is never held as a whole, unless its edges are
 /// smooth. While `take` has one part the next is painted, where there are threads enough.
 ///
 /// Memory: 4 MiB for hits or 8 rows of them, whichever is more, and two parts of 2^18 pixels or 8 rows, of all layers.
-///
-/// # Errors
-/// As [`paint`]; and what `take` says, which ends it.
 pub(crate) fn paint_parts(
     view: &ModelView<'_>,
     space: &GridSpace,
@@ -309,7 +298,7 @@ fn blank(canvas: &Canvas, rows: u32) -> Image {
     image
 }
 
-/// What is done with a painter.
+/// The work of a painter.
 trait Job {
     type Output: Send;
 
@@ -374,23 +363,32 @@ fn with_painter<J: Job + Send>(
     if discrete.is_some() && cells.is_some() {
         return Err(RenderError::DiscreteCells);
     }
-    let (form, shader) = (Form::best(), Shader::new());
     let pool = pool(canvas.threads)?;
-    let normals = Normals::new(view, space, canvas.blended, canvas.lod_edge_log2);
-    let open = Open::default();
+    let painter = Painter {
+        view,
+        surface: Skin,
+        normals: Normals::new(view, space, canvas.blended, canvas.lod_edge_log2),
+        sight,
+        discrete,
+        form: Form::best(),
+        canvas,
+        shader: Shader::new(),
+        open: Openness::default(),
+        watch,
+    };
     Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
-        Some(surface) => {
-            let painter =
-                Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch };
-            pool.install(|| job.run(painter))
-        }
-        // Coarse boxes are solid, whatever the finest are.
-        None => {
-            let painter =
-                Painter { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch };
-            pool.install(|| job.run(painter))
-        }
+        Some(cells) => pool.install(|| job.run(painter.on(cells))),
+        // Coarse boxes are solid, also those of cells.
+        None => pool.install(|| job.run(painter)),
     })
+}
+
+impl<'a> Painter<'a, Skin> {
+    /// The same for another surface within the boxes.
+    fn on<S>(self, surface: S) -> Painter<'a, S> {
+        let Self { view, surface: Skin, normals, sight, discrete, form, canvas, shader, open, watch } = self;
+        Painter { view, surface, normals, sight, discrete, form, canvas, shader, open, watch }
+    }
 }
 
 impl<S: Surface> Painter<'_, S> {
@@ -411,7 +409,7 @@ impl<S: Surface> Painter<'_, S> {
         let band_rows = self.band_rows() as usize;
         let mut counts = Counts::default();
         let tiles_across = width.div_ceil(TILE);
-        let mut seen = vec![Seen::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
+        let mut seen = vec![PixelHit::NOTHING; band_rows.div_ceil(TILE) * tiles_across * TILE_PIXELS];
         for top in (0..rows).step_by(band_rows) {
             let rows = band_rows.min(rows - top);
             let used = rows.div_ceil(TILE) * tiles_across * TILE_PIXELS;
@@ -428,39 +426,37 @@ impl<S: Surface> Painter<'_, S> {
     }
 
     /// Traces the rays of `rows` rows from `top` on; `seen` is filled tile after tile.
-    fn trace_band(&self, seen: &mut [Seen], top: usize, rows: usize) -> Counts {
+    fn trace_band(&self, seen: &mut [PixelHit], top: usize, rows: usize) -> Counts {
         let start = Instant::now();
         let width = self.canvas.width as usize;
         let tiles_across = width.div_ceil(TILE);
+        let begin = || Tracer::new(self.form);
         let mut counts = seen
             .par_chunks_mut(TILE_PIXELS)
             .enumerate()
-            .map_init(
-                || Tracer::new(self.form),
-                |tracer, (tile, seen)| {
-                    let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
-                    let limits = (width.saturating_sub(left), rows.saturating_sub(above));
-                    let lod_edge_log2 = self.canvas.lod_edge_log2;
-                    let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
-                    let counts = self.trace_tile(tracer, seen, tile);
-                    self.watch.step();
-                    counts
-                },
-            )
+            .map_init(begin, |tracer, (tile, seen)| {
+                let (left, above) = (tile % tiles_across * TILE, tile / tiles_across * TILE);
+                let limits = (width.saturating_sub(left), rows.saturating_sub(above));
+                let lod_edge_log2 = self.canvas.lod_edge_log2;
+                let tile = Tile { corner: (left, top + above), limits, lod_edge_log2 };
+                let counts = self.trace_tile(tracer, seen, tile);
+                self.watch.step();
+                counts
+            })
             .reduce(Counts::default, Counts::plus);
         counts.trace = start.elapsed();
         counts
     }
 
     /// Traces the rays of a tile that lie in the picture: here a tile's pixels are decided.
-    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [Seen], tile: Tile) -> Counts {
+    fn trace_tile(&self, tracer: &mut Tracer, seen: &mut [PixelHit], tile: Tile) -> Counts {
         let rays = tile.live();
         let mut counts = Counts::default();
         if let Some(discrete) = &self.discrete {
             discrete.trace_tile(self.view, tile, rays, |ray, trace| {
                 counts = counts.add(&trace);
                 if let Some(pixel) = seen.get_mut(ray) {
-                    *pixel = Seen::new(&trace);
+                    *pixel = PixelHit::new(&trace);
                 }
             });
             return counts;
@@ -547,9 +543,9 @@ impl<S: Surface> Painter<'_, S> {
         ray.map_or(Trace { hit: None, steps: 0 }, alone)
     }
 
-    /// What was seen through a point of the picture.
+    /// The hit at a point of the picture.
     #[inline]
-    pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> Seen {
+    pub(super) fn seen(&self, trace: &Trace, x: f64, y: f64) -> PixelHit {
         self.normals.seen(trace, || self.sight.line(x, y))
     }
 }

@@ -164,7 +164,7 @@ pub fn nearest_by_slabs(cells: impl Iterator<Item = [u32; 3]>, ray: &Ray) -> Opt
 /// [`nearest_by_slabs`] for a ray of any integers: `cell_units` units of the origin make a cell, and the
 /// origin may lie outside the grid; `entry` is what is reported when the ray starts in the hit.
 ///
-/// Tells the error of quantising a ray from that of traversing it. The product of an
+/// Separates the error of quantising a ray from that of traversing it. The product of an
 /// origin difference and a direction must fit an i128.
 pub fn nearest_ideal(
     cells: impl Iterator<Item = [u32; 3]>,

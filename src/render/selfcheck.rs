@@ -57,22 +57,12 @@ impl Mismatches {
     }
 
     /// Counts of both.
-    pub fn plus(self, other: Self) -> Self {
-        Self {
-            rays: self.rays + other.rays,
-            hits: self.hits + other.hits,
-            voxel: self.voxel + other.voxel,
-            face: self.face + other.face,
-            false_hits: self.false_hits + other.false_hits,
-            false_misses: self.false_misses + other.false_misses,
-            inconsistent: self.inconsistent + other.inconsistent,
-            sealed: self.sealed + other.sealed,
-            forms: self.forms + other.forms,
-            tile_rays: self.tile_rays + other.tile_rays,
-            over_limit: self.over_limit + other.over_limit,
-            steps: self.steps + other.steps,
-            max_steps: self.max_steps.max(other.max_steps),
-        }
+    #[must_use]
+    pub fn plus(mut self, other: Self) -> Self {
+        add_counts!(self, other: rays, hits, voxel, face, false_hits, false_misses, inconsistent);
+        add_counts!(self, other: sealed, forms, tile_rays, over_limit, steps);
+        self.max_steps = self.max_steps.max(other.max_steps);
+        self
     }
 
     /// Compares one ray and counts it.
@@ -86,14 +76,11 @@ impl Mismatches {
         let sealed = first_hit_sealed(view, ray, 0);
         let want_sealed = reference::walk(volume, ray, true, |_| {});
         self.sealed += u64::from(sealed.hit.map(|h| h.cell) != want_sealed.map(|h| h.cell));
+        let cells = view.cells().map(Cells::new);
+        let hit_of_cells = |form| Some(single::trace(form, view, cells.as_ref()?, ray, 0).hit);
         for form in Form::available() {
             self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != sealed.hit);
-        }
-        if let Some(cells) = view.cells().map(Cells::new) {
-            let want = single::trace(Form::Portable, view, &cells, ray, 0).hit;
-            for form in Form::available() {
-                self.forms += u64::from(single::trace(form, view, &cells, ray, 0).hit != want);
-            }
+            self.forms += u64::from(hit_of_cells(form) != hit_of_cells(Form::Portable));
         }
         self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
         self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
@@ -109,9 +96,7 @@ impl Mismatches {
             }
         }
     }
-}
 
-impl Mismatches {
     /// Compares a batch of rays, in every form, with the same rays alone.
     pub fn compare_batch(&mut self, view: &ModelView<'_>, rays: &[Ray], lod_edge_log2: u32) {
         let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
@@ -143,52 +128,43 @@ impl Mismatches {
 
     /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
     pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &Sight<'_>, tile: Tile) {
-        let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
-            let (x, y) = (ray % TILE, ray / TILE);
-            if x >= tile.limits.0 || y >= tile.limits.1 {
-                return None;
-            }
-            let ray = sight.ray((tile.corner.0 + x) as f64 + 0.5, (tile.corner.1 + y) as f64 + 0.5)?;
-            first_hit_sealed(view, &ray, tile.lod_edge_log2).hit
+        let lod = tile.lod_edge_log2;
+        self.compare_tile_of(view, &Skin, sight, tile, |ray| first_hit_sealed(view, ray, lod).hit);
+        if let Some(cells) = view.cells().map(Cells::new) {
+            let alone = |ray: &Ray| single::trace(Form::Portable, view, &cells, ray, lod).hit;
+            self.compare_tile_of(view, &cells, sight, tile, alone);
+        }
+        let rays: Vec<Ray> = (0..RAYS).filter_map(|number| ray_of(sight, tile, number)).collect();
+        self.compare_batch(view, &rays, lod);
+        self.tile_rays += RAYS as u64;
+    }
+
+    fn compare_tile_of<S: Surface>(
+        &mut self,
+        view: &ModelView<'_>,
+        surface: &S,
+        sight: &Sight<'_>,
+        tile: Tile,
+        alone: impl Fn(&Ray) -> Option<Hit>,
+    ) {
+        let want: [Option<_>; RAYS] = std::array::from_fn(|number| {
+            let is_live = tile.live() >> number & 1 == 1;
+            ray_of(sight, tile, number).filter(|_| is_live).and_then(|ray| alone(&ray))
         });
         for form in Form::available() {
             let mut tracer = Tracer::new(form);
-            let hits = tracer.trace(view, &Skin, sight, tile);
+            let hits = tracer.trace(view, surface, sight, tile);
             for (ray, want) in want.iter().enumerate() {
                 self.forms += u64::from(hits.hit(ray) != *want);
             }
         }
-        if let Some(cells) = view.cells().map(Cells::new) {
-            self.compare_cells(view, &cells, sight, tile);
-        }
-        let rays: Vec<Ray> = (0..RAYS)
-            .map(|ray| [ray % TILE + tile.corner.0, ray / TILE + tile.corner.1])
-            .filter_map(|[x, y]| sight.ray(x as f64 + 0.5, y as f64 + 0.5))
-            .collect();
-        self.compare_batch(view, &rays, tile.lod_edge_log2);
-        self.tile_rays += RAYS as u64;
     }
 }
 
-impl Mismatches {
-    /// Compares a tile of cells, in every form, with its rays alone.
-    fn compare_cells(&mut self, view: &ModelView<'_>, cells: &Cells<'_>, sight: &Sight<'_>, tile: Tile) {
-        let want: [Option<_>; RAYS] = std::array::from_fn(|ray| {
-            let (x, y) = (ray % TILE, ray / TILE);
-            if x >= tile.limits.0 || y >= tile.limits.1 {
-                return None;
-            }
-            let ray = sight.ray((tile.corner.0 + x) as f64 + 0.5, (tile.corner.1 + y) as f64 + 0.5)?;
-            single::trace(Form::Portable, view, cells, &ray, tile.lod_edge_log2).hit
-        });
-        for form in Form::available() {
-            let mut tracer = Tracer::new(form);
-            let hits = tracer.trace(view, cells, sight, tile);
-            for (ray, want) in want.iter().enumerate() {
-                self.forms += u64::from(hits.hit(ray) != *want);
-            }
-        }
-    }
+/// The ray of a tile with this number.
+fn ray_of(sight: &Sight<'_>, tile: Tile, number: usize) -> Option<Ray> {
+    let [x, y] = [tile.corner.0 + number % TILE, tile.corner.1 + number / TILE];
+    sight.ray(x as f64 + 0.5, y as f64 + 0.5)
 }
 
 /// A random picture of a grid of 2^depth cells, from outside or inside; one in four has its eye or its
@@ -200,7 +176,7 @@ fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera,
     let length = f64::from(side);
     let kind = random.bits();
     let (low, high) = if kind & 1 == 0 { (0.0, length) } else { (-1.5 * length, 2.5 * length) };
-    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing beside.
+    // A voxel's centre is a whole number in the world, so a grid plane is half a spacing off.
     let in_world = |p: [f64; 3]| std::array::from_fn(|a| (p[a] - 0.5) * spacing[a]);
     let mut eye = [0.0; 3].map(|_: f64| random.range(low, high));
     let goal = [0.0; 3].map(|_: f64| random.range(0.0, length));

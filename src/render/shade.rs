@@ -70,7 +70,7 @@ impl Shader {
         color.map(|code| self.lights.get(usize::from(code)).copied().unwrap_or_default())
     }
 
-    /// As [`Shader::light`], of a surface of this colour (linear RGB).
+    /// [`Shader::light`] of a surface of this colour (linear RGB).
     #[inline]
     pub fn lit(color: [f64; 3], normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
         let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
@@ -96,7 +96,7 @@ impl Shader {
     }
 }
 
-/// What the pixels of a tile are coloured by, axis by axis.
+/// Normals and openness of a tile's pixels, axis by axis.
 pub(super) struct Lit {
     /// Normals in the frame of the boxes, of any length, not null.
     pub(super) normals: [[f64; RAYS]; 3],

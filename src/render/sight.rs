@@ -54,7 +54,7 @@ const MAX_CANCELLED: f64 = 1024.0;
 const MAX_EXPONENT: i64 = 400;
 
 impl Pencil {
-    /// Of a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by
+    /// For a picture of this size; `None` where rounding, here or in the exact rays, could move a ray by
     /// more than 2^-16 cell within the grid.
     fn new(space: &GridSpace, camera: &Camera, width: f64, height: f64) -> Option<Self> {
         let frame = camera.frame();

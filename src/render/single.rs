@@ -1,9 +1,9 @@
 //! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
 //!
 //! At each node the ray's line is compared with the 4 x 4 x 4 boxes two levels below at once: a box is
-//! pierced if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
+//! intersected if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
 //! 64 bits. Those that are occupied wait in Morton order, which in mirrored coordinates is front to back.
-//! All that is an over-estimate in singles; at the last level `pierce` decides in integers.
+//! All that is an over-estimate in singles; at the last level `mirrored_ray` decides in integers.
 //!
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.
@@ -12,8 +12,8 @@ use crate::load::{ModelView, NodeView};
 
 use super::form::{Form, LanesKernel};
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::mirrored_ray::MirroredRay;
 use super::occupancy::{Brick, at_least, place};
-use super::pierce::MirroredRay;
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
 use super::surface::Surface;
 use super::traverse::Trace;
@@ -49,7 +49,7 @@ pub(super) fn top_edge(depth: u32) -> u32 {
 
 /// A brick whose boxes are being visited.
 #[derive(Clone, Copy)]
-pub(super) struct Open {
+pub(super) struct OpenBrick {
     pub(super) brick: Brick,
     /// Boxes still to be visited.
     pub(super) pending: u64,
@@ -59,10 +59,19 @@ pub(super) struct Open {
     pub(super) low: [u32; 3],
 }
 
+impl OpenBrick {
+    /// The brick at `low`, of which the boxes `near` are to be visited.
+    #[inline(always)]
+    pub(super) fn new(view: &ModelView<'_>, brick: Brick, near: u64, low: [u32; 3]) -> Self {
+        let pending = brick.boxes & near;
+        Self { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low }
+    }
+}
+
 /// First hit of a ray: that of [`super::traverse::first_hit_sealed`], for every form.
 ///
 /// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
-/// count as surface. Any view is safe, whatever it answers. [`Trace::steps`] counts the nodes looked at.
+/// count as surface. Any view is safe, right or wrong. [`Trace::steps`] counts the nodes looked at.
 #[inline]
 pub fn trace<S: Surface>(
     form: Form,
@@ -96,7 +105,7 @@ impl<S: Surface> LanesKernel for Single<'_, S> {
 struct Line<L: Lanes> {
     origin: [f64; 3],
     direction: [f64; 3],
-    /// How far a plane's cells are beside its middle, and the half width of their projections, by pair.
+    /// How far a plane's cells are from its middle, and the half width of their projections, by pair.
     slope: [L::F; 3],
     half: [f32; 3],
     /// The box that the ray starts in, if it starts inside the grid.
@@ -105,10 +114,10 @@ struct Line<L: Lanes> {
 }
 
 impl<L: Lanes> Line<L> {
-    /// Boxes of edge `2^edge` in the brick at `low` that the line pierces and that are not behind the ray.
+    /// Boxes of edge `2^edge` in the brick at `low` that the line intersects and that are not behind the ray.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    fn pierced(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
+    fn intersected(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
         let half_brick = f64::from(2_u32.wrapping_shl(edge));
         let per_edge = 2.0 / half_brick;
         let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
@@ -129,7 +138,7 @@ impl<L: Lanes> Line<L> {
     }
 }
 
-/// [`trace`] with lanes at hand.
+/// [`trace`] within a kernel.
 #[inline(always)]
 #[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
 pub(crate) fn first_hit<L: Lanes, S: Surface>(
@@ -170,13 +179,10 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
 
     let mirror = exact.mirror;
     let mut edge = top_edge(depth);
-    let brick = if depth.is_multiple_of(2) {
-        Brick::of(lanes, view, 0, mirror)
-    } else {
-        Brick::above_root(view, mirror)
-    };
+    let brick = Brick::top(lanes, view, depth, mirror);
     let low = [0; 3];
-    let mut open = Open { brick, pending: brick.boxes & line.pierced(lanes, low, edge), first: 0, low };
+    let mut open =
+        OpenBrick { brick, pending: brick.boxes & line.intersected(lanes, low, edge), first: 0, low };
     open.first = brick.first(view);
     trace.steps = 1;
     let mut waiting = [open; BRICK_LEVELS];
@@ -204,8 +210,7 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         waiting[edge as usize / 2 % BRICK_LEVELS] = open;
         edge = edge.wrapping_sub(2);
         let brick = Brick::of(lanes, view, number, mirror);
-        let pending = brick.boxes & line.pierced(lanes, low, edge);
-        open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(view) }, low };
+        open = OpenBrick::new(view, brick, line.intersected(lanes, low, edge), low);
         trace.steps = trace.steps.wrapping_add(1);
     }
 }

@@ -131,7 +131,7 @@ impl GridSpace {
         self.support_to(view, direction, 0)
     }
 
-    /// As [`GridSpace::support`], of boxes of 2^`finest` voxels.
+    /// [`GridSpace::support`] of boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, view: &ModelView<'_>, direction: [f64; 3], finest: u32) -> f64 {
         let depth = self.dims.depth();
         let finest = depth.saturating_sub(11).max(finest);

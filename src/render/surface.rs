@@ -53,7 +53,7 @@ impl Passage {
     }
 }
 
-/// A ray and a box of the finest level that it may pass through or miss: what [`Surface::foretell`] is told.
+/// A ray and a box of the finest level that it may pass through or miss: the question of [`Surface::predict`].
 /// Coordinates are mirrored so that the ray runs forwards along every axis; whole numbers.
 #[derive(Clone, Copy, Debug)]
 pub struct Approach {
@@ -61,13 +61,13 @@ pub struct Approach {
     pub box_number: u64,
     /// Axes that are mirrored, as bits.
     pub mirror: u32,
-    /// From the middle of the box to the ray's origin, as [`Ray::origin`].
+    /// From the middle of the box to the ray's origin, in units of [`Ray::origin`].
     pub from_middle: [f64; 3],
-    /// As [`Ray::direction`].
+    /// The kind of [`Ray::direction`].
     pub direction: [f64; 3],
 }
 
-/// A ray's way through a box, estimated: what [`Surface::look`] is told.
+/// A ray's way through a box, estimated: the question of [`Surface::look`].
 #[derive(Clone, Copy, Debug)]
 pub struct Glance {
     /// The ray and the box.
@@ -78,9 +78,9 @@ pub struct Glance {
     pub leave: f64,
 }
 
-/// What can be said of a box at a glance.
+/// A quick answer about a box.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Looked {
+pub enum Estimate {
     /// The ray surely goes on.
     Past,
     /// It surely meets the surface as it enters.
@@ -96,27 +96,27 @@ pub enum Looked {
     Unsure,
 }
 
-/// What the boxes of an octree hold.
+/// The surface within the boxes of an octree.
 pub trait Surface: Send + Sync {
     /// Is every box that a ray enters a hit, at its point of entry?
     ///
     /// Then [`Surface::meet`] must be [`Passage::entry_hit`]; kernels need not call it.
     const SOLID: bool;
 
-    /// What [`Surface::meet`] would answer for a ray that passes through a box of the finest level, where that is
-    /// certain without knowing when it does; [`Looked::Past`] also where it does not pass through. Never
-    /// [`Looked::Entry`].
+    /// The answer of [`Surface::meet`] for a ray that passes through a box of the finest level, where that is
+    /// certain without knowing when it does; [`Estimate::Past`] also where it does not pass through. Never
+    /// [`Estimate::Entry`].
     #[inline(always)]
-    fn foretell(&self, view: &ModelView<'_>, approach: &Approach) -> Looked {
+    fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
         let _ = (view, approach);
-        Looked::Unsure
+        Estimate::Unsure
     }
 
-    /// What [`Surface::meet`] would answer for a box of the finest level, if that is certain at a glance.
+    /// The answer of [`Surface::meet`] for a box of the finest level, if a glance makes it certain.
     #[inline(always)]
-    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Looked {
+    fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let _ = (view, glance);
-        Looked::Unsure
+        Estimate::Unsure
     }
 
     /// Where the ray, on its way through a box, meets the surface; `None` when it does not, and goes on.

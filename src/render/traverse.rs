@@ -1,4 +1,4 @@
-//! What a ray hits first, by definition: in whole numbers, over any node view, without haste. Pictures are made by
+//! The first hit of a ray, by definition: in whole numbers, over any node view, simple and slow. Pictures are made by
 //! [`super::tile`], [`super::single`] and [`super::batch`], which are held to it.
 //!
 //! Cells are half-open in the direction of travel, so a ray is in exactly one cell at any time; the first
@@ -18,14 +18,14 @@
 //! answers go into table look-ups and box numbers only, never into coordinates.
 //!
 //! Departure from the paper (section 3): its 14-bit table answers for a discrete 6-connected ray and lists
-//! boxes that the line does not pierce; here every box visited is pierced.
+//! boxes that the line does not intersect; here every box visited is intersected.
 
 use crate::geom::NodeIndex;
 use crate::load::NodeView;
 
 use super::ray::{FRACTION_BITS, Face, MAX_DEPTH, Ray};
 
-/// What a ray hit.
+/// The hit of a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Hit {
     /// Breadth-first number of the box: a voxel, or a node where the level of detail ends earlier.
@@ -164,7 +164,7 @@ impl Walk {
 /// First skin voxel on a ray; with `lod_edge_log2` = k > 0, first node with an edge of 2^k or less.
 ///
 /// The ray must have been made for the depth of this view. Cost: one infobyte, and one rank if the octant
-/// is not empty, per level descended. Any view is safe: whatever it answers, the walk ends within
+/// is not empty, per level descended. Any view is safe: the walk ends within
 /// [`step_limit`] steps.
 #[inline]
 pub fn first_hit<V: NodeView>(view: &V, ray: &Ray, lod_edge_log2: u32) -> Trace {

@@ -1,7 +1,7 @@
 //! A model in its place: where a line of the scene meets it.
 //!
 //! A line is carried into the model's grid and rounded there, once; all that follows is whole numbers. What it meets is
-//! told as t along the line of the scene, so that bodies can be compared.
+//! given as t along the line of the scene, so that bodies can be compared.
 //!
 //! A line that starts at a body leaves the box around its start first ([`crate::render::leave`]). Beyond it a flat
 //! line may still meet steps of the stair that it started on. The normals tell: a line outside a solid comes in by faces
@@ -17,8 +17,8 @@ use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
+use crate::render::normals::shown::{Line, Normals};
 use crate::render::ray::Ray;
-use crate::render::shown::{Line, Normals};
 use crate::render::surface::Skin;
 use crate::render::traverse::{Hit, Trace};
 use crate::render::{GridSpace, RenderError, single};
@@ -127,7 +127,7 @@ pub(super) enum Start {
     Cut { plane: usize },
 }
 
-/// What a line meets.
+/// The place where a line meets a body.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Met {
     /// The surface; t of the hit is along the line.
@@ -156,7 +156,7 @@ pub(super) struct Way {
     from: Option<(Hit, Side)>,
 }
 
-/// What is known of a line before its ray is traced.
+/// A line before its ray is traced.
 enum Begun {
     Met(Met),
     Way(Way),
@@ -169,7 +169,7 @@ pub(super) struct Body<'a> {
     pub(super) normals: Normals<'a>,
     pub(super) cells: Option<Cells<'a>>,
     form: Form,
-    /// Boxes beside its start's own that a line leaves at once.
+    /// Boxes around its start's own that a line leaves at once.
     reach: u32,
     /// The surface lies between these two corners of the grid, one box aside.
     bounds: [[f64; 3]; 2],
@@ -188,7 +188,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Does a line of the grid pass the surface's surroundings by? Only what is a box away from them is told so.
+    /// Does a line of the grid pass the surface's surroundings by? Lines less than a box away never do.
     fn passes_by(&self, origin: [f64; 3], direction: [f64; 3]) -> bool {
         let [low, high] = self.bounds;
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
@@ -243,7 +243,7 @@ impl<'a> Body<'a> {
         Some(Hit { t: before + hit.t, ..hit })
     }
 
-    /// What a line meets first between two values of t.
+    /// The first place where a line meets the body, between two values of t.
     pub(super) fn meet(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Met> {
         match self.begin(line, limits, start)? {
             Begun::Met(met) => Some(met),
@@ -254,7 +254,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// The way of a line, as far as it can be told without a ray.
+    /// The way of a line, as far as it is known without a ray.
     fn begin(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
         let mut span = Span::of(limits);
         if !self.part.clip.is_empty() {

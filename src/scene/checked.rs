@@ -1,4 +1,4 @@
-//! Values of a scene's text: within their limits, or told with the key that they stand at.
+//! Values of a scene's text: within their limits, or refused with their key.
 
 use crate::geom::dot;
 use crate::render::shade::linear;

@@ -1,16 +1,16 @@
-//! What is cut away from a body: all that is beyond some planes.
+//! Cuts: planes beyond which nothing of a body is left.
 
 use crate::geom::dot;
 
 /// A convex part of the world: where `normal . p <= limit` for every plane.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Clip {
-    planes: Vec<Plane>,
+    planes: Vec<CutPlane>,
 }
 
 /// A plane that cuts.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Plane {
+pub struct CutPlane {
     /// Unit vector towards what is cut away.
     pub normal: [f64; 3],
     /// Distance of the plane from the world's origin along that, in mm.
@@ -35,8 +35,8 @@ impl Span {
 }
 
 impl Clip {
-    /// What all of these planes leave.
-    pub fn new(planes: Vec<Plane>) -> Self {
+    /// The part within all of these planes.
+    pub fn new(planes: Vec<CutPlane>) -> Self {
         Self { planes }
     }
 
@@ -46,11 +46,11 @@ impl Clip {
     }
 
     /// The planes.
-    pub fn planes(&self) -> &[Plane] {
+    pub fn planes(&self) -> &[CutPlane] {
         &self.planes
     }
 
-    /// What both leave.
+    /// The part within both.
     #[must_use]
     pub fn and(&self, other: &Self) -> Self {
         Self { planes: self.planes.iter().chain(&other.planes).copied().collect() }
@@ -91,7 +91,7 @@ mod tests {
 
     #[test]
     fn lines_are_cut_to_what_is_left() {
-        let plane = |normal, limit| Plane { normal, limit, cap: None };
+        let plane = |normal, limit| CutPlane { normal, limit, cap: None };
         let clip = Clip::new(vec![plane([1.0, 0.0, 0.0], 5.0), plane([-1.0, 0.0, 0.0], 2.0)]);
         let x = [1.0, 0.0, 0.0];
         let all = [0.0, f64::INFINITY];

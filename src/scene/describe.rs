@@ -109,11 +109,11 @@ pub(super) struct ModelKeys {
     pub(super) clip: ClipKeys,
 }
 
-/// A channel that tells colours.
+/// A channel that gives colours.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "lowercase")]
 pub(super) enum ChannelName {
-    /// None, whatever the preset says.
+    /// None, also for presets with one.
     None,
     Color,
     Value,

@@ -1,4 +1,4 @@
-//! What is wrong with the text of a scene, as a value with its sentence.
+//! Errors in the text of a scene, as values with their sentences.
 
 #![expect(missing_docs, reason = "the sentence of each variant says it")]
 
@@ -18,7 +18,7 @@ use crate::text::{Short, shown};
 pub struct SceneError {
     /// The text's file.
     pub path: PathBuf,
-    /// What is wrong.
+    /// The fault.
     pub fault: SceneFault,
 }
 
@@ -73,7 +73,7 @@ impl fmt::Display for Key {
     }
 }
 
-/// What is wrong with the text of a scene.
+/// A fault of the text of a scene.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum SceneFault {

@@ -1,15 +1,15 @@
-//! What bodies are made of, and where their colour comes from.
+//! The materials of bodies, and where their colour comes from.
 
 use crate::format::Channel;
 use crate::load::{Items, Model};
 use crate::render::shade::linear;
 
-/// What a body does with light. Colours are linear RGB.
+/// A surface's effect on light. Colours are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Colour of a surface in full light; of what is clear, the colour that it gives to the light that passes through.
     pub color: [f64; 3],
-    /// Strength of the matt part of the light that is thrown back, 0..=1.
+    /// Strength of the matte part of the light that is thrown back, 0..=1.
     pub diffuse: f64,
     /// Strength of the highlight (Blinn 1977), 0..=1.
     pub specular: f64,
@@ -23,7 +23,7 @@ pub struct Material {
     pub index: f64,
 }
 
-/// A matt surface.
+/// A matte surface.
 const MATT: Material = Material {
     color: [0.838_8, 0.760_5, 0.630_8],
     diffuse: 1.0,
@@ -61,7 +61,7 @@ pub const PRESETS: &[(&str, Material)] = &[
     ("ct-bone", Material { specular: 0.15, exponent: 24, ..MATT }),
 ];
 
-/// Where the colour of a surface comes from: of its matt light; what mirrors and what is clear keep the material's.
+/// Where the colour of a surface comes from: of its matte light; what mirrors and what is clear keep the material's.
 /// Colours are linear RGB.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Coloring {
@@ -145,7 +145,7 @@ pub struct Colors<'a> {
 }
 
 impl<'a> Colors<'a> {
-    /// Of a model; `None` where it lacks the channel, or where none is needed.
+    /// For a model; `None` where it lacks the channel, or where none is needed.
     pub fn of<D: AsRef<[u8]>>(model: &'a Model<D>, coloring: &Coloring) -> Option<Self> {
         let items = model.items(coloring.channel()?)?;
         Some(Self { items, scale: model.metadata().value_scale, coloring: coloring.clone() })
@@ -175,7 +175,7 @@ impl<'a> Colors<'a> {
 fn mixed(ramp: &[(f64, [f64; 3])], value: f64) -> Option<[f64; 3]> {
     let above = ramp.partition_point(|(stop, _)| *stop <= value);
     let (Some((low, below)), Some((high, next))) = (ramp.get(above.wrapping_sub(1)), ramp.get(above)) else {
-        // Beside both ends, the nearer end's.
+        // Beyond both ends, the nearer end's.
         return if above == 0 { ramp.first() } else { ramp.last() }.map(|(_, color)| *color);
     };
     let part = (value - low) / (high - low);

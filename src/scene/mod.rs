@@ -37,7 +37,7 @@ mod tests;
 mod world;
 
 pub use body::Part;
-pub use clip::{Clip, Plane};
+pub use clip::{Clip, CutPlane};
 pub use fault::{Key, SceneError, SceneFault, Table};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material, PRESETS};

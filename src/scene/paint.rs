@@ -12,9 +12,9 @@ use crate::geom::{add_scaled, dot};
 use crate::render::ambient::Sky;
 use crate::render::form::Form;
 use crate::render::image::Image;
+use crate::render::normals::shown::Line;
 use crate::render::picture::{check_size, depth_code, normal_code, pool};
 use crate::render::shade::Shader;
-use crate::render::shown::Line;
 use crate::render::sight::Sight;
 use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
@@ -35,7 +35,7 @@ pub struct Look {
     pub height: u32,
     /// The eye.
     pub camera: Camera,
-    /// What is nearer than this along a line of sight, in mm, is not seen.
+    /// Nearer points along a line of sight, in mm, are not seen.
     pub near_mm: f64,
     /// The lights.
     pub lights: Vec<Light>,
@@ -55,7 +55,7 @@ pub struct Look {
     pub normals: bool,
 }
 
-/// Paints a scene; `rows_done` is told each time how many more rows are painted.
+/// Paints a scene; `rows_done` gets the number of rows each time that more are painted.
 ///
 /// Memory: the image, and for every thread 20 KiB for each file, 1.5 KiB a tile.
 ///
@@ -172,7 +172,7 @@ impl Painter<'_> {
         self.look.camera.ray((2.0 * x - wide) / wide, (high - 2.0 * y) / high)
     }
 
-    /// What the lines of a tile meet first.
+    /// The first hits of a tile's lines.
     fn first(&self, tracer: &mut Tracer, tile: Tile) -> Vec<Option<(usize, Met)>> {
         let mut nearest: Vec<Option<(usize, Met)>> = vec![None; RAYS];
         for (number, (body, sight)) in self.stage.world.bodies.iter().zip(&self.sights).enumerate() {
@@ -258,13 +258,13 @@ struct Strip<'a> {
     normals: &'a mut [u8],
 }
 
-/// What the lines of a pixel saw.
+/// The sum over a pixel's lines.
 #[derive(Clone, Copy, Default)]
 struct Sum {
     color: [f64; 3],
     lines: u32,
     hits: u32,
-    /// Of the first of them that met something.
+    /// Those of the first line that met something.
     depth: f64,
     normal: [f64; 3],
 }

@@ -1,11 +1,13 @@
 //! How many lines a picture took.
 
-/// Lines traced, by what for.
+use crate::render::add_counts;
+
+/// Lines traced, by purpose.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Rays {
     /// From the eye.
     pub primary: u64,
-    /// Of those, lines that meet a body.
+    /// Lines from the eye that meet a body.
     pub hits: u64,
     /// Towards lights.
     pub shadow: u64,
@@ -19,12 +21,7 @@ pub struct Rays {
 
 impl Rays {
     pub(super) fn plus(mut self, other: Self) -> Self {
-        self.primary += other.primary;
-        self.hits += other.hits;
-        self.shadow += other.shadow;
-        self.mirrored += other.mirrored;
-        self.refracted += other.refracted;
-        self.ambient += other.ambient;
+        add_counts!(self, other: primary, hits, shadow, mirrored, refracted, ambient);
         self
     }
 

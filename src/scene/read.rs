@@ -5,7 +5,7 @@ use crate::render::NamedView;
 use crate::render::ambient::MAX_RAYS;
 
 use super::checked::{Checked, FAR};
-use super::clip::{Clip, Plane};
+use super::clip::{Clip, CutPlane};
 use super::describe::{
     AmbientKeys, CameraKeys, ChannelName, ClipKeys, Description, LightKeys, LightName, MaterialKeys,
     ModelKeys, PivotKey, ScaleKey,
@@ -210,15 +210,15 @@ fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
             }
             let mut normal = [0.0; 3];
             normal[axis] = 1.0;
-            planes.push(Plane { normal, limit: high, cap });
-            planes.push(Plane { normal: normal.map(|c| -c + 0.0), limit: -low, cap });
+            planes.push(CutPlane { normal, limit: high, cap });
+            planes.push(CutPlane { normal: normal.map(|c| -c + 0.0), limit: -low, cap });
         }
     }
     for [x, y, z, limit] in &keys.planes {
         let normal = on.direction("planes", [*x, *y, *z])?;
         // The distance counts along the vector as it is written.
         let length = dot([*x, *y, *z], [*x, *y, *z]).sqrt();
-        planes.push(Plane { normal, limit: on.number("planes", *limit, [-FAR, FAR])? / length, cap });
+        planes.push(CutPlane { normal, limit: on.number("planes", *limit, [-FAR, FAR])? / length, cap });
     }
     Ok(Clip::new(planes))
 }

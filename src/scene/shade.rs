@@ -5,9 +5,9 @@
 
 use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
-use crate::render::ambient::{Sky, beside};
-use crate::render::around::Surroundings;
-use crate::render::shown::Line;
+use crate::render::ambient::{Sky, tangents};
+use crate::render::normals::around::Surroundings;
+use crate::render::normals::shown::Line;
 use crate::render::traverse::{Hit, Trace};
 
 use super::body::{Met, Side, Start};
@@ -43,7 +43,7 @@ impl Branch {
     }
 }
 
-/// What a worker keeps from one point to the next.
+/// The memory of a worker, from one point to the next.
 pub(super) struct Kept {
     around: Vec<Surroundings>,
     waiting: Vec<Branch>,
@@ -290,7 +290,7 @@ impl Stage<'_> {
             return 1.0;
         }
         let directions = self.sky.of(pixel);
-        let [right, ahead] = beside(spot.normal);
+        let [right, ahead] = tangents(spot.normal);
         let from = spot.start(false);
         let way =
             |d: &[f64; 3]| std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + spot.normal[a] * d[2]);

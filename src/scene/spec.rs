@@ -44,7 +44,7 @@ pub struct SceneCamera {
     pub projection: Option<Projection>,
     /// Degrees between the bottom and the top.
     pub fov_deg: Option<f64>,
-    /// What is nearer along a line of sight, in mm, is not seen.
+    /// Nearer points along a line of sight, in mm, are not seen.
     pub near_mm: f64,
 }
 
@@ -53,13 +53,13 @@ pub struct SceneCamera {
 pub struct SceneModel {
     /// Its file, as the text names it.
     pub file: PathBuf,
-    /// What it is made of.
+    /// Its material.
     pub material: Material,
     /// Where its colour comes from.
     pub coloring: Coloring,
     /// Where it is put.
     pub place: Place,
-    /// What is cut from it, as well as from all models.
+    /// Cuts of this model and of all.
     pub clip: Clip,
     /// Do named views take it into the frame?
     pub framed: bool,

@@ -111,10 +111,10 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
     }
 }
 
-/// A ridge of three voxels on a plate: lines that start a voxel or two beside it are stopped by it, those that run away
+/// A ridge of three voxels on a plate: lines that start a voxel or two from it are stopped by it, those that run away
 /// from it or over it are not.
 #[test]
-fn details_right_beside_the_start_of_a_line_stop_it() {
+fn details_right_next_to_the_start_of_a_line_stop_it() {
     let inside = |[x, _, z]: [u32; 3]| z < 6 || ((14..18).contains(&x) && z < 9);
     let volume = Voxels::from_fn(Dims::new(32, 32, 16).unwrap(), |p| u8::from(inside(p)));
     let folder = TempDir::new().unwrap();

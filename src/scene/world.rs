@@ -3,8 +3,8 @@
 use crate::geom::dot;
 use crate::render::batch::Batch;
 use crate::render::form::Form;
+use crate::render::normals::shown::Line;
 use crate::render::ray::Ray;
-use crate::render::shown::Line;
 use crate::render::traverse::Hit;
 
 use super::body::{Body, Met, Part, Side, Start, Way};
@@ -15,11 +15,16 @@ const MAX_SURFACES: u32 = 64;
 /// Where a line starts: the number of a body, and where on it.
 pub(super) type From = Option<(usize, Start)>;
 
+/// Where on this body a line starts, if it does.
+fn start_on(from: &From, body: usize) -> Option<&Start> {
+    from.as_ref().filter(|(start, _)| *start == body).map(|(_, start)| start)
+}
+
 /// Lines from one place, and what a worker keeps to trace them together.
 #[derive(Default)]
 pub(super) struct Lot {
     pub(super) lines: Vec<Line>,
-    /// Of each line its way, and t where its ray begins; of those that pass the body by nothing.
+    /// For each line its way, and t where its ray begins; nothing for a line that passes the body by.
     ways: Vec<Option<(Way, f64)>>,
     rays: Vec<Ray>,
     hits: Vec<Option<Hit>>,
@@ -38,14 +43,13 @@ impl<'a> World<'a> {
         Self { bodies: parts.iter().map(|part| Body::of(part, form)).collect() }
     }
 
-    /// What a line meets first between two values of t, and the number of the body: of bodies that are met at the same
-    /// t, the first.
+    /// The first place where a line meets a body between two values of t, and the body's number: the first of those
+    /// that are met at the same t.
     pub(super) fn nearest(&self, line: Line, limits: [f64; 2], from: &From) -> Option<(usize, Met)> {
         let mut nearest: Option<(usize, Met)> = None;
         for (number, body) in self.bodies.iter().enumerate() {
             let most = nearest.as_ref().map_or(limits[1], |(_, met)| met.t());
-            let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
-            if let Some(met) = body.meet(line, [limits[0], most], start)
+            if let Some(met) = body.meet(line, [limits[0], most], start_on(from, number))
                 && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
             {
                 nearest = Some((number, met));
@@ -56,12 +60,8 @@ impl<'a> World<'a> {
 
     /// Is a line stopped by a body that is not clear?
     pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
-        self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear()).any(
-            |(number, body)| {
-                let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
-                body.meet(line, limits, start).is_some()
-            },
-        )
+        let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear());
+        solids.any(|(number, body)| body.meet(line, limits, start_on(from, number)).is_some())
     }
 
     /// How many of `lot.lines` are stopped, as [`World::is_stopped`] says of each.
@@ -71,7 +71,7 @@ impl<'a> World<'a> {
             if body.part.material().is_clear() {
                 continue;
             }
-            let start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| start);
+            let start = start_on(from, number);
             lot.ways.clear();
             lot.rays.clear();
             lot.lines.retain(|line| match body.set_out(*line, limits, start) {
@@ -109,7 +109,7 @@ impl<'a> World<'a> {
             if !material.is_clear() {
                 continue;
             }
-            let mut start = from.as_ref().filter(|(start, _)| *start == number).map(|(_, start)| *start);
+            let mut start = start_on(from, number).copied();
             let mut least = limits[0];
             for _ in 0..MAX_SURFACES {
                 let Some(met) = body.meet(line, [least, limits[1]], start.as_ref()) else { break };

@@ -1,4 +1,4 @@
-//! What was found: a subject or the reason why it cannot be used, and the files behind it.
+//! Findings: a subject or the reason why it cannot be used, and the files behind it.
 
 use crate::platform::OsStrExt;
 use std::fmt;
@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use serde::{Deserialize, Serialize};
 
 use super::{StableHash, Subject};
-use crate::volume::SourceError;
+use crate::volume::Result;
 
 /// One volume, mesh or tree that was found, or why it cannot be used.
 pub struct Finding {
@@ -23,13 +23,13 @@ pub struct Finding {
     pub id: String,
     /// Kind of source: `dicom`, `nrrd`, `raw`, ...
     pub format: &'static str,
-    /// What it is, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
+    /// Kind of image, for people: `CT image`, `localizer`, ...; the format again where nothing more is known.
     pub kind: String,
     /// Which part of its input it is, for example `echo 2`, where that holds several volumes.
     pub part: Option<String>,
     /// Size in voxels, as far as the headers state it; refused volumes have one, too.
     pub size: Option<[u32; 3]>,
-    /// What the input files are, to see whether they changed.
+    /// The input files, to see whether they changed.
     pub files: InputFiles,
     /// Why its pixels may carry text, such as the patient's name, if there is a reason to think so.
     pub burned_in: Option<BurnedIn>,
@@ -37,8 +37,8 @@ pub struct Finding {
     pub at: usize,
     /// Volumes like it in the same input that are passed over for it.
     pub more: usize,
-    /// What a model of it is built of.
-    pub subject: Result<Subject, SourceError>,
+    /// Subject of the model.
+    pub subject: Result<Subject>,
 }
 
 impl fmt::Debug for Finding {

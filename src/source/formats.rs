@@ -1,30 +1,30 @@
 //! The volume formats that are read besides DICOM and headerless files: two short lists.
 //!
 //! A file belongs to the first format of [`FORMATS`] that recognises it, else, if [`STACKS`] does, to the
-//! stack of all such files of its folder. DICOM is asked before both. Formats are told by content; a
+//! stack of all such files of its folder. DICOM is asked before both. Formats are recognised by content; a
 //! name may only decide between things that look alike (a gzip file called `.nii.gz`).
 
 use std::path::Path;
 
 use super::files::FileList;
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{Result, VolumeSource};
 
 /// Volumes that a file of some kind holds.
-type Opened = Result<Vec<Box<dyn VolumeSource>>, SourceError>;
+type Volumes = Result<Vec<Box<dyn VolumeSource>>>;
 
 /// A kind of file that holds one or several volumes.
 pub(crate) struct Format {
     /// As shown to users and in [`crate::volume::SourceDescription::format`]: `nrrd`, `nifti`, ...
     pub(crate) name: &'static str,
     /// Is the file, which begins with these [`HEAD_BYTES`](super::HEAD_BYTES), of this kind? A damaged one is, too, so that it is
-    /// refused by name. Called for every file that is no DICOM: quick, and without opening the file
+    /// refused by name. Called for every file other than DICOM: quick, and without opening the file
     /// unless `head` already speaks for the format.
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
     /// Does the format know neither spacing nor directions? Then a side-car may state them.
     pub(crate) states_no_place: bool,
     /// Opens a file that was recognised: its volumes, in the order of the file.
-    pub(crate) open: fn(path: &Path, options: &OpenOptions) -> Opened,
+    pub(crate) open: fn(path: &Path, options: &OpenOptions) -> Volumes,
 }
 
 /// A kind of picture of which the files of a folder, in natural order of their names, make a volume.
@@ -33,7 +33,7 @@ pub(crate) struct StackFormat {
     pub(crate) name: &'static str,
     /// Is the file, which begins with these bytes, a slice of this kind?
     pub(crate) recognise: fn(head: &[u8], path: &Path) -> bool,
-    /// Does the file hold several slices, so that it is a volume without others beside it?
+    /// Does the file hold several slices, so that it is a volume on its own?
     pub(crate) is_whole: fn(path: &Path) -> bool,
     /// Opens all such files of one folder; at least one, in natural order.
     pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Vec<Slices>,
@@ -44,7 +44,7 @@ pub(crate) struct Slices {
     /// Which of the files.
     pub(crate) files: Vec<usize>,
     /// The volume.
-    pub(crate) volume: Result<Box<dyn VolumeSource>, SourceError>,
+    pub(crate) volume: Result<Box<dyn VolumeSource>>,
 }
 
 /// Formats of whole volumes.

@@ -1,4 +1,4 @@
-//! What the headers of several formats share: lines of text, numbers, units, and the names of data files.
+//! Shared by the headers of several formats: lines of text, numbers, units, and the names of data files.
 
 use std::fs::{self, File};
 use std::io::{self, BufRead, Read};
@@ -8,7 +8,7 @@ use super::files::FileList;
 use super::stored::{Section, section};
 use crate::facts::Fault;
 use crate::facts::header::HeaderFault;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
 const MAX_LINE: u64 = 64 << 10;
@@ -49,12 +49,12 @@ impl<'a> Lines<'a> {
     }
 }
 
-/// A line as text; bytes that are none become question marks.
+/// A line as text; bytes outside UTF-8 become question marks.
 pub(super) fn text(line: &[u8]) -> String {
     String::from_utf8_lossy(line).trim().to_owned()
 }
 
-/// Numbers between white space, parentheses and commas; `None` where one is none.
+/// Numbers between white space, parentheses and commas; `None` where one cannot be parsed.
 pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
     let parts = text.split(|c: char| c.is_whitespace() || "(),".contains(c)).filter(|part| !part.is_empty());
     parts.map(|part| part.parse().ok()).collect()
@@ -108,7 +108,7 @@ pub(super) fn files_beside(header: &Path) -> FileList {
 
 /// Name of a data file as a header has it, if it lies in the header's folder or below.
 ///
-/// A header that came from elsewhere must not make the program read whatever file it names.
+/// A header that came from elsewhere must not make the program read any file it names.
 fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
@@ -120,11 +120,11 @@ fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
 
 /// Do the data files of a header stay in its folder, or in that where the header really lies? What a symbolic link
 /// leads to elsewhere is read only where links may be followed: a header that came from elsewhere must not make
-/// the program read whatever file it links to.
+/// the program read any file it links to.
 ///
 /// # Errors
 /// The first file that does not.
-pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result<(), SourceError> {
+pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Result {
     let outside = (0..files.len()).find(|at| !stays(header, &files.path(*at)));
     match outside.filter(|_| !follow) {
         None => Ok(()),

@@ -1,8 +1,8 @@
-//! What is known by its first bytes, but not read as a volume.
+//! File types that are recognised by their first bytes, but not read as volumes.
 
 use crate::facts::Known;
 
-/// Bytes of a file that are looked at to tell what it is, or all of a shorter one.
+/// Bytes at the head of a file by which it is recognised.
 pub(crate) const HEAD_BYTES: usize = 1024;
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
@@ -14,7 +14,7 @@ const KNOWN: [(&[u8], Known); 5] = [
     (b"\x89OCT\r\n", Known::Oct),
 ];
 
-/// What a file is by its first bytes, if that is known and it is not DICOM.
+/// Type of a file by its first bytes, if it is known and not DICOM.
 pub(crate) fn known(head: &[u8]) -> Option<Known> {
     KNOWN.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, what)| *what)
 }

@@ -1,4 +1,4 @@
-//! MetaImage volumes: `.mha` with the samples behind the header, `.mhd` with files beside it.
+//! MetaImage volumes: `.mha` with the samples behind the header, `.mhd` with files next to it.
 //!
 //! Axes stay as they are stored, the first is x. Row i of `TransformMatrix` is the direction of index axis
 //! i in LPS, as ITK reads and writes it; `CenterOfRotation` moves nothing there and is passed over here.
@@ -11,13 +11,13 @@ use super::files::FileList;
 use super::header::{
     Lines, check_links, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
 };
-use super::stored::{Encoding, Samples, Skip, Stored, regular};
+use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::facts::header::HeaderFault;
 use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
@@ -34,7 +34,7 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     header.stored(path, options.follow_links)?.open()
@@ -67,7 +67,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+    fn read(path: &Path, file: &File) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let mut header = Self {
@@ -146,7 +146,7 @@ impl Header {
         Some(())
     }
 
-    fn stored(mut self, path: &Path, follow: bool) -> Result<Stored, SourceError> {
+    fn stored(mut self, path: &Path, follow: bool) -> Result<StoredLayout> {
         let refuse = |fault: MetaImageFault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
             return Err(refuse(MetaImageFault::Dimensions { count: self.axes, sizes: self.size.len() }));
@@ -154,7 +154,7 @@ impl Header {
         if self.channels != 1 {
             return Err(refuse(MetaImageFault::Channels { count: self.channels }));
         }
-        // A list of volumes is read as volumes; a list of pictures is no volume.
+        // A list of volumes is read as volumes; a list of pictures is not.
         let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
         let listed = self.kinds.iter().any(|kind| kind == "list");
         if pictures && (listed || self.placed_one_by_one) {
@@ -189,7 +189,7 @@ impl Header {
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
             Err(_) => return Err(refuse(MetaImageFault::SkipAllButSamples)),
         };
-        Ok(Stored {
+        Ok(StoredLayout {
             header: path.to_path_buf(),
             format: "metaimage",
             files,
@@ -275,7 +275,7 @@ fn samples(name: &str) -> Option<Samples> {
 }
 
 /// Compressed samples are zlib, but gzip is written, too.
-fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding, SourceError> {
+fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding> {
     let path = files.path(0);
     regular(&path)?;
     let mut magic = [0; 2];

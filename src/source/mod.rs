@@ -1,18 +1,19 @@
 //! Where voxels come from: one file or folder for each format.
 //!
-//! Every reader opens what it recognises as volumes ([`crate::volume::VolumeSource`]); what lies in folders,
-//! and which file belongs to what, is the affair of [`crate::catalogue`], which readers do not see.
+//! Every reader opens what it recognises as volumes ([`crate::volume::VolumeSource`]); folders, and
+//! which files belong together, are the part of [`crate::discovery`], which readers do not see.
 //!
 //! | part | what it holds |
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
 //! | `formats`, `known` | the lists of what is read, and what is known but not read |
 //! | `options`, `subject`, `finding` | what a caller may choose, what can be built, and what was found |
-//! | `stored`, `reversed` | samples read where they lie, or unrolled first |
+//! | `stored`, `axis_reversal` | samples read where they lie, or unrolled first |
 //! | `files`, `header`, `natural`, `numbered`, `stable_hash` | what several of them share |
 #![doc = "\n"]
 #![doc = include_str!("READING.md")]
 
+mod axis_reversal;
 pub mod dicom;
 mod files;
 mod finding;
@@ -28,7 +29,6 @@ mod numbered;
 mod options;
 mod png_stack;
 mod raw;
-mod reversed;
 mod stable_hash;
 mod stored;
 mod subject;

@@ -12,11 +12,11 @@ use std::path::{Path, PathBuf};
 
 use super::OpenOptions;
 use super::header::{check_links, files_beside, unreadable, unusable};
-use super::stored::{Encoding, Samples, Skip, Stored};
+use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::facts::nifti::NiftiFault;
 use crate::facts::samples::StoredFault;
 use crate::facts::{Note, StatedNumber};
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
 
 /// Bytes of a NIfTI-1 header, and of an ANALYZE 7.5 one.
@@ -25,7 +25,7 @@ const NIFTI1_BYTES: usize = 348;
 /// Bytes of a NIfTI-2 header.
 const NIFTI2_BYTES: usize = 540;
 
-/// What follows the magic of NIfTI-2, so that a text-mode transfer shows.
+/// Bytes after the magic of NIfTI-2, which a text-mode transfer would change.
 const NIFTI2_TAIL: &[u8] = b"\0\r\n\x1a\n";
 
 /// Is this a NIfTI or ANALYZE header, gzipped or not?
@@ -38,7 +38,7 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
     is_header(head, path)
 }
 
-/// A magic tells it; without one (ANALYZE, or damage) the size field does, but only with a name for it.
+/// Recognised by the magic; without one (ANALYZE, or damage) by the size field, but only with a name for it.
 fn is_header(head: &[u8], path: &Path) -> bool {
     let magic =
         |at: usize, list: &[&[u8]]| head.get(at..).is_some_and(|h| list.iter().any(|m| h.starts_with(m)));
@@ -78,7 +78,7 @@ fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
     let mut bytes = [0; NIFTI2_BYTES];
@@ -110,7 +110,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     let affine = header.placement.affine(&mut notes);
     let rescale = header.rescale(&mut notes).map_err(|fault| unusable(path, fault))?;
     let raw = encoding == Encoding::Raw;
-    Stored {
+    StoredLayout {
         header: path.to_path_buf(),
         format: "nifti",
         files,
@@ -128,7 +128,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     .open()
 }
 
-/// Gzip by its first bytes, whatever the name says.
+/// Gzip is recognised by its first bytes, not by the name.
 fn encoding_of(file: &File) -> std::io::Result<Encoding> {
     use crate::platform::FileExt;
     let mut magic = [0; 2];
@@ -136,7 +136,7 @@ fn encoding_of(file: &File) -> std::io::Result<Encoding> {
     Ok(if got == 2 && magic == [0x1f, 0x8b] { Encoding::Gzip } else { Encoding::Raw })
 }
 
-/// The file of samples beside the header of a pair.
+/// The file of samples next to the header of a pair.
 fn samples_of_header(path: &Path) -> Option<PathBuf> {
     let (bare, _) = extension(path)?;
     ["img", "img.gz", "IMG"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())

@@ -1,6 +1,6 @@
 //! NumPy arrays (`.npy`, versions 1 to 3).
 //!
-//! An array has shape (z, y, x), or (y, x), whatever its order in memory: an array saved in C and in Fortran
+//! An array has shape (z, y, x), or (y, x), in either order in memory: an array saved in C and in Fortran
 //! order gives the same volume. In C order x is the fastest axis, as everywhere; in Fortran order it is the
 //! slowest, and the array is turned once. The header is a Python literal; it is parsed, never evaluated.
 
@@ -8,15 +8,15 @@ use std::fs::File;
 use std::path::Path;
 
 use super::OpenOptions;
+use super::axis_reversal::AxisReversal;
 use super::files::FileList;
 use super::header::{unreadable, unusable};
-use super::reversed::Reversed;
-use super::stored::{Encoding, Samples, Skip, Stored};
+use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -29,7 +29,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens an array of two or three dimensions.
-pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
     let short = || unusable(path, NpyFault::Short);
@@ -67,7 +67,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let mut files = FileList::new(path.parent().unwrap_or(Path::new("")));
     files.push(Path::new(path.file_name().unwrap_or_default()));
     let by = Carrier::Npy;
-    let volumes = Stored {
+    let volumes = StoredLayout {
         header: path.to_path_buf(),
         format: "npy",
         files,
@@ -86,13 +86,13 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     if array.fortran {
         return Ok(volumes
             .into_iter()
-            .map(|inner| -> Box<dyn VolumeSource> { Box::new(Reversed::new(inner)) })
+            .map(|inner| -> Box<dyn VolumeSource> { Box::new(AxisReversal::new(inner)) })
             .collect());
     }
     Ok(volumes)
 }
 
-/// What a header says.
+/// The fields of a header.
 #[derive(Debug, Default, PartialEq)]
 struct Array {
     descr: String,

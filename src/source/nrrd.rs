@@ -2,7 +2,7 @@
 //! and detached `.nhdr` headers.
 //!
 //! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS
-//! millimetres; without them `spacings` and `axis mins` do. A last axis that is no direction in space (a
+//! millimetres; without them `spacings` and `axis mins` do. A last axis that is not a direction in space (a
 //! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name.
 
 mod geometry;
@@ -14,11 +14,11 @@ use super::OpenOptions;
 use super::files::FileList;
 use super::files::base_name;
 use super::header::{Lines, check_links, counts, files_beside, listed, numbered, text, unreadable, unusable};
-use super::stored::{Encoding, Samples, Skip, Stored, section};
+use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::facts::header::HeaderFault;
 use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Fault, Note};
-use crate::volume::{Endian, Rescale, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
 /// Most axes that the format allows.
@@ -30,23 +30,23 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 /// Opens a header and finds its samples.
-pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     let stored = header.stored(path, &file, options.follow_links).map_err(|wrong| match wrong {
-        Wrong::Header(fault) => unusable(path, fault),
-        Wrong::Other(error) => error,
+        HeaderError::Header(fault) => unusable(path, fault),
+        HeaderError::Other(error) => error,
     })?;
     stored.open()
 }
 
 /// Why a header is refused.
-enum Wrong {
+enum HeaderError {
     Header(Fault),
     Other(SourceError),
 }
 
-impl<F: Into<Fault>> From<F> for Wrong {
+impl<F: Into<Fault>> From<F> for HeaderError {
     fn from(fault: F) -> Self {
         Self::Header(fault.into())
     }
@@ -80,7 +80,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self, SourceError> {
+    fn read(path: &Path, file: &File) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let magic = next(&mut lines)?.unwrap_or_default();
@@ -176,7 +176,7 @@ impl Header {
         }
     }
 
-    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<Stored, Wrong> {
+    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<StoredLayout, HeaderError> {
         let samples = self.samples()?;
         let encoding = match self.encoding.as_str() {
             "raw" => Encoding::Raw,
@@ -227,7 +227,7 @@ impl Header {
             }
             None => return Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
         };
-        check_links(path, &files, follow).map_err(Wrong::Other)?;
+        check_links(path, &files, follow).map_err(HeaderError::Other)?;
         let mut skip = start;
         if self.line_skip > 0 {
             if files.len() != 1 {
@@ -238,13 +238,13 @@ impl Header {
             let data = if start > 0 {
                 file
             } else {
-                super::stored::regular(&data_path).map_err(Wrong::Other)?;
-                opened =
-                    File::open(&data_path).map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?;
+                super::stored::regular(&data_path).map_err(HeaderError::Other)?;
+                opened = File::open(&data_path)
+                    .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?;
                 &opened
             };
             skip = skip_lines(data, start, self.line_skip)
-                .map_err(|cause| Wrong::Other(unreadable(&data_path, cause)))?
+                .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?
                 .ok_or(NrrdFault::FewLines { skip: self.line_skip })?;
         }
         let encoding = match encoding {
@@ -261,7 +261,7 @@ impl Header {
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
             Err(_) => return Err(NrrdFault::SkipAllButSamples.into()),
         };
-        Ok(Stored {
+        Ok(StoredLayout {
             header: path.to_path_buf(),
             format: "nrrd",
             files,
@@ -334,7 +334,7 @@ impl Layout {
         let mut volumes = 1_u64;
         let mut list: Option<usize> = None;
         for (index, axis) in axes.iter().enumerate() {
-            // An axis of one entry that is no direction in space changes nothing, wherever it is.
+            // An axis of one entry that is not a direction in space changes nothing, at any position.
             if axis.size == 1 && !axis.spatial {
                 continue;
             }

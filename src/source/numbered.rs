@@ -12,7 +12,7 @@ use super::stable_hash::StableHash;
 use crate::facts::Note;
 use crate::facts::numbered::{NumberFault, NumberGaps, NumberNote};
 use crate::platform::OsStrExt;
-use crate::volume::{Filled, VolumeSource};
+use crate::volume::{GapFill, InfoOverride, VolumeSource};
 
 /// Numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
@@ -27,7 +27,7 @@ const MAX_MADE: u64 = 10;
 /// step between them is the usual one.
 const DENSE: u64 = 3;
 
-/// What to do with the slices of a stack.
+/// Treatment of the slices of a stack.
 #[derive(Debug, PartialEq)]
 pub(super) enum Order {
     /// One after the other.
@@ -40,8 +40,11 @@ impl Order {
     /// A volume of slices in the order of their files, with what is to be made between them.
     pub(super) fn apply(self, volume: Box<dyn VolumeSource>) -> Box<dyn VolumeSource> {
         match self {
-            Self::AsTheyAre(note) => Filled::noted(volume, note),
-            Self::Filled(places, note) => Filled::between(volume, places, note),
+            Self::AsTheyAre(note) => match note {
+                Some(note) => InfoOverride::with_note(volume, note),
+                None => volume,
+            },
+            Self::Filled(places, note) => GapFill::between(volume, places, note),
         }
     }
 }
@@ -154,7 +157,7 @@ impl Set {
         Some(numbers)
     }
 
-    /// What is missing, if anything is.
+    /// The gaps, if there are any.
     fn gaps(&self, list: &FileList, alone: bool) -> Result<Option<NumberGaps>, NumberFault> {
         let Some(numbers) = self.numbers(list) else { return Ok(None) };
         let single = self.varies.iter().filter(|varies| **varies).count() == 1;
@@ -164,7 +167,7 @@ impl Set {
         };
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         if let Some(at) = steps.iter().position(|step| *step == 0) {
-            // With several numbers in a name, another one may tell the files apart.
+            // With several numbers in a name, another one may distinguish the files.
             return if single { Err(NumberFault::Repeated { files: Box::new(files(at)) }) } else { Ok(None) };
         }
         let (step, times) = usual(&steps);
@@ -244,7 +247,7 @@ mod tests {
             &["8713.tif", "9122.tif", "12040.tif", "12900.tif"],
             &["12-01-33", "12-03-10", "12-04-51", "12-09-02"],
             &["20190101123059999999999", "20190101123100000000000", "20190101123200000000000"],
-            // The second number tells.
+            // The second number orders them.
             &["c1z1", "c1z2", "c2z1", "c2z2"],
         ] {
             assert_eq!(missing(whole), None, "{whole:?}");

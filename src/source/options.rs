@@ -1,4 +1,4 @@
-//! What a caller may choose where volumes leave a choice.
+//! Choices of the caller on how volumes are opened.
 
 use std::path::PathBuf;
 
@@ -8,11 +8,11 @@ use crate::volume::Placement;
 /// How volumes are read, where they leave a choice.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct OpenOptions {
-    /// What headerless files hold; they are no volumes without it.
+    /// Layout of headerless files; without it they are not volumes.
     pub raw: Option<RawOptions>,
-    /// What to do where slices of a series are missing.
+    /// Treatment of missing slices of a series.
     pub gaps: GapPolicy,
-    /// Which of several volumes [`fn@crate::catalogue::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::catalogue::Catalogue)
+    /// Which of several volumes [`fn@crate::discovery::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::discovery::Catalogue)
     /// in its order, refused ones included; the largest if none is chosen.
     pub volume: Option<usize>,
     /// A folder (canonical) that is not searched: that of the results.
@@ -32,7 +32,7 @@ pub struct OpenOptions {
     pub meshes: bool,
 }
 
-/// What to do where slices of a series are missing.
+/// Treatment of missing slices of a series.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]

@@ -18,19 +18,21 @@ use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use crate::budget::costs;
 use crate::facts::png::{PngFault, PngHead};
 use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
 /// Signature, length and name of the first chunk, and its 13 bytes.
 const HEAD_BYTES: usize = 29;
 
-/// What the decoder may allocate for chunks besides the picture.
+/// Bytes that the decoder may allocate for chunks other than the picture.
 const CHUNK_BYTES: usize = 64 << 10;
+
+/// The decoder of a PNG file: the inflater, its window, and two rows.
+const PNG_DECODER: u64 = 512 << 10;
 
 /// The most bytes that deflate makes of one.
 const MAX_EXPANSION: u64 = 1032;
@@ -47,7 +49,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     vec![Slices { files, volume: order.and_then(|order| Ok(order.apply(stack(list)?))) }]
 }
 
-fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
+fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     let mut first: Option<Head> = None;
     let mut file_bytes = 0_u64;
     for index in 0..list.len() {
@@ -57,7 +59,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
         head.check().map_err(|fault| unusable(&path, fault))?;
         let expected = *first.get_or_insert(head);
         if (head.size, head.scalar()) != (expected.size, expected.scalar()) {
-            let (picture, first) = (head.told(), expected.told());
+            let (picture, first) = (head.facts(), expected.facts());
             return Err(unusable(&path, PngFault::Unlike { picture, first }));
         }
     }
@@ -65,7 +67,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
     let head = first.ok_or_else(|| unusable(&path, PngFault::NoPicture))?;
     let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
     let dims = Dims::new(head.size[0], head.size[1], count)
-        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.told(), slices: count }))?;
+        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.facts(), slices: count }))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
     // Smaller samples than a byte grow by 8 at most.
     if bytes > file_bytes.saturating_mul(8 * MAX_EXPANSION) {
@@ -100,7 +102,7 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>, SourceError> {
     Ok(Box::new(StoredVolume::sequential(info, Box::new(recipe))))
 }
 
-/// What the first chunk says.
+/// The first chunk of a PNG file.
 #[derive(Clone, Copy, Debug)]
 struct Head {
     size: [u32; 2],
@@ -141,8 +143,8 @@ impl Head {
         Ok(())
     }
 
-    /// What sets it apart from others.
-    fn told(&self) -> PngHead {
+    /// Size and type, which all pictures of a stack share.
+    fn facts(&self) -> PngHead {
         PngHead { size: self.size, bits: self.depth }
     }
 
@@ -161,14 +163,14 @@ struct Pictures {
 impl Unroll for Pictures {
     fn memory_bytes(&self) -> u64 {
         // Two rows of the decoder, one as it is written.
-        costs::PNG_DECODER + CHUNK_BYTES as u64 + 4 * self.row_bytes
+        PNG_DECODER + CHUNK_BYTES as u64 + 4 * self.row_bytes
     }
 
     fn files(&self) -> &FileList {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         for z in 0..info.dims.nz() {
             let index = z as usize;
             let path = || self.files.list().path(index);
@@ -192,7 +194,7 @@ fn picture(
     info: &VolumeInfo,
     target: &Target<'_>,
     path: &dyn Fn() -> PathBuf,
-) -> Result<(), SourceError> {
+) -> Result {
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => unreadable(&path(), cause),
         DecodingError::IoError(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {

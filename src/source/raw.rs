@@ -8,14 +8,16 @@ use std::sync::Arc;
 
 use super::files::{FileList, FileSet, base_name};
 use super::known::{HEAD_BYTES, known};
-use super::stored::{Placed, Places, Samples};
+use super::stored::{DirectSamples, Samples, SliceOffsets};
 use crate::facts::samples::{RawFault, RawLayout};
 use crate::facts::{Fault, Instead, Known, Misuse};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
-use crate::volume::{Endian, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{
+    Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+};
 
-/// What the caller must say of a headerless volume.
+/// Layout of a headerless volume, as the caller must state it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RawOptions {
     /// Size in voxels; x runs fastest in the file, then y, then z.
@@ -38,7 +40,7 @@ pub struct RawOptions {
 #[derive(Debug)]
 pub struct RawVolume {
     info: VolumeInfo,
-    placed: Placed,
+    samples: DirectSamples,
 }
 
 impl RawVolume {
@@ -50,7 +52,7 @@ impl RawVolume {
     /// [`SourceError::Unusable`] when the number of files is not the number of slices;
     /// [`SourceError::NoVolume`] for an empty folder; [`SourceError::Usage`] for impossible options;
     /// [`SourceError::Unreadable`] when the system refuses.
-    pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self, SourceError> {
+    pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();
         let affine = options.orientation.affine(options.spacing_mm);
@@ -101,9 +103,9 @@ impl RawVolume {
             },
             notes: Vec::new(),
         };
-        let placed = Placed {
+        let samples = DirectSamples {
             files: Arc::new(files),
-            places: Places::Even {
+            offsets: SliceOffsets::Even {
                 slices_per_file: u64::from(slices_per_file),
                 skip: options.skip,
                 first_slice: 0,
@@ -111,7 +113,7 @@ impl RawVolume {
             samples: Samples::Plain(options.scalar),
             endian: options.endian,
         };
-        Ok(Self { info, placed })
+        Ok(Self { info, samples })
     }
 }
 
@@ -121,17 +123,11 @@ impl VolumeSource for RawVolume {
     }
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.placed.files.list().for_each(each);
+        self.samples.files.list().for_each(each);
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
-        self.placed.read_rows(&self.info, z, rows, cols, out)
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
+        self.samples.read_rows(&self.info, z, rows, cols, out)
     }
 
     fn read_pitched(
@@ -141,8 +137,8 @@ impl VolumeSource for RawVolume {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
-        self.placed.read_pitched(&self.info, z, rows, cols, pitch, out)
+    ) -> Result {
+        self.samples.read_pitched(&self.info, z, rows, cols, pitch, out)
     }
 }
 
@@ -152,7 +148,7 @@ fn layout_of(options: &RawOptions, index: usize, files: usize) -> RawLayout {
 }
 
 /// The files to read, in slice order, and the base name to remember.
-fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
+fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let Some(first) = inputs.first() else {
         return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
     };
@@ -173,8 +169,8 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String), SourceError> {
     Ok((list, base_name(first)))
 }
 
-/// Was a file, which lies in a folder of slices, made of them: a model, or the picture of one? Told by what it
-/// says, not by its name; a file that cannot be read says so when it is opened as a slice.
+/// Was a file in a folder of slices made of them: a model, or the picture of one? Recognised by content, not by
+/// its name; a file that cannot be read says so when it is opened as a slice.
 fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);
     let read = fs::File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
@@ -182,7 +178,7 @@ fn is_made_of_slices(path: &Path) -> bool {
 }
 
 /// Regular files of a folder in natural order; hidden ones, models, their pictures and subfolders are left out.
-fn list_folder(folder: &Path) -> Result<FileList, SourceError> {
+fn list_folder(folder: &Path) -> Result<FileList> {
     let unreadable = |cause| SourceError::Unreadable { path: folder.to_path_buf(), cause };
     let mut list = FileList::new(folder);
     for entry in fs::read_dir(folder).map_err(unreadable)? {

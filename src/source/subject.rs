@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use crate::volume::VolumeSource;
 
-/// What lies at a path: everything that a model can be built of.
+/// Everything that a model can be built of.
 ///
-/// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::catalogue::Catalogue).
+/// Opened by [`Subject::open`], or found by a [`Catalogue`](crate::discovery::Catalogue).
 #[derive(Debug)]
 pub enum Subject {
     /// A volume, not prepared yet.

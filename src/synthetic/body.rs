@@ -26,14 +26,16 @@ pub struct Body {
     pub(super) shape: Shape,
 }
 
-/// What a body is computed by.
+/// The formula of a body.
 #[derive(Clone, Debug)]
 pub(super) enum Shape {
     /// A distance in closed form, in a turned frame about a centre.
-    Smooth { shape: Smooth, centre: Vector, turn: Turn },
-    /// A level of a wave.
+    Smooth {
+        shape: Smooth,
+        centre: Vector,
+        turn: Turn,
+    },
     Wave(Wave),
-    /// Cubes of a lattice.
     Lattice(Lattice),
 }
 
@@ -64,7 +66,7 @@ impl Body {
         }
     }
 
-    /// What samples are made of: the distance, or of a wave its value over its slope, which vanishes at the same
+    /// The source of samples: the distance, or for a wave its value over its slope, which vanishes at the same
     /// places. Farther away than `reach` it may be any other number beyond `reach` on the same side.
     #[inline]
     pub(super) fn distance_near(&self, place: Vector, reach: f64) -> f64 {

@@ -16,7 +16,6 @@ pub(super) struct Lattice {
     pub(super) size: [u32; 3],
 }
 
-/// Which cubes are in.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Pattern {
     /// Menger's sponge of this many levels, 3^levels cubes a side.
@@ -30,7 +29,6 @@ pub(super) enum Pattern {
 }
 
 impl Lattice {
-    /// Is the cube of this number in?
     fn holds(&self, cube: [i64; 3]) -> bool {
         let mut at = [0_u32; 3];
         for a in 0..3 {

@@ -7,7 +7,6 @@ use std::sync::LazyLock;
 
 use crate::geom::dot;
 
-/// A point or a vector.
 pub(super) type Vector = [f64; 3];
 
 pub(super) fn minus(a: Vector, b: Vector) -> Vector {

@@ -30,7 +30,7 @@
 //! | `bits` | of a sample: 16; 4 to 16, or 32 for single precision |
 //! | `spacing` | in mm: 1x1x1. With `@N`, a coarser axis has as many samples fewer |
 //!
-//! [`AnalyticVolume`] tells the true surface beside the samples.
+//! [`AnalyticVolume`] gives the true surface along with the samples.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -61,7 +61,7 @@ pub use volume::AnalyticVolume;
 
 use crate::facts::{Misuse, SyntheticFault};
 use crate::volume::{SourceError, VolumeSource};
-use spec::{PREFIX, Wanted};
+use spec::{PREFIX, Request};
 
 /// Is an input the description of a synthetic volume, and not a file? (`./synthetic:...` is a file.)
 pub fn is_synthetic(input: &Path) -> bool {
@@ -76,8 +76,8 @@ pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
     let wrong = |fault| usage(input, fault);
     let given = input.to_string_lossy();
     match parse(&given).map_err(wrong)? {
-        Wanted::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
-        Wanted::Head(side) => match SyntheticHead::new(side) {
+        Request::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
+        Request::Head(side) => match SyntheticHead::new(side) {
             Some(head) => Ok(Box::new(head)),
             None => Err(wrong(SyntheticFault::Size { given: side.to_string() })),
         },
@@ -91,18 +91,18 @@ pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
 pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
     let wrong = |fault| usage(Path::new(text), fault);
     match parse(text).map_err(wrong)? {
-        Wanted::Body(spec) => Ok(AnalyticVolume::new(*spec)),
-        Wanted::Head(_) => {
+        Request::Body(spec) => Ok(AnalyticVolume::new(*spec)),
+        Request::Head(_) => {
             Err(wrong(SyntheticFault::Body { name: spec::HEAD.into(), known: spec::BODIES.to_vec() }))
         }
     }
 }
 
-/// The refusal of a synthetic input for what is said beside it.
+/// The error for a synthetic input.
 pub(crate) fn usage(input: &Path, fault: SyntheticFault) -> SourceError {
     SourceError::Usage { path: input.to_path_buf(), misuse: Misuse::Synthetic(fault) }
 }
 
-fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
+fn parse(text: &str) -> Result<Request, SyntheticFault> {
     spec::parse(text.strip_prefix(PREFIX).unwrap_or(text))
 }

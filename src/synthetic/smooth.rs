@@ -124,7 +124,7 @@ const HALVINGS: u32 = 120;
 /// Sought is `s = t + r^2` of the shortest axis: near the middle of the body t is next to `-r^2`, and its distance
 /// from there is what counts.
 fn ellipsoid(radii: Vector, p: Vector) -> (f64, Vector) {
-    // A place within a plane of symmetry has two nearest points: a hair beside it.
+    // A place within a plane of symmetry has two nearest points: step slightly off it.
     const HAIR: f64 = 1e-13;
     let p = p.map(|c| if c.abs() < HAIR { HAIR.copysign(c) } else { c });
     let least = radii[0].min(radii[1]).min(radii[2]);

@@ -1,4 +1,4 @@
-//! What `synthetic:NAME@N?key=value,key=value` says.
+//! The syntax of `synthetic:NAME@N?key=value,key=value`.
 
 use super::body::{Body, Shape};
 use super::lattice::{Lattice, Pattern};
@@ -8,13 +8,12 @@ use super::wave::Wave;
 use crate::facts::{SyntheticFault, SyntheticValue};
 use crate::geom::Dims;
 
-/// What stands before the name.
+/// The prefix of the name.
 pub(super) const PREFIX: &str = "synthetic:";
 
 /// Name of the head, which is made by other means.
 pub(super) const HEAD: &str = "head";
 
-/// The analytic bodies.
 pub(super) const BODIES: [&str; 11] = [
     "sphere",
     "ellipsoid",
@@ -56,9 +55,9 @@ pub(super) struct Spec {
     pub(super) sampling: Sampling,
 }
 
-/// What a text asks for.
+/// The volume that a text asks for.
 #[derive(Debug)]
-pub(super) enum Wanted {
+pub(super) enum Request {
     /// The head of so many voxels a side.
     Head(u32),
     Body(Box<Spec>),
@@ -67,7 +66,7 @@ pub(super) enum Wanted {
 /// Keys that say how samples are taken.
 const SAMPLING: [&str; 7] = ["sample", "psf", "slab", "noise", "seed", "bits", "spacing"];
 
-/// Keys of a body beside those of the sampling.
+/// Keys of a body other than those of the sampling.
 fn own_keys(body: &str) -> &'static [&'static str] {
     match body {
         "sphere" => &["radius"],
@@ -152,7 +151,7 @@ const LENGTHS: [f64; 2] = [0.01, 65536.0];
 const ANGLES: [f64; 2] = [-360.0, 360.0];
 
 /// Reads the text behind [`PREFIX`].
-pub(super) fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
+pub(super) fn parse(text: &str) -> Result<Request, SyntheticFault> {
     let (front, keys) = match text.split_once('?') {
         Some((front, keys)) => (front, Some(keys)),
         None => (text, None),
@@ -169,7 +168,7 @@ pub(super) fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
     if name == HEAD {
         Keys::new(HEAD, keys, &[])?;
         let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
-        return side.map(Wanted::Head).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() });
+        return side.map(Request::Head).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() });
     }
     let known: Vec<&str> = own_keys(name)
         .iter()
@@ -182,7 +181,7 @@ pub(super) fn parse(text: &str) -> Result<Wanted, SyntheticFault> {
     let sampling = sampling(&keys)?;
     let dims = dims(size, &sampling).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() })?;
     let body = Body { name, shape: shape(&keys, dims, &sampling)? };
-    Ok(Wanted::Body(Box::new(Spec { body, dims, sampling })))
+    Ok(Request::Body(Box::new(Spec { body, dims, sampling })))
 }
 
 fn sampling(keys: &Keys<'_>) -> Result<Sampling, SyntheticFault> {
@@ -235,7 +234,7 @@ fn dims(text: &str, sampling: &Sampling) -> Option<Dims> {
     }
 }
 
-/// The body, in units, in a volume of this size. What stands in the middle stands a little beside it, so that
+/// The body, in units, in a volume of this size. A body in the middle is moved slightly off it, so that
 /// samples do not lie on its planes of symmetry.
 fn shape(keys: &Keys<'_>, dims: Dims, sampling: &Sampling) -> Result<Shape, SyntheticFault> {
     const BESIDE: Vector = [0.17, -0.31, 0.43];

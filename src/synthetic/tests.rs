@@ -1,4 +1,4 @@
-//! Descriptions become volumes, and samples agree with the surface that is told beside them.
+//! Descriptions become volumes, and samples agree with the true surface given with them.
 
 use std::path::Path;
 
@@ -7,7 +7,6 @@ use crate::exit::ExitKind;
 use crate::facts::SyntheticValue;
 use crate::volume::ScalarType;
 
-/// All samples as densities.
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
     let info = volume.info();
     let [nx, ny, nz] = info.dims.to_array();
@@ -93,7 +92,7 @@ fn thick_slices_average_what_thin_ones_would_show() {
     for (i, density) in densities(&thick).iter().enumerate() {
         let (z, at) = (i / slice, i % slice);
         let mean = (0..6).map(|k| thin[(6 * z + k) * slice + at]).sum::<f64>() / 6.0;
-        // Six points stand for twelve: the rest is the rule's error at a blur of 0.8.
+        // Six points represent twelve: the rest is the rule's error at a blur of 0.8.
         assert!((density - mean).abs() < 5e-3, "{i}: {density} {mean}");
     }
 }

@@ -28,7 +28,6 @@ pub struct AnalyticVolume {
     sampling: Sampling,
     /// Distance of samples in units of the finest.
     spacing: Vector,
-    /// Length of a unit in mm.
     unit_mm: f64,
     /// Heights above the middle of a slice that it averages, in units.
     heights: Vec<f64>,

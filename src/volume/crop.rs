@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use super::wrapper::owns_source_and_info;
+use super::{Result, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -20,7 +21,7 @@ impl<'a> Crop<'a> {
     ///
     /// # Errors
     /// [`SourceError::Usage`] when the box is empty or not within the volume.
-    pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self> {
         let mut info = source.info().clone();
         let size = roi.clone().map(|r| r.end.saturating_sub(r.start));
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
@@ -45,33 +46,9 @@ fn moved(range: &Range<u32>, start: u32) -> Range<u32> {
 }
 
 impl Wrapper for Crop<'_> {
-    fn inner(&self) -> &dyn VolumeSource {
-        &*self.source
-    }
+    owns_source_and_info!();
 
-    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
-        Some(&mut *self.source)
-    }
-
-    fn own_info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn own_info_mut(&mut self) -> &mut VolumeInfo {
-        &mut self.info
-    }
-
-    fn own_bytes(&self) -> u64 {
-        0
-    }
-
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let [x, y, slices] = &self.roi;
         let z = z.saturating_add(slices.start);
         self.source.read_rows(z, moved(&rows, y.start), moved(&cols, x.start), out)
@@ -84,7 +61,7 @@ impl Wrapper for Crop<'_> {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         let [x, y, slices] = &self.roi;
         let z = z.saturating_add(slices.start);
         self.source.read_pitched(z, moved(&rows, y.start), moved(&cols, x.start), pitch, out)

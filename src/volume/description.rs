@@ -1,4 +1,4 @@
-//! What a model tells of its origin: the kind of image and what was done to it, never what it is called.
+//! Origin of a volume as a model records it: the kind of image and its treatments, never its name.
 
 use std::fmt;
 use std::ops::Range;
@@ -11,11 +11,11 @@ use std::ops::Range;
 pub struct SourceDescription {
     /// Kind of source: `raw`, `dicom`, `synthetic`, ...
     pub format: String,
-    /// What messages call the input. It may tell who is shown, and is never written into a model.
+    /// Name of the input in messages. It may identify a patient, and is never written into a model.
     pub name: String,
     /// The kind of image, as far as the input states it.
     pub kind: ImageKind,
-    /// What was done to the volume, in order.
+    /// Treatments of the volume, in order.
     pub treatments: Vec<Treatment>,
     /// Number of files read.
     pub files: u64,
@@ -31,7 +31,7 @@ pub enum ImageKind {
     Unstated,
     /// A part of a series of images.
     Series {
-        /// What the images are: `CT image`, `segmentation`, ...
+        /// Kind of images: `CT image`, `segmentation`, ...
         object: String,
         /// Number of the series in its study.
         number: Option<i32>,

@@ -3,7 +3,8 @@
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
+use super::wrapper::owns_source_and_info;
+use super::{Result, Scalar, ScalarType, SourceError, Treatment, VolumeInfo, VolumeSource, Wrapper};
 use crate::facts::Misuse;
 use crate::geom::Dims;
 
@@ -33,7 +34,7 @@ impl<'a> Downsample<'a> {
     ///
     /// # Errors
     /// [`SourceError::Usage`] for other factors.
-    pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self, SourceError> {
+    pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self> {
         let mut info = source.info().clone();
         let sides = info.dims.to_array().map(|n| n.div_ceil(factor.max(1)));
         let dims = Dims::new(sides[0], sides[1], sides[2]);
@@ -58,7 +59,7 @@ impl<'a> Downsample<'a> {
     }
 
     /// One row of means.
-    fn row<T: Scalar>(&self, z: u32, y: u32, cols: &Range<u32>, out: &mut [u8]) -> Result<(), SourceError> {
+    fn row<T: Scalar>(&self, z: u32, y: u32, cols: &Range<u32>, out: &mut [u8]) -> Result {
         let [nx, ny, nz] = self.source.info().dims.to_array();
         let block = |i: u32, n: u32| (i * self.factor).min(n)..((i + 1) * self.factor).min(n);
         let (rows, slices) = (block(y, ny), block(z, nz));
@@ -102,33 +103,13 @@ impl<'a> Downsample<'a> {
 }
 
 impl Wrapper for Downsample<'_> {
-    fn inner(&self) -> &dyn VolumeSource {
-        &*self.source
-    }
-
-    fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
-        Some(&mut *self.source)
-    }
-
-    fn own_info(&self) -> &VolumeInfo {
-        &self.info
-    }
-
-    fn own_info_mut(&mut self) -> &mut VolumeInfo {
-        &mut self.info
-    }
+    owns_source_and_info!();
 
     fn own_bytes(&self) -> u64 {
         64 << 10
     }
 
-    fn own_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let row_bytes = cols.len() * self.info.scalar.bytes();
         if row_bytes == 0 {
             return Ok(());

@@ -6,27 +6,25 @@
 //! | part | what it holds |
 //! |---|---|
 //! | `scalar` | types of samples and their byte order |
-//! | `description` | what a model tells of its origin |
+//! | `description` | origin of a volume, as a model records it |
 //! | [`Voxels`], [`VolumeView`] | a volume that is in memory already: owned, borrowed |
 //! | [`Slices`] | a volume whose slices come one after the other |
 //! | `block`, `blend`, `spool` | rows read by position, mixed, and unrolled first |
-//! | `wrapper`, `noted`, `placement`, `crop`, `downsample`, `filled`, `watched` | volumes that wrap another one, and say or show something else |
+//! | `wrapper`, `placement`, `crop`, `downsample`, `gap_fill`, `watch` | volumes that wrap another one, and state or deliver something else |
 
 mod blend;
 mod block;
-mod borrowed;
 mod crop;
 mod description;
 mod downsample;
-mod filled;
-mod noted;
+mod gap_fill;
 mod placement;
 mod scalar;
 mod slices;
 mod spool;
 mod view;
 mod voxels;
-mod watched;
+mod watch;
 mod wrapper;
 
 pub use crate::facts::{Note, SourceError};
@@ -35,8 +33,7 @@ pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
 pub use description::{ImageKind, SourceDescription, Treatment};
 pub use downsample::Downsample;
-pub(crate) use filled::Filled;
-pub(crate) use noted::Noted;
+pub(crate) use gap_fill::GapFill;
 pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};
@@ -44,8 +41,8 @@ pub use slices::Slices;
 pub(crate) use spool::Spool;
 pub use view::VolumeView;
 pub use voxels::Voxels;
-pub(crate) use watched::Watched;
-pub(crate) use wrapper::Wrapper;
+pub(crate) use watch::FileWatch;
+pub(crate) use wrapper::{InfoOverride, Wrapper};
 
 use std::fmt;
 use std::ops::Range;
@@ -55,7 +52,10 @@ use crate::budget::{Budget, Reservation};
 use crate::geom::{Affine, Dims};
 use crate::progress::{Progress, Stopped};
 
-/// What is known of a volume before its voxels are read.
+/// Result of opening or reading a volume.
+pub type Result<T = (), E = SourceError> = std::result::Result<T, E>;
+
+/// Facts of a volume that are known before its voxels are read.
 #[derive(Clone, Debug)]
 pub struct VolumeInfo {
     /// Size in voxels.
@@ -69,14 +69,14 @@ pub struct VolumeInfo {
     pub spacing_mm: [f64; 3],
     /// Voxel index to LPS mm.
     pub affine: Affine,
-    /// What the input was: for the metadata, and for messages.
+    /// Origin of the volume, for the metadata and for messages.
     pub description: SourceDescription,
-    /// What was guessed, left out, replaced or odd.
+    /// Notes on guesses, omissions, replacements and oddities.
     pub notes: Vec<Note>,
 }
 
 impl VolumeInfo {
-    /// Of samples that a program has: voxels of 1 mm, the middle of the first one at the origin.
+    /// Facts of samples in memory: voxels of 1 mm, the middle of the first one at the origin.
     pub(crate) fn in_memory(dims: Dims, scalar: ScalarType) -> Self {
         Self {
             dims,
@@ -94,7 +94,7 @@ impl VolumeInfo {
         }
     }
 
-    /// Puts the voxels at another place.
+    /// Moves the voxels to where `affine` maps them.
     pub(crate) fn place(&mut self, affine: Affine) {
         self.affine = affine;
         self.spacing_mm = affine.spacing_mm();
@@ -120,23 +120,23 @@ impl Rescale {
     }
 }
 
-/// What a source needs before its rows can be read at random.
+/// Resources that a source needs before its rows can be read at random.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Preparation {
-    /// Bytes that will be written to a nameless scratch file; 0 if nothing has to be unrolled.
+    /// Bytes that will be written to an anonymous scratch file; 0 if nothing has to be unrolled.
     pub scratch_bytes: u64,
     /// Bytes of memory that are held while it is written, beyond what the source holds when opened.
     pub memory_bytes: u64,
 }
 
-/// Where, and within what, a source unrolls itself.
+/// Scratch space, memory and progress for a source that unrolls itself.
 #[derive(Clone)]
 pub struct Workspace<'a> {
-    /// Folder for a nameless scratch file.
+    /// Folder for an anonymous scratch file.
     pub scratch: &'a Path,
-    /// What may be held meanwhile.
+    /// Memory that may be held meanwhile.
     pub memory: Budget,
-    /// Told how far it is.
+    /// Receives the progress.
     pub progress: &'a dyn Progress,
 }
 
@@ -145,11 +145,7 @@ impl Workspace<'_> {
     ///
     /// # Errors
     /// [`SourceError::Memory`].
-    pub(crate) fn reserve(
-        &self,
-        bytes: u64,
-        path: impl FnOnce() -> PathBuf,
-    ) -> Result<Reservation, SourceError> {
+    pub(crate) fn reserve(&self, bytes: u64, path: impl FnOnce() -> PathBuf) -> Result<Reservation> {
         self.memory.reserve(bytes).map_err(|refused| SourceError::Memory {
             path: path(),
             needed_bytes: refused.needed_bytes,
@@ -225,7 +221,7 @@ pub trait VolumeSource: Send + Sync {
     }
 
     /// Names every file that samples are read from, as far as the source knows; the catalogue asks what a
-    /// format has opened, so that a change of samples beside their header is noticed.
+    /// format has opened, so that a change of samples outside the header is noticed.
     fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
 
     /// Are the files still those that the volume was opened with? Asked when everything has been read, before what
@@ -233,22 +229,22 @@ pub trait VolumeSource: Send + Sync {
     ///
     /// # Errors
     /// [`Fault::ChangedInUse`](crate::facts::Fault::ChangedInUse) with the first file that is not. What comes from
-    /// [`catalogue::open`](fn@crate::catalogue::open) notices; a volume whose files nobody watches does not.
-    fn check_unchanged(&self) -> Result<(), SourceError> {
+    /// [`discovery::open`](fn@crate::discovery::open) notices; a volume opened otherwise does not.
+    fn check_unchanged(&self) -> Result {
         Ok(())
     }
 
-    /// What [`VolumeSource::prepare`] will take.
+    /// Resources that [`VolumeSource::prepare`] will take.
     fn preparation(&self) -> Preparation {
         Preparation::default()
     }
 
-    /// Unrolls a source that can only be read from front to back (compressed frames, gzip) into a nameless
+    /// Unrolls a source that can only be read from front to back (compressed frames, gzip) into an anonymous
     /// scratch file. Called once, before any row is read; nothing to do where rows lie in the file.
     ///
     /// # Errors
     /// The input is damaged, the scratch folder is full, or the memory allowed is too little.
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let _ = workspace;
         Ok(())
     }
@@ -258,15 +254,9 @@ pub trait VolumeSource: Send + Sync {
     ///
     /// # Errors
     /// The file became unreadable or ended early.
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError>;
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result;
 
-    /// As [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and what
+    /// Like [`VolumeSource::read_rows`], but row r of the block begins at byte `r * pitch` of `out`, and what
     /// lies between rows is left as it is. `out` ends with the last row.
     ///
     /// Rows a little apart do not compete for the same cache lines, as rows of 2^n bytes do.
@@ -280,7 +270,7 @@ pub trait VolumeSource: Send + Sync {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 
@@ -298,7 +288,7 @@ pub(crate) fn row_by_row(
     cols: Range<u32>,
     pitch: usize,
     out: &mut [u8],
-) -> Result<(), SourceError> {
+) -> Result {
     let row_bytes = cols.len() * source.info().scalar.bytes();
     for (row, part) in rows.zip(out.chunks_mut(pitch)) {
         source.read_rows(z, row..row + 1, cols.clone(), part.get_mut(..row_bytes).unwrap_or_default())?;

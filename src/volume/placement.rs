@@ -1,10 +1,9 @@
 //! Spacing and directions that come from outside the file: from the command line, or from a side-car.
 //!
-//! Pictures and arrays state neither, and some headers state less than they could. What a format then assumes it
-//! tells in a note; the note is the record of it, and goes when somebody states what was missing.
+//! Pictures and arrays state neither, and some headers state less than they could. A format
+//! states its assumptions in notes; such a note goes when the caller states what was missing.
 
-use super::noted::Noted;
-use super::{Note, SourceError, Treatment, VolumeInfo, VolumeSource};
+use super::{InfoOverride, Note, Result, SourceError, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::{Misuse, StatedBy};
 use crate::geom::Orientation;
 
@@ -26,7 +25,7 @@ impl Placement {
         *self == Self::default()
     }
 
-    /// What is stated here, and where nothing is, what `other` states.
+    /// The values stated here, and those of `other` where nothing is stated here.
     pub(crate) fn or(self, other: Self) -> Self {
         Self {
             spacing_mm: self.spacing_mm.or(other.spacing_mm),
@@ -35,11 +34,11 @@ impl Placement {
     }
 }
 
-/// A volume with the spacing and directions that somebody stated for it.
+/// A volume with spacing and directions stated outside the file.
 ///
 /// The affine's columns are scaled, so that oblique axes and gantry tilt stay; only where the letters of the
-/// axes differ are they laid along the patient's. Voxel (0, 0, 0) stays where it is. What the file stated
-/// otherwise is told in a note, and noted behind the name of the source.
+/// axes differ are they laid along the patient's. Voxel (0, 0, 0) stays where it is. Values of the
+/// file that are replaced are reported in a note, and recorded among the treatments.
 ///
 /// # Errors
 /// [`SourceError::Usage`] for a spacing that makes no sound affine, such as 1e-300 mm.
@@ -47,7 +46,7 @@ pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,
     by: StatedBy,
-) -> Result<Box<dyn VolumeSource>, SourceError> {
+) -> Result<Box<dyn VolumeSource>> {
     if asked.is_empty() {
         return Ok(source);
     }
@@ -64,7 +63,7 @@ pub(crate) fn place(
             misuse: Misuse::Spacing { by },
         });
     }
-    Ok(Box::new(Noted { source, info }))
+    Ok(InfoOverride::boxed(source, info))
 }
 
 fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
@@ -131,7 +130,7 @@ mod tests {
             _: std::ops::Range<u32>,
             _: std::ops::Range<u32>,
             _: &mut [u8],
-        ) -> Result<(), SourceError> {
+        ) -> Result {
             Ok(())
         }
     }

@@ -5,7 +5,8 @@ use std::ops::Range;
 use std::sync::{Mutex, PoisonError};
 
 use super::{
-    Preparation, Rescale, Scalar, SourceError, Spool, VolumeInfo, VolumeSource, Workspace, check_request,
+    Preparation, Rescale, Result, Scalar, SourceError, Spool, VolumeInfo, VolumeSource, Workspace,
+    check_request,
 };
 use crate::facts::samples::ReadFault;
 use crate::geom::{Affine, Dims};
@@ -90,7 +91,7 @@ impl<T: Scalar> VolumeSource for Slices<'_, T> {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let name = || (&self.info.description.name).into();
         let _memory = workspace.reserve(self.preparation().memory_bytes, name)?;
         let Some(fill) = self.fill.take() else { return Ok(()) };
@@ -107,13 +108,7 @@ impl<T: Scalar> VolumeSource for Slices<'_, T> {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         check_request(&self.info, z, &rows, &cols, out.len())
             .and_then(|()| match &self.spool {
                 Some(spool) => spool.read_rows(z, &rows, &cols, out),

@@ -1,4 +1,4 @@
-//! Sequential inputs unrolled: samples in the machine's order in a nameless scratch file, read by position.
+//! Sequential inputs unrolled: samples in the machine's order in an anonymous scratch file, read by position.
 //!
 //! The scratch file is as long as the volume is in memory; it is not compressed, because the builder reads
 //! it in tiles, at the speed of the page cache, which does not count as the process's memory.
@@ -8,10 +8,10 @@ use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{ScalarType, SourceError};
+use super::{Result, ScalarType, SourceError};
 use crate::geom::Dims;
 use crate::platform::FileExt;
-use crate::scratch::nameless_for;
+use crate::scratch::unnamed_for;
 use crate::volume::read_block;
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
@@ -28,10 +28,10 @@ impl Spool {
     ///
     /// # Errors
     /// [`SourceError::Scratch`] where there is no room for it.
-    pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self, SourceError> {
+    pub(crate) fn create(folder: &Path, dims: Dims, scalar: ScalarType) -> Result<Self> {
         let bytes = dims.voxels() * scalar.bytes() as u64;
         let failed = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
-        let file = nameless_for(folder, bytes).map_err(failed)?;
+        let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
         Ok(Self { file, folder: folder.to_path_buf(), dims, scalar })
     }
@@ -51,7 +51,7 @@ impl Spool {
     ///
     /// # Errors
     /// [`SourceError::Scratch`].
-    pub(crate) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
+    pub(crate) fn write(&self, samples: &[u8], offset: u64) -> Result {
         self.file
             .write_all_at(samples, offset)
             .map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })

@@ -1,9 +1,9 @@
-//! A volume whose samples belong to somebody else.
+//! A volume of borrowed samples.
 
 use std::ops::Range;
 use std::path::PathBuf;
 
-use super::{Rescale, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, check_request};
+use super::{Rescale, Result, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, check_request};
 use crate::geom::{Affine, Dims};
 
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
@@ -114,7 +114,7 @@ impl<'a> Block<'a> {
         (rows, cols): (Range<u32>, Range<u32>),
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         let size = info.scalar.bytes();
         let row_bytes = cols.len() * size;
         let wanted = match rows.len() {
@@ -180,13 +180,7 @@ impl VolumeSource for VolumeView<'_> {
         &self.info
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let pitch = cols.len() * self.info.scalar.bytes();
         self.samples.read(&self.info, z, (rows, cols), pitch.max(1), out)
     }
@@ -198,7 +192,7 @@ impl VolumeSource for VolumeView<'_> {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.samples.read(&self.info, z, (rows, cols), pitch, out)
     }
 }

@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use super::view::Block;
-use super::{Scalar, SourceError, VolumeInfo, VolumeSource};
+use super::{Result, Scalar, VolumeInfo, VolumeSource};
 use crate::geom::{Affine, Dims};
 
 /// Samples in memory, x fastest, then y, then z.
 ///
-/// For volumes that fit into memory; samples that belong to somebody else are a [`VolumeView`](super::VolumeView),
+/// For volumes that fit into memory; borrowed samples are a [`VolumeView`](super::VolumeView),
 /// those that come slice by slice [`Slices`](super::Slices). For others implement [`VolumeSource`], and for shapes
 /// without samples [`Solid`](crate::builder::Solid).
 ///
@@ -67,13 +67,7 @@ impl<T: Scalar> VolumeSource for Voxels<T> {
         &self.info
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let pitch = cols.len() * size_of::<T>();
         self.read_pitched(z, rows, cols, pitch.max(1), out)
     }
@@ -85,7 +79,7 @@ impl<T: Scalar> VolumeSource for Voxels<T> {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         match Block::dense(self.info.dims, &self.samples) {
             Some(samples) => samples.read(&self.info, z, (rows, cols), pitch, out),
             None => unreachable!("there is one sample for each voxel"),

@@ -1,15 +1,14 @@
-//! Volumes that stand before another one: all that they leave as it is, in one place.
+//! Volumes that wrap another one: all that they leave as it is, in one place.
 
 use std::ops::Range;
 use std::path::Path;
 
-use super::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+use super::{Note, Preparation, Result, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
-/// A volume made of another one, which says of itself and reads what is different; all else is the inner
-/// volume's.
+/// A volume made of another one: it states and reads what differs; all else is the inner volume's.
 ///
-/// Whoever implements it is a [`VolumeSource`] by the one implementation below. Its methods have names of their
-/// own, so that a volume's methods stay unambiguous.
+/// Each one is a [`VolumeSource`] by the implementation below. The methods have other names, so that a volume's
+/// methods stay unambiguous.
 pub(crate) trait Wrapper: Sized + Send + Sync {
     /// The volume behind.
     fn inner(&self) -> &dyn VolumeSource;
@@ -20,18 +19,21 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
     /// [`VolumeSource::info`] of the whole.
     fn own_info(&self) -> &VolumeInfo;
 
-    /// The same, to take up what preparing the volume behind brings to light.
+    /// The same, to take over the notes that preparing the volume behind adds.
     fn own_info_mut(&mut self) -> &mut VolumeInfo;
 
     /// Bytes held per reading thread beyond those of the volume behind.
-    fn own_bytes(&self) -> u64;
+    fn own_bytes(&self) -> u64 {
+        0
+    }
 
-    /// [`VolumeSource::read_rows`] of the whole.
+    /// [`VolumeSource::read_rows`] of the whole; the samples of the volume behind, unless it changes them.
     ///
     /// # Errors
     /// As there.
-    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8])
-    -> Result<(), SourceError>;
+    fn own_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
+        self.inner().read_rows(z, rows, cols, out)
+    }
 
     /// [`VolumeSource::read_pitched`] of the whole; row by row, unless there is a better way.
     ///
@@ -44,51 +46,105 @@ pub(crate) trait Wrapper: Sized + Send + Sync {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         row_by_row(self, z, rows, cols, pitch, out)
     }
 }
 
-/// The lint makes a method that the trait gains an error here until it is passed on: its default would speak for
-/// the wrapper instead of the volume behind.
+/// The accessors of a [`Wrapper`] that owns its volume in the field `source` and states its own `info`.
+macro_rules! owns_source_and_info {
+    () => {
+        fn inner(&self) -> &dyn VolumeSource {
+            &*self.source
+        }
+        fn inner_mut(&mut self) -> Option<&mut dyn VolumeSource> {
+            Some(&mut *self.source)
+        }
+        fn own_info(&self) -> &VolumeInfo {
+            &self.info
+        }
+        fn own_info_mut(&mut self) -> &mut VolumeInfo {
+            &mut self.info
+        }
+    };
+}
+pub(crate) use owns_source_and_info;
+
+/// Methods of [`VolumeSource`] that the volume `$inner` answers.
+///
+/// Each implementation denies `missing_trait_methods`: a method that the trait gains is an error there until it is
+/// passed on. Its default would speak for the wrapper instead of the volume behind.
+macro_rules! pass_on {
+    ($self:ident => $inner:expr; facts) => {
+        fn modality(&$self) -> Option<&str> {
+            $inner.modality()
+        }
+        fn for_each_file(&$self, each: &mut dyn FnMut(&Path)) {
+            $inner.for_each_file(each);
+        }
+        fn preparation(&$self) -> Preparation {
+            $inner.preparation()
+        }
+    };
+    ($self:ident => $inner:expr; changes) => {
+        fn check_unchanged(&$self) -> Result {
+            $inner.check_unchanged()
+        }
+    };
+    ($self:ident => $inner:expr; samples) => {
+        fn info(&$self) -> &VolumeInfo {
+            $inner.info()
+        }
+        fn prepare(&mut $self, workspace: &Workspace<'_>) -> Result {
+            $inner.prepare(workspace)
+        }
+        fn read_rows(&$self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
+            $inner.read_rows(z, rows, cols, out)
+        }
+        fn read_pitched(
+            &$self,
+            z: u32,
+            rows: Range<u32>,
+            cols: Range<u32>,
+            pitch: usize,
+            out: &mut [u8],
+        ) -> Result {
+            $inner.read_pitched(z, rows, cols, pitch, out)
+        }
+        fn resident_bytes(&$self) -> u64 {
+            $inner.resident_bytes()
+        }
+    };
+}
+pub(super) use pass_on;
+
+/// A borrowed volume, so that a wrapper such as [`Crop`](super::Crop) need not own it.
+#[deny(clippy::missing_trait_methods)]
+impl VolumeSource for &mut (dyn VolumeSource + '_) {
+    pass_on!(self => (**self); facts);
+    pass_on!(self => (**self); changes);
+    pass_on!(self => (**self); samples);
+}
+
 #[deny(clippy::missing_trait_methods)]
 impl<W: Wrapper> VolumeSource for W {
+    pass_on!(self => self.inner(); facts);
+    pass_on!(self => self.inner(); changes);
+
     fn info(&self) -> &VolumeInfo {
         self.own_info()
     }
 
-    fn modality(&self) -> Option<&str> {
-        self.inner().modality()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.inner().for_each_file(each);
-    }
-
-    fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.inner().check_unchanged()
-    }
-
-    fn preparation(&self) -> Preparation {
-        self.inner().preparation()
-    }
-
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let Some(inner) = self.inner_mut() else { return Ok(()) };
-        let known = inner.info().notes.len();
+        let before = inner.info().notes.len();
         inner.prepare(workspace)?;
-        let found = inner.info().notes.get(known..).unwrap_or_default().to_vec();
-        self.own_info_mut().notes.extend(found);
+        let new = inner.info().notes.get(before..).unwrap_or_default().to_vec();
+        self.own_info_mut().notes.extend(new);
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         self.own_rows(z, rows, cols, out)
     }
 
@@ -99,7 +155,7 @@ impl<W: Wrapper> VolumeSource for W {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         self.own_pitched(z, rows, cols, pitch, out)
     }
 
@@ -108,17 +164,51 @@ impl<W: Wrapper> VolumeSource for W {
     }
 }
 
+/// A volume with other facts than its own: more notes, another spacing or other directions.
+pub(crate) struct InfoOverride {
+    source: Box<dyn VolumeSource>,
+    info: VolumeInfo,
+}
+
+impl InfoOverride {
+    /// The same samples, with the facts in `info`.
+    pub(crate) fn boxed(source: Box<dyn VolumeSource>, info: VolumeInfo) -> Box<dyn VolumeSource> {
+        Box::new(Self { source, info })
+    }
+
+    /// The same volume with one more note.
+    pub(crate) fn with_note(source: Box<dyn VolumeSource>, note: Note) -> Box<dyn VolumeSource> {
+        let mut info = source.info().clone();
+        info.notes.push(note);
+        Self::boxed(source, info)
+    }
+}
+
+impl Wrapper for InfoOverride {
+    owns_source_and_info!();
+
+    fn own_pitched(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        pitch: usize,
+        out: &mut [u8],
+    ) -> Result {
+        self.source.read_pitched(z, rows, cols, pitch, out)
+    }
+}
+
 #[cfg(test)]
 mod tests {
-    use super::super::noted::Noted;
-    use super::super::{Crop, Downsample, Filled};
+    use super::super::{Crop, Downsample, GapFill};
     use super::*;
     use crate::budget::Budget;
     use crate::facts::Fault;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
-    use crate::volume::{Endian, Note, ScalarType};
+    use crate::volume::{Endian, ScalarType, SourceError};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
 
@@ -135,18 +225,18 @@ mod tests {
         fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
             each(Path::new("a"));
         }
-        fn check_unchanged(&self) -> Result<(), SourceError> {
+        fn check_unchanged(&self) -> Result {
             Err(SourceError::Unusable { path: "a".into(), fault: Fault::ChangedInUse })
         }
         fn preparation(&self) -> Preparation {
             NEEDS
         }
-        fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+        fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
             let _memory = workspace.reserve(NEEDS.memory_bytes, || "a".into())?;
             self.0.notes.push(Note::WhiteIsZero);
             Ok(())
         }
-        fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result<(), SourceError> {
+        fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result {
             Err(SourceError::ReadFailed {
                 path: "a".into(),
                 slice: z,
@@ -176,8 +266,8 @@ mod tests {
         let whole = [0..2, 0..2, 0..2];
         let between = vec![(0, 0.0), (0, 0.5), (1, 0.0)];
         let all: [(Box<dyn VolumeSource>, u64); 4] = [
-            (Filled::between(scan(), between, Note::WhiteIsZero), 64 << 10),
-            (Box::new(Noted { source: scan(), info: info.clone() }), 0),
+            (GapFill::between(scan(), between, Note::WhiteIsZero), 64 << 10),
+            (InfoOverride::boxed(scan(), info.clone()), 0),
             (Box::new(Crop::new(scan(), whole).unwrap()), 0),
             (Box::new(Downsample::new(scan(), 2).unwrap()), 64 << 10),
         ];

@@ -9,8 +9,8 @@ use std::sync::OnceLock;
 
 use infobyte::budget::{Budget, MemoryCap};
 use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
-use infobyte::catalogue::Catalogue;
 use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
+use infobyte::discovery::Catalogue;
 use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
 use infobyte::geom::{Dims, VoxelIndex};

@@ -1,20 +1,7 @@
 //! A batch is left alone overnight: every volume comes out or is explained, nothing is done twice, a killed
 //! run goes on where it was.
 
-use std::collections::BTreeMap;
-use std::fs;
-use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::time::Duration;
-
-use serde_json::Value;
-
-use crate::common::{command, data, dicom, random};
-
-use command::{binary, names, oct, smallest_budget, text};
-use dicom::{Elements, Image};
-use random::Random;
+use crate::prelude::*;
 
 const SIDE: u16 = 32;
 const SLICES: u32 = 20;
@@ -64,7 +51,8 @@ fn batch(input: &Path, out: &Path, extra: &[&str]) -> (i32, Value) {
     (run.code, report)
 }
 
-fn counts(report: &Value) -> [u64; 3] {
+/// Models made, left as they were, and failed.
+pub(crate) fn counts(report: &Value) -> [u64; 3] {
     ["converted", "skipped", "failed"].map(|key| report[key].as_u64().unwrap())
 }
 
@@ -96,22 +84,14 @@ fn same(a: &BTreeMap<String, Vec<u8>>, b: &BTreeMap<String, Vec<u8>>) {
     }
 }
 
+/// What differs from run to run.
+const TIMES: &str =
+    "wall_s memory_bytes memory_plan_bytes peak_rss_bytes status converted skipped scratch_bytes jobs inputs";
+
 fn without_times(value: &mut Value) {
     match value {
         Value::Object(map) => {
-            for key in [
-                "wall_s",
-                "memory_bytes",
-                "memory_plan_bytes",
-                "peak_rss_bytes",
-                "status",
-                "converted",
-                "skipped",
-                "scratch_bytes",
-                "jobs",
-                // Hidden with a number of the output folder.
-                "inputs",
-            ] {
+            for key in TIMES.split(' ') {
                 map.remove(key);
             }
             map.values_mut().for_each(without_times);

@@ -1,18 +1,8 @@
 //! What a batch calls its results: names follow the content of the input, so that what is done stays done wherever
 //! it lies. If this fails, models take the places of others, or are built again and again.
 
-use std::fs;
-use std::path::Path;
-use std::process::{Command, Stdio};
-
-use infobyte::volume::ScalarType;
-use serde_json::{Value, json};
-
-use crate::common::{command, dicom, formats};
-
-use command::{binary, names, oct, text};
-use dicom::Elements;
-use formats::{Object, file, npy, nrrd};
+use crate::batch::counts;
+use crate::prelude::*;
 
 fn object() -> Object {
     Object::new([6, 5, 4], ScalarType::I16, [1.0; 3])
@@ -34,10 +24,6 @@ fn batch(top: &Path, out: &Path, extra: &[&str]) -> (command::Run, Value) {
     let run = oct(&[&["batch", &text(top), "--out", &text(out)], iso, extra].concat());
     let report = fs::read(out.join("report.json")).unwrap_or_else(|e| panic!("{e}: {run:?}"));
     (run, serde_json::from_slice(&report).unwrap())
-}
-
-fn counts(report: &Value) -> [u64; 3] {
-    ["converted", "skipped", "failed"].map(|key| report[key].as_u64().unwrap())
 }
 
 #[test]

@@ -1,13 +1,10 @@
 //! Files that hold next to nothing in very many parts cost no more than their bytes do. If this fails, ten megabytes
 //! keep a converter busy for as long as whoever sent them likes.
 
-use std::fs;
+use crate::common::compress;
+use crate::prelude::*;
 
-use crate::common::{command, compress, dicom};
-
-use command::{Run, shell, text};
 use compress::gzip;
-use dicom::Elements;
 
 /// Seconds of the processor, whatever else the machine does: far more than it takes, and less than it took.
 const ENOUGH: f64 = 0.8;

@@ -2,26 +2,11 @@
 //! stays within its plan, and the smallest share that is stated works while one step less is refused with the
 //! same number. If this fails, a buffer was made that the budget does not know of, and the cap is kept by luck.
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::budget::{Budget, MemoryCap, costs};
-use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Silent, Threshold, build_volume as build,
-    smallest_share,
-};
-use infobyte::catalogue;
-use infobyte::clean::{CleanError, CleanOptions, SizeLimit};
-use infobyte::format::{Channel, Channels};
-use infobyte::source::OpenOptions;
-use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
-
-use crate::common::{counting, formats, random, volume};
-
-use counting::{Taken, measured};
-use formats::{Object, Tiff};
-use random::Random;
-use volume::MemoryVolume;
+use crate::prelude::*;
+use infobyte::budget::costs;
+use infobyte::builder::{build_volume as build, smallest_share};
+use infobyte::clean::CleanError;
+use infobyte::discovery;
 
 /// Half of the voxels inside, in no order: all of them skin, the most records there can be.
 fn noise(dims: [u32; 3], scalar: ScalarType) -> MemoryVolume {
@@ -33,18 +18,12 @@ fn noise(dims: [u32; 3], scalar: ScalarType) -> MemoryVolume {
 
 fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
     BuildOptions {
-        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
-        connectivity: Connectivity::Thin26,
         channels: Channels::from([Channel::Normal, Channel::Value]),
-        gradient: Default::default(),
-        normal_bits: Default::default(),
-        visible_from: Vec::new(),
-        lod: true,
         memory,
         // One thread works on the caller's, where everything is counted.
         threads: 1,
-        scratch: None,
+        ..BuildOptions::default()
     }
 }
 
@@ -165,7 +144,7 @@ fn unrolling_allocates_no_more_than_is_stated_and_one_byte_less_is_refused() {
     }
     formats::pngs(&object, &at("png"));
     for name in ["v.nii.gz", "v.nrrd", "5.tif", "8.tif", "png"] {
-        let mut source = catalogue::open_unprepared(&[at(name)], &OpenOptions::default()).unwrap();
+        let mut source = discovery::open_unprepared(&[at(name)], &OpenOptions::default()).unwrap();
         let needed = source.preparation().memory_bytes;
         assert!(needed > 0, "{name} is read in place");
         let workspace =

@@ -2,20 +2,8 @@
 //! node and value by value with a slow builder of plain loops that holds everything in memory. If this
 //! fails, models have holes or ghosts, or their coarse levels show what the fine ones do not hold.
 
-use std::collections::BTreeMap;
-use std::path::Path;
-
-use infobyte::budget::MemoryCap;
-use infobyte::builder::{BuildError, BuildOptions, Connectivity, Silent, Threshold, build_volume as build};
-use infobyte::format::{Channel, Channels, SectionKind, normal};
-use infobyte::geom::{Dims, Orientation, VoxelIndex};
-use infobyte::load::{Model, verify};
-use infobyte::source::{RawOptions, RawVolume};
-use infobyte::volume::{Endian, Rescale, ScalarType, VolumeSource};
-
-use crate::common::{random, volume};
-use random::Random;
-use volume::MemoryVolume;
+use crate::prelude::*;
+use infobyte::builder::build_volume as build;
 
 /// Interleaves the bits of a cell, one at a time.
 fn morton(cell: [u32; 3]) -> u64 {
@@ -362,7 +350,6 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
         _ => Threshold::Otsu,
     };
     let options = BuildOptions {
-        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
         channels: [(Channel::Normal, 4), (Channel::Value, 3)]
@@ -370,13 +357,10 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
             .filter(|(_, one_in)| random.below(*one_in) > 0)
             .map(|(channel, _)| channel)
             .collect(),
-        gradient: Default::default(),
-        normal_bits: Default::default(),
-        visible_from: Vec::new(),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
         threads: 1 + random.below(3_usize),
-        scratch: None,
+        ..BuildOptions::default()
     };
     let name = format!("seed {seed} {dims:?} {scalar} {shape:?} {rescale:?} {options:?}");
     let folder = tempfile::tempdir().unwrap();
@@ -522,17 +506,12 @@ fn bricks_of_several_fragments_are_joined_in_order() {
             let values: Vec<f64> = field.iter().map(|f| between(span, *f)).collect();
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
-                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
                 channels: Channels::from([Channel::Normal, Channel::Value]),
-                gradient: Default::default(),
-                normal_bits: Default::default(),
-                visible_from: Vec::new(),
-                lod: true,
                 memory: MemoryCap::Process(1 << 30),
                 threads,
-                scratch: None,
+                ..BuildOptions::default()
             };
             let folder = tempfile::tempdir().unwrap();
             let name = format!("{scalar} {shape:?} {connectivity:?}");
@@ -547,17 +526,11 @@ fn the_skin_of_a_solid_is_its_six_faces() {
     for dims in SMALL {
         let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
-            surface: infobyte::format::SurfaceKind::Skin,
             threshold: Threshold::Iso(-5.0),
-            connectivity: Connectivity::Thin26,
             channels: Channels::from([Channel::Normal, Channel::Value]),
-            gradient: Default::default(),
-            normal_bits: Default::default(),
-            visible_from: Vec::new(),
-            lod: true,
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
-            scratch: None,
+            ..BuildOptions::default()
         };
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("v.oct");
@@ -590,17 +563,11 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
             }
             let source = MemoryVolume::new(dims, scalar, &values);
             let options = BuildOptions {
-                surface: infobyte::format::SurfaceKind::Skin,
                 threshold: Threshold::Iso(between(span, 0.5)),
-                connectivity: Connectivity::Thin26,
-                channels: Channels::default(),
-                gradient: Default::default(),
-                normal_bits: Default::default(),
-                visible_from: Vec::new(),
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,
-                scratch: None,
+                ..BuildOptions::default()
             };
             let folder = tempfile::tempdir().unwrap();
             let output = folder.path().join("v.oct");

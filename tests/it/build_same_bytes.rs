@@ -2,19 +2,8 @@
 //! threads, the width of tiles, and the way the voxels came in. If this fails, models cannot be compared
 //! by checksum, and a small machine makes something else than a large one.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::format::SectionKind;
-use infobyte::load::Model;
-use serde_json::Value;
-
-use crate::common::volume::write_raw;
-use crate::common::{command, dicom, random};
-
-use command::{oct, smallest_budget, text};
-use dicom::{Image, Syntax};
-use random::Random;
+use crate::cleaning::number;
+use crate::prelude::*;
 
 /// Writes 16-bit samples of waves with some salt: curved surfaces at every angle, and lone voxels.
 fn waves(path: &Path, dims: [u32; 3], seed: u64) {
@@ -32,10 +21,6 @@ fn waves(path: &Path, dims: [u32; 3], seed: u64) {
 
 fn build(input: &[PathBuf], output: &Path, extra: &[&str]) -> command::Run {
     command::build(input, output, &[&["--json"], extra].concat())
-}
-
-fn number(report: &Value, key: &str) -> u64 {
-    report[key].as_u64().unwrap_or_else(|| panic!("{key} in {report}"))
 }
 
 /// Builds with every budget and thread count, and holds all files to the first.

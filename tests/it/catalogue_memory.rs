@@ -1,14 +1,7 @@
 //! A catalogue of many files is held in little memory: it grows with the number of series, by some tens of
 //! bytes, and not with the number of files. If this fails, a disk full of studies breaks the memory cap.
 
-use std::fs;
-
-use infobyte::catalogue::Catalogue;
-use infobyte::source::OpenOptions;
-
-use crate::common::{counting, dicom};
-use counting::{Taken, measured};
-use dicom::Elements;
+use crate::prelude::*;
 
 #[test]
 fn twenty_thousand_files_of_two_hundred_series_take_a_few_hundred_kilobytes() {

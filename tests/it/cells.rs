@@ -3,28 +3,10 @@
 //! is lossless, and damaged files are refused. If this fails, models have holes or differ between machines.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
-use crate::common::models::finest;
-use crate::common::random;
-
-use std::collections::HashMap;
-use std::path::Path;
-
+use crate::prelude::*;
 use infobyte::format::cell::{CORNERS, at_corner};
-use infobyte::format::{Channel, FormatError, HEADER_BYTES, Header, SectionKind, SurfaceKind, table_bytes};
-use infobyte::geom::{Affine, Dims};
-use infobyte::jobs::{info, pack};
-use infobyte::load::{CellShape, Fault, Frame, NodeView, verify};
-use infobyte::render::cells::Cells;
-use infobyte::render::form::Form;
-use infobyte::render::ray::Ray;
-use infobyte::render::reference::{BitVolume, walk};
-use infobyte::render::selfcheck::random_ray;
-use infobyte::render::sight::Sight;
-use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
-use infobyte::render::traverse::Hit;
-use infobyte::render::{Camera, GridSpace, Projection, ViewPoint, single};
-use infobyte::{BuildOptions, Model, RenderRequest, Threshold, Voxels};
-use random::Random;
+use infobyte::load::{CellShape, Fault};
+use infobyte::render::reference::walk;
 
 /// Builds a model of cells, or of skin, of values of 128 and more.
 fn built(folder: &Path, voxels: &Voxels<u8>, surface: SurfaceKind) -> Model {

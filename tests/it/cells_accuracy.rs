@@ -7,14 +7,8 @@
 //! by the very same rays: samples and rays are written into the folder `INFOBYTE_CELLS_MESH`, and the mesh's hits
 //! are read from there. `INFOBYTE_CELLS_SIDE=192` alone needs no mesh.
 
-use crate::common::bodies;
-
-use std::path::PathBuf;
-
-use crate::common::vectors::dot;
-use bodies::{Body, Scan, iso, scan};
-use infobyte::format::SurfaceKind;
-use infobyte::{BuildOptions, Model, RayCaster, Threshold};
+use crate::prelude::*;
+use bodies::{Body, iso, scan};
 
 /// What rays found.
 #[derive(Debug, Default)]
@@ -54,9 +48,6 @@ fn for_each_ray(n: u32, mut each: impl FnMut([f64; 3], [f64; 3])) {
         let l = dot(side, side).sqrt();
         let eye: [f64; 3] = std::array::from_fn(|a| span / 2.0 + side[a] / l * 2.2 * span);
         let forward: [f64; 3] = std::array::from_fn(|a| -side[a] / l);
-        let cross = |a: [f64; 3], b: [f64; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
         let right = cross(forward, [0.1, 0.2, 0.97]);
         let up = cross(right, forward);
         for v in 0..across {

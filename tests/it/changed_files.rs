@@ -2,23 +2,11 @@
 //! them, a model that is overwritten or cut short while a picture is made of it. If this fails, a copy that was
 //! still running ends up as a model of which half is of yesterday, with exit code 0.
 
-use std::fs::{self, File, OpenOptions};
-use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
-use std::process::{Child, Command, Stdio};
-use std::thread::sleep;
-use std::time::{Duration, Instant};
+use crate::prelude::*;
+use std::fs::OpenOptions;
+use std::process::Child;
 
 use infobyte::builder::build_volume;
-use infobyte::format::SurfaceKind;
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::{Progress, Silent};
-use infobyte::{BuildOptions, ExitKind, Threshold};
-
-use crate::common::command;
-use crate::common::volume::write_raw;
-
-use command::{binary, names, oct, text};
 
 /// A raw volume with its header: a ball, x fastest.
 fn ball(folder: &Path, side: u32) -> PathBuf {
@@ -108,22 +96,9 @@ fn cells_and_meshes_notice_it_too() {
         let told = build_volume(&*volume, &options, &output, &meddler).unwrap_err().to_string();
         assert!(told.contains("ball.raw: was changed or replaced"), "{surface:?}: {told}");
     }
-    // A tetrahedron.
     let mesh = folder.path().join("a.stl");
-    let corners = ["0 0 0", "9 0 0", "0 9 0", "0 0 9"];
-    let facet = |at: [usize; 3]| {
-        let [a, b, c] = at.map(|at| corners[at]);
-        format!("facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
-    };
-    let facets: String = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(facet).concat();
-    fs::write(&mesh, format!("solid a\n{facets}endsolid a\n")).unwrap();
-    let options = MeshOptions {
-        grid: GridChoice::Side { voxels: 16, margin: 1 },
-        unit_mm: 1.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    };
+    fs::write(&mesh, meshes::Body::tetrahedron(9.0).stl_text()).unwrap();
+    let options = on_grid(GridChoice::Side { voxels: 16, margin: 1 });
     let mesh_built = |progress: &dyn Progress| {
         build_mesh(std::slice::from_ref(&mesh), &options, &BuildOptions::default(), &output, progress)
     };

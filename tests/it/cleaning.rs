@@ -2,18 +2,7 @@
 //! threads, and the cap holds on the worst of inputs. If this fails, a table stays under a patient, a surface
 //! is changed that nobody asked to change, or a machine dies on noise.
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::format::{Channel, SectionKind};
-use infobyte::load::Model;
-use serde_json::Value;
-
-use crate::common::volume::write_raw;
-use crate::common::{command, random};
-
-use command::{measured_build, oct, smallest_budget, text};
-use random::Random;
+use crate::prelude::*;
 
 /// Writes 16-bit samples that are a function of their place.
 fn write(path: &Path, dims: [i32; 3], mut value: impl FnMut([i32; 3]) -> i16) {
@@ -30,7 +19,7 @@ fn section(path: &Path, kind: SectionKind) -> Vec<u8> {
     Model::open(path).unwrap().section_bytes(kind).unwrap().to_vec()
 }
 
-fn number(report: &Value, key: &str) -> u64 {
+pub(crate) fn number(report: &Value, key: &str) -> u64 {
     report[key].as_u64().unwrap_or_else(|| panic!("{key} in {report}"))
 }
 
@@ -164,24 +153,9 @@ fn budgets_and_threads_do_not_change_the_file() {
     let raw = folder.path().join("head.raw");
     assert_eq!(oct(&["demo", "--size", "160", "--write-raw", &text(&raw)]).code, 0);
     let dims = [160; 3];
-    let all = [
-        "--roi",
-        "3..150,5..157,0..159",
-        "--downsample",
-        "2",
-        "--preset",
-        "bone",
-        "--close",
-        "1",
-        "--fill-cavities",
-        "--keep-largest",
-        "3",
-        "--drop-below",
-        "0.5%",
-        "--channels",
-        "normal,value",
-    ];
-    same_everywhere(&raw, dims, "i16", &all);
+    let all = "--roi 3..150,5..157,0..159 --downsample 2 --preset bone --close 1 --fill-cavities --keep-largest 3 \
+               --drop-below 0.5% --channels normal,value";
+    same_everywhere(&raw, dims, "i16", &all.split(' ').collect::<Vec<_>>());
     same_everywhere(
         &raw,
         dims,

@@ -1,20 +1,12 @@
 //! Crop, mean and occupancy as sources of a build, held to their definitions sample by sample, for every type.
 //! If this fails, a model is not where the volume is, or shows values that nobody measured.
 
+use crate::prelude::*;
 use std::ops::Range;
-use std::path::Path;
 
-use infobyte::budget::MemoryCap;
-use infobyte::builder::{BuildOptions, Connectivity, Silent, Threshold};
-use infobyte::clean::{CleanOptions, ComponentConnectivity, SizeLimit};
-use infobyte::format::Channels;
-use infobyte::geom::Affine;
-use infobyte::volume::{Rescale, ScalarType, VolumeSource};
+use infobyte::clean::ComponentConnectivity;
 
-use crate::common::{random, volume};
-
-use random::Random;
-use volume::{MemoryVolume, decode};
+use volume::decode;
 
 fn samples(source: &dyn VolumeSource) -> Vec<f64> {
     let info = source.info();
@@ -186,17 +178,11 @@ fn an_oblique_volume_keeps_its_corners() {
 
 fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
     BuildOptions {
-        surface: infobyte::format::SurfaceKind::Skin,
         threshold,
-        connectivity: Connectivity::Thin26,
-        channels: Channels::default(),
-        gradient: Default::default(),
-        normal_bits: Default::default(),
-        visible_from: Vec::new(),
-        lod: true,
         memory: MemoryCap::Share(8 << 20),
         threads,
         scratch: Some(std::env::temp_dir()),
+        ..BuildOptions::default()
     }
 }
 

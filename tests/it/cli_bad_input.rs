@@ -2,19 +2,7 @@
 //! what to do, with the exit code of its kind, and leaves the folder as it was. If this fails, a batch over
 //! night stops without a reason, or replaces a good model with half of one.
 
-use std::fs;
-use std::os::unix::process::ExitStatusExt;
-use std::path::{Path, PathBuf};
-use std::process::{Command, Stdio};
-use std::thread::sleep;
-use std::time::Duration;
-
-use tempfile::TempDir;
-
-use crate::common::volume::write_raw;
-use crate::common::{command, random};
-use command::{Run, binary, names, oct, shell, smallest_budget, text};
-use random::Random;
+use crate::prelude::*;
 
 const OLD: &[u8] = b"the model of yesterday";
 

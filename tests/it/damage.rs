@@ -4,17 +4,10 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use crate::common as support;
+use crate::prelude::*;
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::ExitKind;
-use infobyte::format::{Channel, ENTRY_BYTES, FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
-use infobyte::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
-use infobyte::jobs::{info, pack, verify as verify_job};
-use infobyte::load::{Frame, Model, NodeView, verify};
-use support::random::Random;
-use support::{FULL, NORMALS, corner, shell};
+use infobyte::jobs::verify as verify_job;
+use support::{corner, shell};
 
 /// Follows every child of every node to the model's depth, as a renderer would, at most `budget` boxes.
 fn walk(model: &impl NodeView, budget: &mut u32) -> u64 {

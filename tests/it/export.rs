@@ -3,19 +3,10 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "small files")]
 
-use crate::common::{command, random};
+use crate::prelude::*;
+use std::collections::HashSet;
 
-use std::collections::{HashMap, HashSet};
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use command::oct;
-use infobyte::export::ExportForm;
-use infobyte::format::{SectionKind, SurfaceKind};
-use infobyte::jobs::export::{ExportReport, ExportRequest, export};
-use infobyte::progress::Silent;
-use infobyte::{Affine, BuildOptions, Dims, Model, Threshold, Voxels};
-use random::Random;
+use infobyte::jobs::export::ExportReport;
 
 /// A folder with a model in it.
 struct Case {

@@ -5,12 +5,9 @@
 //! first; a file that is there is never rewritten.
 
 use crate::common as support;
+use crate::prelude::*;
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::jobs::pack;
-use support::{FULL, shell_of};
+use support::shell_of;
 
 /// Another program's file with our suffix.
 const FOREIGN: &[u8] = b"%Scene 1.0\nanother program's file with the same suffix\n";

@@ -3,11 +3,7 @@
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small bodies")]
 
-use crate::common::command;
-
-use command::oct;
-use infobyte::format::SurfaceKind;
-use infobyte::{Affine, BuildOptions, Dims, Threshold, Voxels};
+use crate::prelude::*;
 
 /// A ball of 20 mm radius about the origin, in voxels of some size.
 fn ball(path: &str, spacing: f64, surface: SurfaceKind) {

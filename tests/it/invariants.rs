@@ -4,20 +4,16 @@
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use crate::common as support;
+use crate::prelude::*;
 
-use std::collections::BTreeSet;
-
-use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, join_sections};
-use infobyte::format::{
-    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Metadata, Selection, SelectionKind,
-    table_bytes,
-};
-use infobyte::format::{SectionEntry, SectionKind};
-use infobyte::geom::{Level, NodeIndex, VoxelIndex};
+use infobyte::format::SectionEntry;
+use infobyte::format::assemble::join_sections;
+use infobyte::format::{Selection, SelectionKind};
+use infobyte::geom::Level;
 use infobyte::jobs::pack::{pack, unpack};
 use infobyte::jobs::verify::verify_file;
-use infobyte::load::{Fault, Frame, Model, verify};
-use support::{FULL, NORMALS, metadata, shell};
+use infobyte::load::Fault;
+use support::shell;
 
 use FormatError as E;
 
@@ -119,6 +115,9 @@ fn fault(file: &[u8]) -> FormatError {
     found
 }
 
+/// A rule by the number that SPEC 6 gives it.
+struct Rule(&'static str);
+
 /// Variants that SPEC 6 names for a rule; those after `;` belong to packed files.
 fn variants_of(rule: &str) -> BTreeSet<String> {
     let spec = include_str!("../../src/format/SPEC.md");
@@ -127,15 +126,17 @@ fn variants_of(rule: &str) -> BTreeSet<String> {
     cell.split('`').skip(1).step_by(2).map(str::to_owned).collect()
 }
 
-/// Each file breaks the rule in the way given, and together they show every variant that SPEC names for it.
-fn broken(rule: &str, cases: Vec<(Vec<u8>, FormatError)>) {
-    let mut shown = BTreeSet::new();
-    for (file, due) in cases {
-        assert_eq!(fault(&file), due, "{rule}");
-        let name = format!("{due:?}");
-        shown.insert(name.split(|c: char| !c.is_alphanumeric()).next().unwrap().to_owned());
+impl Rule {
+    /// Each file breaks the rule in the way given, and together they show every variant that SPEC names for it.
+    fn broken_by(&self, cases: Vec<(Vec<u8>, FormatError)>) {
+        let mut shown = BTreeSet::new();
+        for (file, due) in cases {
+            assert_eq!(fault(&file), due, "{}", self.0);
+            let name = format!("{due:?}");
+            shown.insert(name.split(|c: char| !c.is_alphanumeric()).next().unwrap().to_owned());
+        }
+        assert_eq!(shown, variants_of(self.0), "{}", self.0);
     }
-    assert_eq!(shown, variants_of(rule), "{rule}");
 }
 
 fn u32_at(bytes: &[u8], at: usize) -> u32 {
@@ -148,28 +149,22 @@ fn i1_magic_version_checksum_encoding() {
     let mut torn = file.clone();
     torn[24] ^= 1;
     let (stated, found) = (u32_at(&file, 60), crc32c::crc32c(&torn[..60]));
-    broken(
-        "I1",
-        vec![
-            ([&b"%PDF-1.7"[..], &file[8..]].concat(), E::BadMagic),
-            (torn, E::HeaderChecksum { stated, found }),
-            (with_header(&file, |h| h[8] = 2), E::UnsupportedVersion { major: 2 }),
-            (with_header(&file, |h| h[12] = 7), E::UnknownEncoding { code: 7 }),
-        ],
-    );
+    Rule("I1").broken_by(vec![
+        ([&b"%PDF-1.7"[..], &file[8..]].concat(), E::BadMagic),
+        (torn, E::HeaderChecksum { stated, found }),
+        (with_header(&file, |h| h[8] = 2), E::UnsupportedVersion { major: 2 }),
+        (with_header(&file, |h| h[12] = 7), E::UnknownEncoding { code: 7 }),
+    ]);
 }
 
 #[test]
 fn i2_length() {
     let file = sound();
     let len = file.len() as u64;
-    broken(
-        "I2",
-        vec![
-            (file[..file.len() - 5].to_vec(), E::Truncated { expected: len, got: len - 5 }),
-            ([&file[..], &[0; 3]].concat(), E::TrailingBytes { extra: 3 }),
-        ],
-    );
+    Rule("I2").broken_by(vec![
+        (file[..file.len() - 5].to_vec(), E::Truncated { expected: len, got: len - 5 }),
+        ([&file[..], &[0; 3]].concat(), E::TrailingBytes { extra: 3 }),
+    ]);
 }
 
 #[test]
@@ -185,43 +180,40 @@ fn i3_section_table() {
     let longer = with_header(&[&file[..], &[0; 64]].concat(), |h| {
         h[16..24].copy_from_slice(&(file.len() as u64 + 64).to_le_bytes());
     });
-    broken(
-        "I3",
-        vec![
-            (torn, E::TableChecksum { stated, found }),
-            (with_header(&file, |h| h[14] = 65), E::SectionCount { sections: 65 }),
-            (
-                with_entry(&file, SectionKind::Nodes, |e| e.offset += 64),
-                E::SectionGap {
-                    section: 2,
-                    expected: frame.sections[2].offset,
-                    found: frame.sections[2].offset + 64,
-                },
-            ),
-            (
-                with_entry(&file, SectionKind::Meta, |e| e.items += 1),
-                E::SectionSize {
-                    section: 0,
-                    item_bytes: 1,
-                    items: meta.items + 1,
-                    content_bytes: meta.content_bytes,
-                },
-            ),
-            (
-                with_entry(&file, SectionKind::Meta, |e| e.content_crc ^= 1),
-                E::SectionNotPlain {
-                    section: 0,
-                    stored_bytes: meta.stored_bytes,
-                    content_bytes: meta.content_bytes,
-                },
-            ),
-            (
-                with_entry(&file, SectionKind::Rank, |e| e.tag = *b"NODE"),
-                E::SectionOrder { section: 3, kind: SectionKind::Nodes, after: SectionKind::Nodes },
-            ),
-            (longer, E::LastSectionEnd { end: last, file_bytes: file.len() as u64 + 64 }),
-        ],
-    );
+    Rule("I3").broken_by(vec![
+        (torn, E::TableChecksum { stated, found }),
+        (with_header(&file, |h| h[14] = 65), E::SectionCount { sections: 65 }),
+        (
+            with_entry(&file, SectionKind::Nodes, |e| e.offset += 64),
+            E::SectionGap {
+                section: 2,
+                expected: frame.sections[2].offset,
+                found: frame.sections[2].offset + 64,
+            },
+        ),
+        (
+            with_entry(&file, SectionKind::Meta, |e| e.items += 1),
+            E::SectionSize {
+                section: 0,
+                item_bytes: 1,
+                items: meta.items + 1,
+                content_bytes: meta.content_bytes,
+            },
+        ),
+        (
+            with_entry(&file, SectionKind::Meta, |e| e.content_crc ^= 1),
+            E::SectionNotPlain {
+                section: 0,
+                stored_bytes: meta.stored_bytes,
+                content_bytes: meta.content_bytes,
+            },
+        ),
+        (
+            with_entry(&file, SectionKind::Rank, |e| e.tag = *b"NODE"),
+            E::SectionOrder { section: 3, kind: SectionKind::Nodes, after: SectionKind::Nodes },
+        ),
+        (longer, E::LastSectionEnd { end: last, file_bytes: file.len() as u64 + 64 }),
+    ]);
 }
 
 #[test]
@@ -232,31 +224,28 @@ fn i4_sections_and_their_items() {
     let levels = frame(&file).levels.len() as u64;
     let bytes = OptionalSections { normal: true, value_bytes: 1, lod: false };
     let fine = with_entry(&model([3, 3, 3], bytes, &[[1; 3]]), VALUE, |e| e.tag = *b"NFIN");
-    broken(
-        "I4",
-        vec![
-            (with_entry(&fine, NORMAL, |e| e.tag = *b"ZZZZ"), E::LoneFine),
-            (unknown(SectionKind::Meta), E::MissingSection(SectionKind::Meta)),
-            (unknown(SectionKind::Nodes), E::MissingSection(SectionKind::Nodes)),
-            (unknown(SectionKind::Rank), E::MissingSection(SectionKind::Rank)),
-            (
-                with_entry(&unknown(VALUE_LOD), VALUE, |e| e.tag = *b"CRNK"),
-                E::NotOfSkin { kind: SectionKind::CornerRank },
-            ),
-            (with_header(&file, |h| h[12] = 1), E::RankInPackedFile),
-            (unknown(NORMAL), E::LoneMeans { kind: NORMAL_LOD }),
-            (unknown(VALUE), E::LoneMeans { kind: VALUE_LOD }),
-            (with_entry(&file, NORMAL, |e| e.codec = 4), E::ForbiddenCodec { kind: Some(NORMAL), codec: 4 }),
-            (
-                with_entry(&file, SectionKind::Levels, |e| (e.item_bytes, e.items) = (4, 2 * levels)),
-                E::SectionTooLong { kind: SectionKind::Levels, item_bytes: 4, stored_bytes: 8 * levels },
-            ),
-            (
-                with_entry(&file, NORMAL, |e| (e.item_bytes, e.items) = (1, 2 * voxels)),
-                E::SectionItems { kind: NORMAL, item_bytes: 1, items: 2 * voxels, due: voxels },
-            ),
-        ],
-    );
+    Rule("I4").broken_by(vec![
+        (with_entry(&fine, NORMAL, |e| e.tag = *b"ZZZZ"), E::LoneFine),
+        (unknown(SectionKind::Meta), E::MissingSection(SectionKind::Meta)),
+        (unknown(SectionKind::Nodes), E::MissingSection(SectionKind::Nodes)),
+        (unknown(SectionKind::Rank), E::MissingSection(SectionKind::Rank)),
+        (
+            with_entry(&unknown(VALUE_LOD), VALUE, |e| e.tag = *b"CRNK"),
+            E::NotOfSkin { kind: SectionKind::CornerRank },
+        ),
+        (with_header(&file, |h| h[12] = 1), E::RankInPackedFile),
+        (unknown(NORMAL), E::LoneMeans { kind: NORMAL_LOD }),
+        (unknown(VALUE), E::LoneMeans { kind: VALUE_LOD }),
+        (with_entry(&file, NORMAL, |e| e.codec = 4), E::ForbiddenCodec { kind: Some(NORMAL), codec: 4 }),
+        (
+            with_entry(&file, SectionKind::Levels, |e| (e.item_bytes, e.items) = (4, 2 * levels)),
+            E::SectionTooLong { kind: SectionKind::Levels, item_bytes: 4, stored_bytes: 8 * levels },
+        ),
+        (
+            with_entry(&file, NORMAL, |e| (e.item_bytes, e.items) = (1, 2 * voxels)),
+            E::SectionItems { kind: NORMAL, item_bytes: 1, items: 2 * voxels, due: voxels },
+        ),
+    ]);
 }
 
 #[test]
@@ -266,17 +255,14 @@ fn i5_sizes_of_volume_and_model() {
     let put =
         |at: usize, value: u64| with_header(&file, |h| h[at..at + 8].copy_from_slice(&value.to_le_bytes()));
     let most = header.voxels * 4;
-    broken(
-        "I5",
-        vec![
-            (with_header(&file, |h| h[40..44].fill(0)), E::DimsRange { dims: [0, 9, 10] }),
-            (with_header(&file, |h| h[13] = 5), E::DepthMismatch { stated: 5, due: 4 }),
-            (put(32, 0), E::VoxelCount { voxels: 0, most: 12 * 9 * 10 }),
-            (put(32, 12 * 9 * 10 + 1), E::VoxelCount { voxels: 12 * 9 * 10 + 1, most: 12 * 9 * 10 }),
-            (put(24, 0), E::NodeCount { nodes: 0, most }),
-            (put(24, most + 1), E::NodeCount { nodes: most + 1, most }),
-        ],
-    );
+    Rule("I5").broken_by(vec![
+        (with_header(&file, |h| h[40..44].fill(0)), E::DimsRange { dims: [0, 9, 10] }),
+        (with_header(&file, |h| h[13] = 5), E::DepthMismatch { stated: 5, due: 4 }),
+        (put(32, 0), E::VoxelCount { voxels: 0, most: 12 * 9 * 10 }),
+        (put(32, 12 * 9 * 10 + 1), E::VoxelCount { voxels: 12 * 9 * 10 + 1, most: 12 * 9 * 10 }),
+        (put(24, 0), E::NodeCount { nodes: 0, most }),
+        (put(24, most + 1), E::NodeCount { nodes: most + 1, most }),
+    ]);
 }
 
 /// The CRC fault of a section whose byte `at` is flipped, and the file.
@@ -299,25 +285,22 @@ fn i6_metadata() {
     let otsu = content(&otsu, SectionKind::Meta);
     let kind_at = bytes.iter().zip(&otsu).position(|(a, b)| a != b).unwrap();
     let geometry = |m: &mut Metadata| m.spacing_mm[1] = 0.0;
-    broken(
-        "I6",
-        vec![
-            torn_section(&file, SectionKind::Meta),
-            (
-                with_content(&file, SectionKind::Meta, |b| b[..8].fill(0xff)),
-                E::MetadataUnreadable { bytes: bytes.len() as u64 },
-            ),
-            (with_content(&file, SectionKind::Meta, |b| b.extend([0; 7])), E::MetadataSurplus { extra: 7 }),
-            (with_content(&file, SectionKind::Meta, |b| b[kind_at] = 9), E::UnknownSelection { code: 9 }),
-            (with_metadata(&file, |m| m.scalar = 8), E::MetadataCodes { scalar: 8, connectivity: 26 }),
-            (with_metadata(&file, |m| m.connectivity = 18), E::MetadataCodes { scalar: 0, connectivity: 18 }),
-            (with_metadata(&file, geometry), E::MetadataGeometry { spacing_mm: [1.0, 0.0, 1.0] }),
-            (
-                with_metadata(&file, |m| m.dims = [12, 9, 11]),
-                E::MetadataDims { metadata: [12, 9, 11], header: [12, 9, 10] },
-            ),
-        ],
-    );
+    Rule("I6").broken_by(vec![
+        torn_section(&file, SectionKind::Meta),
+        (
+            with_content(&file, SectionKind::Meta, |b| b[..8].fill(0xff)),
+            E::MetadataUnreadable { bytes: bytes.len() as u64 },
+        ),
+        (with_content(&file, SectionKind::Meta, |b| b.extend([0; 7])), E::MetadataSurplus { extra: 7 }),
+        (with_content(&file, SectionKind::Meta, |b| b[kind_at] = 9), E::UnknownSelection { code: 9 }),
+        (with_metadata(&file, |m| m.scalar = 8), E::MetadataCodes { scalar: 8, connectivity: 26 }),
+        (with_metadata(&file, |m| m.connectivity = 18), E::MetadataCodes { scalar: 0, connectivity: 18 }),
+        (with_metadata(&file, geometry), E::MetadataGeometry { spacing_mm: [1.0, 0.0, 1.0] }),
+        (
+            with_metadata(&file, |m| m.dims = [12, 9, 11]),
+            E::MetadataDims { metadata: [12, 9, 11], header: [12, 9, 10] },
+        ),
+    ]);
 }
 
 #[test]
@@ -330,28 +313,22 @@ fn i7_levels() {
         })
     };
     let nodes = levels[4];
-    broken(
-        "I7",
-        vec![
-            torn_section(&file, SectionKind::Levels),
-            (
-                with_content(&file, SectionKind::Levels, |b| b.truncate(32)),
-                E::LevelCount { found: 4, due: 5 },
-            ),
-            (put(0, 1), E::LevelEnds { first: 1, last: nodes, nodes }),
-            (put(4, nodes + 1), E::LevelEnds { first: 0, last: nodes + 1, nodes }),
-            (put(1, 2), E::LevelBoxes { level: Level::new(0), boxes: Some(2) }),
-            (put(2, 0), E::LevelBoxes { level: Level::new(1), boxes: None }),
-            (put(2, 10), E::LevelBoxes { level: Level::new(1), boxes: Some(9) }),
-        ],
-    );
+    Rule("I7").broken_by(vec![
+        torn_section(&file, SectionKind::Levels),
+        (with_content(&file, SectionKind::Levels, |b| b.truncate(32)), E::LevelCount { found: 4, due: 5 }),
+        (put(0, 1), E::LevelEnds { first: 1, last: nodes, nodes }),
+        (put(4, nodes + 1), E::LevelEnds { first: 0, last: nodes + 1, nodes }),
+        (put(1, 2), E::LevelBoxes { level: Level::new(0), boxes: Some(2) }),
+        (put(2, 0), E::LevelBoxes { level: Level::new(1), boxes: None }),
+        (put(2, 10), E::LevelBoxes { level: Level::new(1), boxes: Some(9) }),
+    ]);
 }
 
 #[test]
 fn i8_checksums_of_sections() {
     let file = sound();
     let kinds = [SectionKind::Nodes, SectionKind::Rank, NORMAL, VALUE];
-    broken("I8", kinds.map(|kind| torn_section(&file, kind)).to_vec());
+    Rule("I8").broken_by(kinds.map(|kind| torn_section(&file, kind)).to_vec());
 }
 
 #[test]
@@ -360,14 +337,11 @@ fn i9_reserved_bytes_and_padding() {
     let gap = frame(&file).sections[0].end();
     let mut padded = file.clone();
     padded[gap as usize + 1] = 1;
-    broken(
-        "I9",
-        vec![
-            (with_header(&file, |h| h[53] = 2), E::HeaderReserved { value: 0x200 }),
-            (with_table(&file, |t| t[2 * ENTRY_BYTES + 6] = 3), E::TableReserved { section: 2, value: 3 }),
-            (padded, E::PaddingNotZero { offset: gap + 1 }),
-        ],
-    );
+    Rule("I9").broken_by(vec![
+        (with_header(&file, |h| h[53] = 2), E::HeaderReserved { value: 0x200 }),
+        (with_table(&file, |t| t[2 * ENTRY_BYTES + 6] = 3), E::TableReserved { section: 2, value: 3 }),
+        (padded, E::PaddingNotZero { offset: gap + 1 }),
+    ]);
 }
 
 #[test]
@@ -378,30 +352,21 @@ fn i10_to_i12_the_walk() {
     let pair = model([2, 1, 1], NORMALS, &[[0, 0, 0]]);
     let nodes =
         |file: &[u8], at: usize, infobyte: u8| with_content(file, SectionKind::Nodes, |b| b[at] = infobyte);
-    broken(
-        "I10",
-        vec![(
-            nodes(&one, 1, 0),
-            E::EmptyNode { level: Level::new(1), node: NodeIndex::new(1), corner: [2, 0, 0] },
-        )],
-    );
-    broken(
-        "I11",
-        vec![
-            (nodes(&one, 0, 0b11), E::MissingNode { level: Level::new(1), corner: [2, 0, 0] }),
-            (nodes(&two, 0, 0b01), E::SurplusBoxes { level: Level::new(1), stated: 2, found: 1 }),
-            (nodes(&pair, 0, 0b11), E::MissingItem { kind: NORMAL }),
-        ],
-    );
+    Rule("I10").broken_by(vec![(
+        nodes(&one, 1, 0),
+        E::EmptyNode { level: Level::new(1), node: NodeIndex::new(1), corner: [2, 0, 0] },
+    )]);
+    Rule("I11").broken_by(vec![
+        (nodes(&one, 0, 0b11), E::MissingNode { level: Level::new(1), corner: [2, 0, 0] }),
+        (nodes(&two, 0, 0b01), E::SurplusBoxes { level: Level::new(1), stated: 2, found: 1 }),
+        (nodes(&pair, 0, 0b11), E::MissingItem { kind: NORMAL }),
+    ]);
     let outside = |corner| E::OutsideVolume { level: Level::new(2), corner };
-    broken(
-        "I12",
-        vec![
-            (nodes(&one, 1, 0b10), outside([3, 0, 0])),
-            (nodes(&one, 1, 0b100), outside([2, 1, 0])),
-            (nodes(&one, 0, 0b10_0000), E::OutsideVolume { level: Level::new(1), corner: [2, 0, 2] }),
-        ],
-    );
+    Rule("I12").broken_by(vec![
+        (nodes(&one, 1, 0b10), outside([3, 0, 0])),
+        (nodes(&one, 1, 0b100), outside([2, 1, 0])),
+        (nodes(&one, 0, 0b10_0000), E::OutsideVolume { level: Level::new(1), corner: [2, 0, 2] }),
+    ]);
 }
 
 #[test]
@@ -409,19 +374,16 @@ fn i13_rank_directory() {
     let file = sound();
     let directory = content(&file, SectionKind::Rank);
     let block = u64::from(directory[10]) | u64::from(directory[11]) << 8;
-    broken(
-        "I13",
-        vec![
-            (
-                with_content(&file, SectionKind::Rank, |b| b[0] = 1),
-                E::RankMismatch { node: NodeIndex::new(0), due: 0, found: 1 },
-            ),
-            (
-                with_content(&file, SectionKind::Rank, |b| b[10] ^= 1),
-                E::RankMismatch { node: NodeIndex::new(32), due: block, found: block ^ 1 },
-            ),
-        ],
-    );
+    Rule("I13").broken_by(vec![
+        (
+            with_content(&file, SectionKind::Rank, |b| b[0] = 1),
+            E::RankMismatch { node: NodeIndex::new(0), due: 0, found: 1 },
+        ),
+        (
+            with_content(&file, SectionKind::Rank, |b| b[10] ^= 1),
+            E::RankMismatch { node: NodeIndex::new(32), due: block, found: block ^ 1 },
+        ),
+    ]);
 }
 
 #[test]
@@ -429,43 +391,34 @@ fn i14_to_i16_channels() {
     let file = sound();
     let normals = content(&file, NORMAL);
     let item = u16::from_le_bytes([0x80, normals[5]]).into();
-    broken(
-        "I14",
-        vec![(
-            with_content(&file, NORMAL, |b| b[4] = 0x80),
-            E::IllegalItem { channel: Channel::Normal, voxel: VoxelIndex::new(2), item },
-        )],
-    );
+    Rule("I14").broken_by(vec![(
+        with_content(&file, NORMAL, |b| b[4] = 0x80),
+        E::IllegalItem { channel: Channel::Normal, voxel: VoxelIndex::new(2), item },
+    )]);
     let item =
         |kind, at: usize| u16::from_le_bytes(content(&file, kind)[2 * at..2 * at + 2].try_into().unwrap());
     let due = item(NORMAL_LOD, 1);
-    broken(
-        "I15",
-        vec![(
-            with_content(&file, NORMAL_LOD, |b| b[2] ^= 1),
-            E::MeanNormal {
-                channel: Channel::Normal,
-                level: Level::new(1),
-                node: NodeIndex::new(1),
-                due,
-                found: Some(due ^ 1),
-            },
-        )],
-    );
+    Rule("I15").broken_by(vec![(
+        with_content(&file, NORMAL_LOD, |b| b[2] ^= 1),
+        E::MeanNormal {
+            channel: Channel::Normal,
+            level: Level::new(1),
+            node: NodeIndex::new(1),
+            due,
+            found: Some(due ^ 1),
+        },
+    )]);
     let due = u64::from(item(VALUE_LOD, 1));
-    broken(
-        "I16",
-        vec![(
-            with_content(&file, VALUE_LOD, |b| b[2] ^= 1),
-            E::MeanValue {
-                channel: Channel::Value,
-                level: Level::new(1),
-                node: NodeIndex::new(1),
-                due,
-                found: due ^ 1,
-            },
-        )],
-    );
+    Rule("I16").broken_by(vec![(
+        with_content(&file, VALUE_LOD, |b| b[2] ^= 1),
+        E::MeanValue {
+            channel: Channel::Value,
+            level: Level::new(1),
+            node: NodeIndex::new(1),
+            due,
+            found: due ^ 1,
+        },
+    )]);
     // A changed voxel shows in the means above it.
     let rule = |kind, change: fn(&mut Vec<u8>)| fault(&with_content(&file, kind, change));
     assert!(matches!(rule(NORMAL, |b| b[4] ^= 0x40), E::MeanNormal { .. }));
@@ -479,29 +432,26 @@ fn i17_metadata_and_sections_agree() {
         let selection = Selection { kind, lo, hi };
         (with_metadata(&full, |m| m.selection = selection), E::SelectionRange { selection })
     };
-    broken(
-        "I17",
-        vec![
-            (
-                with_metadata(&full, |m| m.gradient.clear()),
-                E::ChannelStated { channel: Channel::Normal, stated: false },
-            ),
-            (
-                with_metadata(&plain, |m| m.gradient = "sobel".into()),
-                E::ChannelStated { channel: Channel::Normal, stated: true },
-            ),
-            (
-                with_metadata(&full, |m| m.value_scale = [0.0; 2]),
-                E::ChannelStated { channel: Channel::Value, stated: false },
-            ),
-            (
-                with_metadata(&plain, |m| m.value_scale = [1.0, 0.0]),
-                E::ChannelStated { channel: Channel::Value, stated: true },
-            ),
-            range(SelectionKind::Range, 2.0, 1.0),
-            range(SelectionKind::Iso, 2.0, 3.0),
-        ],
-    );
+    Rule("I17").broken_by(vec![
+        (
+            with_metadata(&full, |m| m.gradient.clear()),
+            E::ChannelStated { channel: Channel::Normal, stated: false },
+        ),
+        (
+            with_metadata(&plain, |m| m.gradient = "sobel".into()),
+            E::ChannelStated { channel: Channel::Normal, stated: true },
+        ),
+        (
+            with_metadata(&full, |m| m.value_scale = [0.0; 2]),
+            E::ChannelStated { channel: Channel::Value, stated: false },
+        ),
+        (
+            with_metadata(&plain, |m| m.value_scale = [1.0, 0.0]),
+            E::ChannelStated { channel: Channel::Value, stated: true },
+        ),
+        range(SelectionKind::Range, 2.0, 1.0),
+        range(SelectionKind::Iso, 2.0, 3.0),
+    ]);
     let nan = with_metadata(&full, |m| m.selection.lo = f64::NAN);
     assert!(matches!(fault(&nan), E::SelectionRange { .. }));
 }

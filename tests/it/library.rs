@@ -6,27 +6,12 @@
 #[path = "../../examples/function.rs"]
 mod function;
 
-use std::fs;
+use crate::prelude::*;
 use std::io;
-use std::path::Path;
 use std::sync::Arc;
 
-use crate::common::random::Random;
-use infobyte::budget::MemoryCap;
-use infobyte::export::ExportForm;
-use infobyte::format::{Channel, SurfaceKind};
-use infobyte::geom::morton;
-use infobyte::jobs::export::{ExportRequest, export};
-use infobyte::load::{LoadError, NodeView};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::Silent;
-use infobyte::render::RenderError;
-use infobyte::render::ray::BadRay;
-use infobyte::volume::VolumeSource;
-use infobyte::{
-    Affine, BuildOptions, CleanOptions, Dims, ExitKind, Hits, Model, RayCaster, Rescale, Slices, Threshold,
-    VolumeView, Voxels, builder,
-};
+use infobyte::load::LoadError;
+use infobyte::{Hits, VolumeView, builder};
 
 const SIDES: [u32; 3] = [37, 41, 45];
 
@@ -440,13 +425,7 @@ fn triangles_in_memory_are_those_of_the_file() {
     text += "0 0 0 255 0 0\n9 0 0 0 255 0\n0 9 0 0 0 255\n0 0 9 9 99 200\n";
     text += "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
     fs::write(&solid, text).unwrap();
-    let mesh = MeshOptions {
-        grid: GridChoice::Side { voxels: 24, margin: 1 },
-        unit_mm: 1.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    };
+    let mesh = on_grid(GridChoice::Side { voxels: 24, margin: 1 });
     let colored = BuildOptions {
         channels: BuildOptions::default().channels.with(Channel::Color),
         ..BuildOptions::default()

@@ -5,19 +5,8 @@
 //! With INFOBYTE_LONG=N so many times as many rays and orientations are tried; 63 are 10^7 rays at 1,000 orientations.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
-use crate::common::long;
-use crate::common::{bodies, random};
-
-use bodies::{Body, ISO, Scan, scan};
-use infobyte::format::SurfaceKind;
-use infobyte::load::NodeView;
-use infobyte::render::cells::Cells;
-use infobyte::render::form::Form;
-use infobyte::render::ray::Ray;
-use infobyte::render::single;
-use infobyte::render::surface::Skin;
-use infobyte::{Affine, BuildOptions, Dims, Model, Threshold, VolumeSource, Voxels};
-use random::Random;
+use crate::prelude::*;
+use bodies::{Body, ISO, scan};
 
 /// Directions whose components divide by the longest without a rest in binary: rays along them go through samples
 /// exactly.

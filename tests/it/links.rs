@@ -2,13 +2,8 @@
 //! links lead to are counted, not passed over in silence. If this fails, an archive that was sent makes a model of
 //! files that its receiver can read and its sender cannot.
 
-use std::fs;
+use crate::prelude::*;
 use std::os::unix::fs::symlink;
-use std::path::{Path, PathBuf};
-
-use crate::common::command;
-
-use command::{oct, text};
 
 /// A folder of headers whose data are links, and beside it the data.
 fn headers(top: &Path, target: &Path) -> Vec<(PathBuf, &'static str)> {

@@ -43,6 +43,7 @@ mod normals;
 mod oracle;
 mod pack;
 mod picture_memory;
+mod prelude;
 mod privacy;
 mod report;
 mod scene_command;

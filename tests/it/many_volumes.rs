@@ -1,13 +1,7 @@
 //! Several volumes in one input: which one is taken is what is meant, or it is asked. If this fails, a study of the
 //! brain at work fills a disk with five hundred models, or a scout is taken for the series that lacks a slice.
 
-use std::fs;
-use std::path::Path;
-
-use crate::common::{command, dicom};
-
-use command::{oct, text};
-use dicom::Elements;
+use crate::prelude::*;
 
 /// A series of so many moments of three slices, as a scanner at work writes it.
 fn film(folder: &Path, moments: i32) {

@@ -6,16 +6,7 @@
 //! that GNU time takes of it from outside (where it is installed). The library is in use as it is in the
 //! test's own binary, whose code is larger than a release; `OCT_BINARY` names another to be measured.
 
-use std::fs;
-use std::path::Path;
-
-use crate::common::{command, dicom, formats, random, volume};
-
-use command::measured_build;
-use dicom::Image;
-use formats::{Object, Tiff};
-use infobyte::volume::ScalarType;
-use random::Random;
+use crate::prelude::*;
 use volume::encode;
 
 const MIB: u64 = 1 << 20;

@@ -1,10 +1,7 @@
 //! `oct build` of a mesh as a user runs it: what was chosen is told with figures, what does not fit is refused in a
 //! sentence with the cure, and the whole process stays within its memory.
 
-use crate::common::{command, meshes};
-
-use command::oct;
-use meshes::Body;
+use crate::prelude::*;
 
 fn put(name: &str, bytes: &[u8]) -> (tempfile::TempDir, String, String) {
     let folder = tempfile::tempdir().unwrap();
@@ -103,20 +100,8 @@ fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
     let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };
     let (_folder, mesh, model) = put("ball.off", &Body::sphere([0.0; 3], 100.0, 6).off());
     for threads in ["1", "2"] {
-        let json = oct(&[
-            "build",
-            &mesh,
-            "-o",
-            &model,
-            "--grid",
-            "512",
-            "--memory",
-            cap,
-            "--threads",
-            threads,
-            "--json",
-        ])
-        .json();
+        let line = format!("build {mesh} -o {model} --grid 512 --memory {cap} --threads {threads} --json");
+        let json = oct(&line.split(' ').collect::<Vec<_>>()).json();
         let (peak, limit) = (json["peak_rss_bytes"].as_u64(), json["memory_budget_bytes"].as_u64());
         assert!(peak <= limit, "{peak:?} of {limit:?}");
     }

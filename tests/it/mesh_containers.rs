@@ -1,23 +1,9 @@
 //! glTF and 3MF hold meshes within descriptions: what these say of places, units and parts gives the same model as
 //! the triangles written out, and whatever else they say is refused in a sentence, in time and within memory.
 
-use crate::common::long;
-use crate::common::models::{exact_grid, on_grid, put, share};
-use crate::common::{containers, meshes, random};
-
-use std::fs;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::Path;
-use std::time::{Duration, Instant};
-
-use containers::{archive, buffer, description, glb, gltf, object, packed, text, threemf};
-use infobyte::budget::peak_rss_bytes;
-use infobyte::builder::Silent;
-use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use meshes::Body;
-use random::Random;
-use serde_json::{Value, json};
+use crate::prelude::*;
+use containers::{buffer, description, gltf, object, packed, text, threemf};
+use infobyte::csg::read_tree;
 
 fn exact(side: u32) -> MeshOptions {
     on_grid(exact_grid([side; 3]))

@@ -3,22 +3,8 @@
 
 #![allow(clippy::cast_possible_truncation, reason = "small numbers")]
 
-use crate::common::models::{exact_grid, finest, on_grid, put, share};
-use crate::common::{containers, meshes};
-
+use crate::prelude::*;
 use std::fmt::Write;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use containers::{archive, glb};
-use infobyte::builder::{BuildOptions, Silent};
-use infobyte::export::ExportForm;
-use infobyte::format::{Channel, Channels, normal};
-use infobyte::jobs::export::{ExportRequest, export};
-use infobyte::load::{Model, NodeView, verify};
-use infobyte::mesh::{GridChoice, build_mesh};
-use meshes::Body;
-use serde_json::json;
 
 const SIDE: u32 = 40;
 

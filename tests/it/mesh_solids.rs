@@ -2,20 +2,13 @@
 //! Every hard case here is compared with a slow count in wide integers that shares no code with the program. If
 //! this fails, parts have stray voxels, bands or holes, as those of most voxelisers do.
 
-use crate::common::meshes;
-use crate::common::models::{exact_grid, finest, on_grid, put, share as options};
+use crate::common::models::share as options;
+use crate::prelude::*;
 mod thin;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-use infobyte::builder::{BuildError, BuildOptions, Silent};
-use infobyte::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, SourceError};
-use infobyte::format::{Channel, normal};
-use infobyte::geom::morton;
-use infobyte::load::{Model, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, MeshReport, build_mesh};
-use meshes::{Body, STEPS, skin};
+use infobyte::facts::{Boundary, Fill, MeshFacts};
+use infobyte::mesh::MeshReport;
+use meshes::{STEPS, skin};
 
 fn exact(dims: [u32; 3]) -> MeshOptions {
     on_grid(exact_grid(dims))
@@ -100,24 +93,41 @@ fn a_sphere_at_no_special_place() {
 }
 
 #[test]
-fn coplanar_at_centres() {
-    // All six faces, and their diagonals, through voxel centres: 40 voxels a side by the shift.
-    check(&Body::cuboid([5.5; 3], [45.5; 3]), [50, 50, 50], Fill::Winding);
-}
-
-#[test]
-fn coplanar_at_grid() {
-    check(&Body::cuboid([5.0; 3], [45.0; 3]), [50, 50, 50], Fill::Winding);
-}
-
-#[test]
-fn edge_through_centres_and_vertex_on_centre() {
-    check(&Body::octahedron([30.5; 3], 25.0), [61, 61, 61], Fill::Winding);
-}
-
-#[test]
-fn diagonal_through_centres() {
-    check(&Body::cuboid([4.5, 3.0, 2.5], [36.5, 35.0, 34.5]), [40, 40, 40], Fill::Winding);
+fn hard_places_and_nested_shells_have_the_skin_of_the_definition() {
+    let cuboid = |low: f64, high: f64| Body::cuboid([low; 3], [high; 3]);
+    let inner = Body::sphere([35.0; 3], 12.0, 2);
+    let needle = Body::new(
+        &[[1.2, 1.3, 1.1], [68.7, 67.9, 66.8], [68.9, 68.3, 67.4], [68.3, 68.8, 67.1]],
+        &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+    );
+    let sliver = Body::new(
+        &[[1.0, 20.0, 20.0], [69.0, 50.0, 20.0005], [69.0, 50.0, 60.0], [1.0, 20.001, 20.0]],
+        &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
+    );
+    for (name, body, side) in [
+        // All six faces, and their diagonals, through voxel centres: 40 voxels a side by the shift.
+        ("coplanar at centres", cuboid(5.5, 45.5), 50),
+        ("coplanar at the grid", cuboid(5.0, 45.0), 50),
+        ("edges through centres, vertices on centres", Body::octahedron([30.5; 3], 25.0), 61),
+        ("a diagonal through centres", Body::cuboid([4.5, 3.0, 2.5], [36.5, 35.0, 34.5]), 40),
+        ("a needle across all columns", needle, 70),
+        ("a sliver", sliver.with(&ball()), 70),
+        ("larger than the grid", Body::octahedron([20.0, 33.0, 40.0], 60.0), 70),
+        ("around the grid", Body::sphere([35.0; 3], 120.0, 1).with(&ball().reversed()), 70),
+        ("inside out", ball().reversed(), 70),
+        ("nested in one orientation, full", ball().with(&inner), 70),
+        ("nested and reversed, a cavity", ball().with(&inner.reversed()), 70),
+        ("overlapping shells, united", ball().with(&Body::cuboid([30.2; 3], [66.4, 50.7, 60.1])), 70),
+        (
+            "four faces at an edge",
+            cuboid(5.0, 20.0).with(&Body::cuboid([20.0, 20.0, 5.0], [35.0, 35.0, 20.0])),
+            40,
+        ),
+        ("touching at a vertex", cuboid(5.0, 20.0).with(&cuboid(20.0, 35.0)), 40),
+    ] {
+        println!("{name}");
+        check(&body, [side; 3], Fill::Winding);
+    }
 }
 
 #[test]
@@ -151,28 +161,6 @@ fn t_junction() {
     body.faces[4] = [a, 8, c];
     body.faces.push([8, b, c]);
     check_as(&body, &Body::cuboid([5.3; 3], [30.7, 28.1, 26.9]).snapped(2), [40, 40, 40], Fill::Winding);
-}
-
-#[test]
-fn slivers_and_a_needle_across_all_columns() {
-    let needle = Body::new(
-        &[[1.2, 1.3, 1.1], [68.7, 67.9, 66.8], [68.9, 68.3, 67.4], [68.3, 68.8, 67.1]],
-        &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
-    );
-    check(&needle, GRID, Fill::Winding);
-    let sliver = Body::new(
-        &[[1.0, 20.0, 20.0], [69.0, 50.0, 20.0005], [69.0, 50.0, 60.0], [1.0, 20.001, 20.0]],
-        &[[0, 1, 2], [0, 2, 3], [0, 3, 1], [1, 3, 2]],
-    );
-    check(&sliver.with(&ball()), GRID, Fill::Winding);
-}
-
-#[test]
-fn a_mesh_larger_than_the_grid_is_cut_by_its_walls() {
-    let body = Body::octahedron([20.0, 33.0, 40.0], 60.0);
-    check(&body, GRID, Fill::Winding);
-    let around = Body::sphere([35.0; 3], 120.0, 1).with(&ball().reversed());
-    check(&around, GRID, Fill::Winding);
 }
 
 #[test]
@@ -217,28 +205,6 @@ fn flipped_half() {
 }
 
 #[test]
-fn inside_out() {
-    check(&ball().reversed(), GRID, Fill::Winding);
-}
-
-#[test]
-fn nested_same_orientation_is_full() {
-    let inner = Body::sphere([35.0; 3], 12.0, 2);
-    check(&ball().with(&inner), GRID, Fill::Winding);
-}
-
-#[test]
-fn nested_reversed_is_a_cavity() {
-    let inner = Body::sphere([35.0; 3], 12.0, 2).reversed();
-    check(&ball().with(&inner), GRID, Fill::Winding);
-}
-
-#[test]
-fn overlapping_shells_are_united() {
-    check(&ball().with(&Body::cuboid([30.2; 3], [66.4, 50.7, 60.1])), GRID, Fill::Winding);
-}
-
-#[test]
 fn moebius_and_klein() {
     // A strip of quads around a circle that turns over once; a bottle is such a strip closed across.
     let (n, m) = (48, 16);
@@ -268,27 +234,15 @@ fn moebius_and_klein() {
 }
 
 #[test]
-fn non_manifold_edge_4_and_touching_at_a_vertex() {
-    let first = Body::cuboid([5.0; 3], [20.0; 3]);
-    check(&first.clone().with(&Body::cuboid([20.0, 20.0, 5.0], [35.0, 35.0, 20.0])), [40; 3], Fill::Winding);
-    check(&first.with(&Body::cuboid([20.0; 3], [35.0; 3])), [40; 3], Fill::Winding);
-}
-
-#[test]
-fn plate_on_centre_is_built_and_plate_between_centres_is_empty() {
+fn a_plate_on_centres_is_built_and_nothing_inside_is_refused() {
     check(&Body::cuboid([5.0, 5.0, 20.3], [35.0, 35.0, 20.7]), [40; 3], Fill::Winding);
-    let place = Place::new();
-    let file = place.put("a.stl", &Body::cuboid([5.0, 5.0, 19.8], [35.0, 35.0, 20.2]).stl());
-    let refused = place.build(&[file], &exact([40; 3]), &options(16, 1)).unwrap_err();
-    assert!(matches!(refused, BuildError::NothingInside { .. }), "{refused:?}");
-}
-
-#[test]
-fn all_outside_is_refused() {
-    let place = Place::new();
-    let file = place.put("a.stl", &Body::cuboid([500.0; 3], [600.0; 3]).stl());
-    let refused = place.build(&[file], &exact([40; 3]), &options(16, 1)).unwrap_err();
-    assert!(matches!(refused, BuildError::NothingInside { .. }), "{refused:?}");
+    // A plate between centres, and a body beyond the grid.
+    for (low, high) in [([5.0, 5.0, 19.8], [35.0, 35.0, 20.2]), ([500.0; 3], [600.0; 3])] {
+        let place = Place::new();
+        let file = place.put("a.stl", &Body::cuboid(low, high).stl());
+        let refused = place.build(&[file], &exact([40; 3]), &options(16, 1)).unwrap_err();
+        assert!(matches!(refused, BuildError::NothingInside { .. }), "{refused:?}");
+    }
 }
 
 #[test]
@@ -320,13 +274,7 @@ fn fault(refused: BuildError) -> MeshFault {
 #[test]
 fn huge_coordinates_and_offsets_are_fitted_or_refused() {
     let place = Place::new();
-    let side = MeshOptions {
-        grid: GridChoice::Side { voxels: 64, margin: 1 },
-        unit_mm: 1.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    };
+    let side = on_grid(GridChoice::Side { voxels: 64, margin: 1 });
     let text = |low: f64, high: f64| {
         let corner = |i: usize, a: usize| if i >> a & 1 == 1 { high } else { low };
         let mut out = String::from("OFF 8 12 0\n");
@@ -450,13 +398,7 @@ fn normals_point_out_of_the_nearest_triangle() {
 fn the_grid_is_placed_in_millimetres() {
     let place = Place::new();
     let file = place.put("a.stl", &Body::cuboid([10.0, 20.0, 30.0], [20.0, 24.0, 31.0]).stl());
-    let mesh = MeshOptions {
-        grid: GridChoice::Voxel { edge_mm: 0.5, margin: 2 },
-        unit_mm: 10.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    };
+    let mesh = MeshOptions { unit_mm: 10.0, ..on_grid(GridChoice::Voxel { edge_mm: 0.5, margin: 2 }) };
     let facts = place.build(&[file], &mesh, &options(16, 2)).unwrap().facts;
     assert_eq!((facts.voxel_mm, facts.origin_mm), (0.5, [99.0, 199.0, 299.0]));
     let model = place.model();

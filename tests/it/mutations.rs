@@ -4,21 +4,8 @@
 //! A few hundred changes of small files made here and of a few real ones, and with INFOBYTE_LONG=N so many times as
 //! many; `INFOBYTE_MUTATE` names a folder whose files (those up to 2 MiB) are used instead.
 
-use std::fs::{self, File};
-use std::os::unix::fs::FileExt;
-use std::panic::{AssertUnwindSafe, catch_unwind};
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
-
-use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
-use infobyte::catalogue::Catalogue;
-use infobyte::progress::Silent;
-use infobyte::source::{OpenOptions, Subject};
-use infobyte::volume::Workspace;
-
-use crate::common::long;
-use crate::common::{data, dicom, random};
-use random::Random;
+use crate::prelude::*;
+use infobyte::source::Subject;
 
 const CAP: u64 = 16 << 20;
 const SLOWEST: Duration = Duration::from_secs(5);

@@ -25,21 +25,11 @@
     reason = "samples and sizes are made to fit"
 )]
 
-use crate::common::{random, volume};
-
+use crate::prelude::*;
 use std::cell::Cell;
 
-use infobyte::budget::MemoryCap;
-use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Gradient, Silent, Threshold, build_volume as build,
-};
-use infobyte::format::normal::{self, NormalBits};
-use infobyte::format::{Channel, Channels, SurfaceKind};
-use infobyte::geom::{Affine, BoxIndex, Octant, morton};
-use infobyte::load::{Model, NodeView};
-use infobyte::volume::ScalarType;
-use random::Random;
-use volume::MemoryVolume;
+use infobyte::builder::{Gradient, build_volume as build};
+use infobyte::format::normal::NormalBits;
 
 /// A volume of the samples next to `value(x, y, z)`.
 fn volume_of(
@@ -72,17 +62,13 @@ fn stored_codes(
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.oct");
     let options = BuildOptions {
-        surface: infobyte::format::SurfaceKind::Skin,
         threshold: Threshold::Iso(iso),
-        connectivity: Connectivity::Thin26,
-        channels: Channels::default(),
         gradient: ESTIMATOR.get(),
         normal_bits: NormalBits::default(),
-        visible_from: Vec::new(),
         lod: false,
         memory,
         threads,
-        scratch: None,
+        ..BuildOptions::default()
     };
     let report = build(volume, &options, &path, &Silent)?;
     let model = Model::open(&path).unwrap();

@@ -15,23 +15,12 @@
 //! grid's side, the camera's distance and that of the near limit. So for L = 10 and a camera within 10^6 cells it is
 //! 1.8 * 10^-5 cell, and a hit differs from the true one only where a ray passes an edge that closely.
 
-use crate::common::long;
-use crate::common::models::finest;
-use crate::common::{oracle, scenes};
+use crate::common::oracle;
+use crate::prelude::*;
 
-use infobyte::format::SurfaceKind;
-use infobyte::geom::Affine;
-use infobyte::load::NodeView;
-use infobyte::render::GridSpace;
-use infobyte::render::cells::Cells;
-use infobyte::render::form::Form;
-use infobyte::render::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
+use infobyte::render::ray::{DIRECTION_BITS, FRACTION_BITS};
 use infobyte::render::selfcheck::Random;
-use infobyte::render::single;
-use infobyte::render::surface::Skin;
-use infobyte::render::traverse::{first_hit, first_hit_sealed};
-use oracle::{Dyadic, ExactRay};
-use scenes::{Scene, in_ball, in_gyroid, noise, plane};
+use oracle::Dyadic;
 
 /// Rays for each scene.
 fn rays(usual: u32) -> u32 {

@@ -2,14 +2,10 @@
 //! make different archives of the same model.
 
 use crate::common as support;
+use crate::prelude::*;
 
-use std::fs;
-
-use infobyte::ExitKind;
-use infobyte::format::Encoding;
-use infobyte::format::assemble::OptionalSections;
-use infobyte::jobs::{info, pack, verify};
-use support::{FULL, NORMALS, shell};
+use infobyte::jobs::verify;
+use support::shell;
 
 #[test]
 fn unpacking_gives_the_file_and_packing_again_gives_the_archive() {

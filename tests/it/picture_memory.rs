@@ -5,14 +5,8 @@
 //! it. Each picture is made under the smallest cap that its own refusal names, and under larger ones; without a cap most
 //! of them pass these. `OCT_BINARY` names another program to be measured.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use crate::common::{command, random};
-
-use command::{oct, smallest_budget, text};
+use crate::prelude::*;
 use infobyte::budget::parse_size;
-use random::Random;
 
 const MIB: u64 = 1 << 20;
 

@@ -2,18 +2,8 @@
 //! no date of a patient, and no name of a file or folder, whatever these are. What stays at home names them.
 //! If this fails, a shared model tells its patient's name.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
+use crate::prelude::*;
 use infobyte::jobs::info::read_info as info;
-use infobyte::volume::ScalarType;
-use serde_json::Value;
-
-use crate::common::{command, dicom, formats};
-
-use command::{names, oct, text};
-use dicom::Elements;
-use formats::{Object, file, npy, nrrd};
 
 /// A made-up patient.
 struct Patient {

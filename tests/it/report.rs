@@ -2,13 +2,7 @@
 //! threads or on time, a page that needs the network, a row that is lost between page and table, temporary models that
 //! stay behind.
 
-use crate::common::command;
-
-use std::fs;
-use std::path::Path;
-
-use command::{names, oct, text};
-use serde_json::Value;
+use crate::prelude::*;
 
 fn run(out: &Path, subjects: &[&str], threads: &str) -> Value {
     let out = text(out);

@@ -1,14 +1,7 @@
 //! `oct render SCENE.toml`: what the text of a scene says is shown, and what cannot be is told with the key and the
 //! cure. If this fails, a scene is shown otherwise than it is written, or a user is left with half a sentence.
 
-use crate::common::command;
-
-use std::fs;
-use std::path::Path;
-
-use command::{oct, text};
-use serde_json::Value;
-use tempfile::TempDir;
+use crate::prelude::*;
 
 /// A folder with a ball, a cube and a ring.
 fn folder() -> TempDir {
@@ -268,17 +261,8 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
         let names = chunks(&folder.path().join("p.png"));
         assert_eq!(names.iter().filter(|name| *name == "fcTL").count(), 5, "{names:?}");
         for (output, second) in [("frames/", "frames/0001.png"), ("turn-%02d.png", "turn-01.png")] {
-            let json = oct(&[
-                "render",
-                &at(input),
-                "-o",
-                &at(output),
-                "--size",
-                "40x30",
-                "--turntable",
-                "3",
-                "--json",
-            ]);
+            let line = format!("render {} -o {} --size 40x30 --turntable 3 --json", at(input), at(output));
+            let json = oct(&line.split(' ').collect::<Vec<_>>());
             assert_eq!(json.json()["rays"].as_u64(), Some(3 * 40 * 30));
             let names = chunks(&folder.path().join(second));
             assert!(names.iter().any(|name| name == "IDAT") && !names.iter().any(|name| name == "fcTL"));

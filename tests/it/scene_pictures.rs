@@ -3,14 +3,9 @@
 //!
 //! With INFOBYTE_PICTURES=FOLDER the golden picture is also written there, to be looked at.
 
-use infobyte::format::SurfaceKind;
-use infobyte::load::ModelView;
-use infobyte::render::{Camera, ViewPoint};
-use infobyte::scene::{Ambient, Clip, Light, LightKind, Look, Material, Part, Placement, Plane, paint};
-use infobyte::{Affine, BuildOptions, Dims, Image, Model, Projection, Threshold, Voxels};
-use tempfile::TempDir;
-
-use crate::common::vectors::{cross, dot};
+use crate::prelude::*;
+use infobyte::Image;
+use infobyte::scene::{Ambient, Clip, CutPlane, Light, LightKind, Look, Material, Part, Placement, paint};
 
 fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])
@@ -165,6 +160,32 @@ fn normals_at_silhouettes_are_not_negated() {
     }
 }
 
+/// The x of the wall that a pixel sees through balls about the origin, and how far behind them the wall is. A step has
+/// a radius and the indices before and behind the surface; nothing near a rim or where all is thrown back.
+fn seen_through(
+    look: &Look,
+    at: [u32; 2],
+    steps: &[(f64, f64, f64)],
+    is_clear: impl Fn(usize, f64, f64) -> bool,
+) -> Option<(f64, f64)> {
+    let mut ray = line(look, at);
+    for (number, (radius, before, behind)) in steps.iter().enumerate() {
+        ray.0 = add_scaled(ray.0, sphere(ray, [0.0; 3], *radius)?, ray.1);
+        let outward = ray.0.map(|c| c / radius);
+        let normal = if 2 * number < steps.len() { outward } else { outward.map(|c| -c) };
+        let (cosine, ratio) = (-dot(normal, ray.1), before / behind);
+        // Snell: the sine across the normal is multiplied by the ratio.
+        let sine = ratio * dot(cross(normal, ray.1), cross(normal, ray.1)).sqrt();
+        if !is_clear(number, cosine, sine) {
+            return None;
+        }
+        let across = add_scaled(ray.1, cosine, normal);
+        ray.1 = add_scaled(across.map(|c| c * ratio), -(1.0 - sine * sine).sqrt(), normal);
+    }
+    let reach = (60.0 - ray.0[1]) / ray.1[1];
+    Some((ray.0[0] + reach * ray.1[0], reach)).filter(|(x, reach)| *reach > 0.0 && x.abs() < 190.0)
+}
+
 /// A red ball over a mirror: what every pixel shows is what geometry says, but for those within two pixels of an edge.
 #[test]
 fn a_mirror_shows_the_ball_where_it_is() {
@@ -224,34 +245,12 @@ fn glass_bends_as_snell_says() {
         ];
         let look = look([8.0, -100.0, 5.0], [3.0, 0.0, 0.0], Projection::Perspective, 26.0, 160);
         let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
-        // The x of the wall that a pixel sees through the ball; nothing beside it or near its rim.
-        let through = |at: [u32; 2]| {
-            let mut ray = line(&look, at);
-            for step in 0..2 {
-                ray.0 = add_scaled(ray.0, sphere(ray, [0.0; 3], 20.0)?, ray.1);
-                let outward = ray.0.map(|c| c / 20.0);
-                let (normal, ratio) =
-                    if step == 0 { (outward, 1.0 / index) } else { (outward.map(|c| -c), index) };
-                let cosine = -dot(normal, ray.1);
-                if step == 0 && cosine < 0.45 {
-                    return None;
-                }
-                // Snell: the sine across the normal is multiplied by the ratio.
-                let sine = ratio * dot(cross(normal, ray.1), cross(normal, ray.1)).sqrt();
-                if sine >= 1.0 {
-                    return None;
-                }
-                let across = add_scaled(ray.1, cosine, normal);
-                let straight = (1.0 - sine * sine).sqrt();
-                ray.1 = add_scaled(across.map(|c| c * ratio), -straight, normal);
-            }
-            let reach = (60.0 - ray.0[1]) / ray.1[1];
-            Some((ray.0[0] + reach * ray.1[0], reach)).filter(|(x, reach)| *reach > 0.0 && x.abs() < 190.0)
-        };
+        let steps = [(20.0, 1.0, index), (20.0, index, 1.0)];
+        let is_clear = |step, cosine, sine| (step > 0 || cosine >= 0.45) && sine < 1.0;
         let (mut seen, mut inverted) = (0, 0);
         for y in 0..160 {
             for x in 0..160 {
-                let Some((due, reach)) = through([x, y]) else { continue };
+                let Some((due, reach)) = seen_through(&look, [x, y], &steps, is_clear) else { continue };
                 let [r, g, _] = pixel(&image, [x, y]);
                 // Normals of cells of a clean ball are within a degree; each surface turns a line by some of it.
                 if due.abs() > 0.05 * reach {
@@ -286,34 +285,17 @@ fn glass_within_glass_bends_by_both_indices() {
         ];
         let look = look([8.0, -100.0, 5.0], [3.0, 0.0, 0.0], Projection::Perspective, 26.0, 160);
         let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
-        // The x of the wall that a pixel sees through both; nothing near a rim or where all is thrown back.
-        let through = |at: [u32; 2]| {
-            let mut ray = line(&look, at);
-            let steps = [
-                (0, 1.0, indices[0]),
-                (1, indices[0], indices[1]),
-                (1, indices[1], indices[0]),
-                (0, indices[0], 1.0),
-            ];
-            for (number, (ball, before, behind)) in steps.into_iter().enumerate() {
-                ray.0 = add_scaled(ray.0, sphere(ray, [0.0; 3], RADII[ball])?, ray.1);
-                let outward = ray.0.map(|c| c / RADII[ball]);
-                let normal = if number < 2 { outward } else { outward.map(|c| -c) };
-                let (cosine, ratio) = (-dot(normal, ray.1), before / behind);
-                let sine = ratio * dot(cross(normal, ray.1), cross(normal, ray.1)).sqrt();
-                if cosine < 0.45 || sine >= 0.95 {
-                    return None;
-                }
-                let across = add_scaled(ray.1, cosine, normal);
-                ray.1 = add_scaled(across.map(|c| c * ratio), -(1.0 - sine * sine).sqrt(), normal);
-            }
-            let reach = (60.0 - ray.0[1]) / ray.1[1];
-            Some((ray.0[0] + reach * ray.1[0], reach)).filter(|(x, reach)| *reach > 0.0 && x.abs() < 190.0)
-        };
+        let steps = [
+            (RADII[0], 1.0, indices[0]),
+            (RADII[1], indices[0], indices[1]),
+            (RADII[1], indices[1], indices[0]),
+            (RADII[0], indices[0], 1.0),
+        ];
+        let is_clear = |_, cosine, sine| cosine >= 0.45 && sine < 0.95;
         let mut seen = 0;
         for y in 0..160 {
             for x in 0..160 {
-                let Some((due, reach)) = through([x, y]) else { continue };
+                let Some((due, reach)) = seen_through(&look, [x, y], &steps, is_clear) else { continue };
                 let [r, g, _] = pixel(&image, [x, y]);
                 if due.abs() > 0.08 * reach {
                     assert_eq!(
@@ -378,7 +360,7 @@ fn shadows_end_where_the_light_passes_the_edge() {
     let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
     assert!(rays.shadow > 30_000);
     // Light from +x throws the shadow to -x: from the lower edge at x = 10 to the upper edge at x = -10.
-    let (near, far) = (10.0 - 4.0 * 0.75, -10.0 - 24.0 * 0.75);
+    let far = -10.0 - 24.0 * 0.75;
     let column = |x: f64| {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "in the picture")]
         let x = ((x / half_mm + 1.0) * 126.0) as u32;
@@ -388,7 +370,6 @@ fn shadows_end_where_the_light_passes_the_edge() {
         let at = [column(x), 251 - column(y)];
         pixel(&image, at)[0] < 120
     };
-    let _ = near;
     for y in [-8.0, -3.3, 0.0, 5.1, 9.0] {
         assert!(dark(far + 0.6, y) && !dark(far - 0.6, y), "{y}");
         // Beside the cube on the side of the light nothing is dark.
@@ -410,7 +391,7 @@ fn cuts_are_closed_where_matter_is() {
     let shell = solid(20.0, 0.5, SurfaceKind::Cells, |p| 4.0 - (dot(p, p).sqrt() - 16.0).abs());
     let view = shell.view();
     let cap = Some([0.0, 1.0, 0.0]);
-    let clip = Clip::new(vec![Plane { normal: [0.0, -1.0, 0.0], limit: 3.0, cap }]);
+    let clip = Clip::new(vec![CutPlane { normal: [0.0, -1.0, 0.0], limit: 3.0, cap }]);
     let red = plain([1.0, 0.0, 0.0]);
     let part = Part::new((&view, 0), shell.dims(), &shell.affine(), &STAY, red, clip).unwrap();
     let look = look([0.0, -100.0, 0.0], [0.0, 0.0, 0.0], Projection::Parallel, 35.0, 128);

@@ -2,15 +2,7 @@
 //! are told by what is written in them, a file given by name is never dropped, and a number that is missing in the
 //! names is a gap like any other. If this fails, five slices become four, and everything behind moves up.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::volume::ScalarType;
-
-use crate::common::{command, formats};
-
-use command::{Run, names, oct, text};
-use formats::{Object, pngs};
+use crate::prelude::*;
 
 fn stack(folder: &Path, slices: u32) -> Vec<PathBuf> {
     pngs(&Object::new([24, 20, slices], ScalarType::U8, [1.0; 3]), folder)
@@ -113,7 +105,7 @@ fn a_filled_slice_lies_half_way_between_its_neighbours() {
     let read = |gaps, z| {
         let options = infobyte::source::OpenOptions { gaps, ..Default::default() };
         let inputs = [folder.path().to_path_buf()];
-        let volume = infobyte::catalogue::open(&inputs, &options).unwrap();
+        let volume = infobyte::discovery::open(&inputs, &options).unwrap();
         let dims = volume.info().dims;
         assert_eq!(dims.to_array(), [24, 20, 9]);
         let mut out = vec![0; 24 * 20];

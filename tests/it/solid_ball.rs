@@ -2,20 +2,10 @@
 //! [`Ball`] and nothing else. If this fails, the builder has grown to need samples, or to depend on which boxes a
 //! solid knows to be all in or all out: models of meshes and of primitives would cost volume, or have holes.
 
-use std::path::Path;
-use std::sync::atomic::{AtomicU64, Ordering};
-
-use crate::common::models::{finest, share};
-
-use infobyte::budget::MemoryCap;
+use crate::prelude::*;
 use infobyte::builder::{
-    BuildError, BuildOptions, BuildReport, Connectivity, Cover, Found, ItemForm, OccupancyRows, Silent,
-    SkinSlice, Solid, SolidWorker, Tile, VoxelBox, build_solid,
+    Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox, build_solid,
 };
-use infobyte::format::{Channel, Channels, Metadata, normal};
-use infobyte::geom::{Dims, morton};
-use infobyte::load::{Model, verify};
-use infobyte::volume::SourceError;
 
 /// Voxels whose centre is at most a radius from a point of the lattice.
 struct Ball {
@@ -40,11 +30,11 @@ impl Solid for Ball {
         self.dims
     }
 
-    fn metadata(&self, _: &Found) -> Metadata {
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
         Metadata { gradient: "analytic".into(), ..Metadata::of_grid(self.dims, "ball") }
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         match channel {
             Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
             Channel::Offset => Some(ItemForm::AsIs { bytes: 1 }),

@@ -2,22 +2,8 @@
 //! meshes fine enough to be such, and for trees. If this fails, printed parts get stairs, edges fray, or models depend
 //! on memory, threads or the order of triangles.
 
-use crate::common::models::{on_grid, share};
-use crate::common::vectors::{cross, dot, unit};
-use crate::common::{bodies, random};
-
-use std::path::{Path, PathBuf};
-
+use crate::prelude::*;
 use bodies::Body;
-use infobyte::builder::{BuildError, BuildOptions, Silent};
-use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
-use infobyte::facts::{Fault, MeshFault, SourceError};
-use infobyte::format::{Channel, SurfaceKind};
-use infobyte::geom::{Affine, Dims};
-use infobyte::load::{NodeView, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::{Model, RayCaster};
-use random::Random;
 
 const SIDE: u32 = 96;
 

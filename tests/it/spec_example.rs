@@ -1,13 +1,7 @@
 //! The worked example of SPEC 8. If this fails, the specification and the program disagree about
 //! bytes, and files of one of them cannot be read by the other.
 
-use crate::common as support;
-
-use infobyte::format::assemble::{AssembledVoxel, assemble};
-use infobyte::format::normal;
-use infobyte::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
-use infobyte::load::{Model, NodeView, verify};
-use support::{NORMALS, metadata};
+use crate::prelude::*;
 
 /// The bytes of the hex block under "Worked example": offset, bytes, and `;` before a remark.
 fn bytes_of_the_text() -> Vec<u8> {

@@ -1,22 +1,10 @@
 //! A job that its watcher stops ends soon, with an error of its own kind, and leaves no trace, wherever it was. If this
 //! fails, a program that was interrupted goes on for minutes, or loses the model that it had.
 
-use std::collections::BTreeSet;
-use std::fs;
-use std::path::{Path, PathBuf};
+use crate::prelude::*;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-use infobyte::builder::ViewedFrom;
-use infobyte::export::ExportForm;
-use infobyte::format::SurfaceKind;
-use infobyte::jobs::export::{ExportRequest, export};
-use infobyte::jobs::pack;
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
-use infobyte::progress::Silent;
-use infobyte::{
-    BuildOptions, CleanOptions, Dims, Error, ExitKind, Model, Progress, Slices, Threshold, Voxels,
-};
+use infobyte::Error;
 
 /// Stops a job when it asks for the n-th time.
 struct Stopper {
@@ -142,21 +130,9 @@ fn a_build_is_stopped_in_every_stage() {
 fn a_build_of_a_mesh_is_stopped() {
     let folder = tempfile::tempdir().unwrap();
     let (mesh, path) = (folder.path().join("a.stl"), folder.path().join("m.oct"));
-    let corners = ["0 0 0", "9 0 0", "0 9 0", "0 0 9"];
-    let facet = |at: [usize; 3]| {
-        let [a, b, c] = at.map(|at| corners[at]);
-        format!("facet normal 0 0 0\nouter loop\nvertex {a}\nvertex {b}\nvertex {c}\nendloop\nendfacet\n")
-    };
-    let facets: String = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]].map(facet).concat();
-    fs::write(&mesh, format!("solid a\n{facets}endsolid a\n")).unwrap();
+    fs::write(&mesh, meshes::Body::tetrahedron(9.0).stl_text()).unwrap();
     fs::write(&path, b"an old model").unwrap();
-    let how = MeshOptions {
-        grid: GridChoice::Side { voxels: 40, margin: 1 },
-        unit_mm: 1.0,
-        fill: None,
-        keep_thin: false,
-        follow_links: false,
-    };
+    let how = on_grid(GridChoice::Side { voxels: 40, margin: 1 });
     let options = BuildOptions { threads: 1, ..BuildOptions::default() };
     let stages = stop_everywhere(folder.path(), 100, &|progress| {
         build_mesh(std::slice::from_ref(&mesh), &how, &options, &path, progress)?;

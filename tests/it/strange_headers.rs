@@ -2,17 +2,8 @@
 //! tables that are empty, pictures whose parts are tiles, lists of pictures that lie anywhere. If this fails, a
 //! volume has the wrong place, the wrong values, or slices that never lay side by side, with exit code 0.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::catalogue::open_unprepared;
-use infobyte::facts::sentences;
-use infobyte::source::OpenOptions;
-
-use crate::common::{command, dicom};
-
-use command::{Run, oct, text};
-use dicom::{Elements, Syntax, Writer, mosaic};
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared;
 
 /// Opens what lies in a folder: its notes, or why it is refused.
 fn opened(folder: &Path) -> Result<Vec<String>, String> {

@@ -1,15 +1,7 @@
 //! `synthetic:NAME@N?key=value` is an input like a file. Would break: a command that looks for a file of that name, a
 //! body whose samples hang on how they are read, a wrong word that is not told, a volume that is held in memory.
 
-use crate::common::command;
-
-use std::fs;
-use std::path::Path;
-
-use command::{measured_build, names, oct, text};
-use infobyte::synthetic::analytic;
-use infobyte::volume::Endian;
-use infobyte::{BuildOptions, Model, RayCaster, Threshold, VolumeSource};
+use crate::prelude::*;
 
 #[test]
 fn a_body_builds_as_its_samples_in_a_file_do() {

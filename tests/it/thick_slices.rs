@@ -6,10 +6,7 @@
 //! 0.29 (2.1 % and 320). With a plane in every cell that a plane separates it would be 0.18 % and 0.85, 0.44 % and 1.9:
 //! cells are eleven times as long as wide, and the surface bends within them.
 
-use crate::common::data;
-
-use infobyte::format::SurfaceKind;
-use infobyte::{Affine, BuildOptions, Model, RayCaster, Threshold, VolumeSource};
+use crate::prelude::*;
 
 /// The samples of a volume as depths inside the threshold.
 struct Samples {
@@ -102,11 +99,6 @@ fn compare(volume: &dyn VolumeSource, threshold: f64, surface: SurfaceKind) -> [
     let finest = volume.info().spacing_mm.into_iter().fold(f64::MAX, f64::min);
     let (mut wrong, mut hits, mut off) = (0_u32, 0_u32, Vec::new());
     for side in [[0.31, -0.88, 0.25], [0.85, 0.43, -0.3], [-0.23, 0.31, 0.92]] {
-        let length = |v: [f64; 3]| v.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let unit = |v: [f64; 3]| v.map(|c| c / length(v));
-        let cross = |a: [f64; 3], b: [f64; 3]| {
-            [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
-        };
         let (back, pixels) = (unit(side), 150_u32);
         let right = unit(cross(back, [0.1, 0.2, 0.97]));
         let up = cross(right, back);

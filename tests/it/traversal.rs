@@ -5,19 +5,10 @@
 //! also with the intersection of the ray with every skin voxel. The rays that others stumbled over are in
 //! `hard_cases`.
 
-use crate::common::long;
 use crate::common::scenes as support;
+use crate::prelude::*;
 
-use infobyte::geom::Dims;
-use infobyte::load::{MemoryTree, NodeView};
-use infobyte::render::form::Form;
-use infobyte::render::ray::{BadRay, Ray};
-use infobyte::render::reference::{self, BitVolume};
-use infobyte::render::selfcheck::{Mismatches, Random, mismatches, random_ray};
-use infobyte::render::single;
-use infobyte::render::surface::Skin;
-use infobyte::render::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
-use support::{Garbage, Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane};
+use infobyte::render::selfcheck::{Random, mismatches};
 
 /// Volumes of every kind that traversals were seen to fail on.
 fn scenes() -> Vec<Scene> {

@@ -3,18 +3,12 @@
 //! named after the paper is not the paper's.
 
 use crate::common::scenes as support;
+use crate::prelude::*;
 
-use infobyte::geom::Affine;
-use infobyte::load::MemoryTree;
 use infobyte::render::discrete::frame::ParallelFrame;
 use infobyte::render::discrete::{Line, Order, first_hit, line::POINT_BITS};
-use infobyte::render::ray::Ray;
-use infobyte::render::reference::BitVolume;
-use infobyte::render::selfcheck::{Random, random_ray};
-use infobyte::render::sight::Sight;
-use infobyte::render::traverse::{Hit, first_hit as exact_hit};
-use infobyte::render::{Camera, GridSpace, NamedView, Projection, ViewPoint, reference};
-use support::{Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane};
+use infobyte::render::selfcheck::Random;
+use infobyte::render::traverse::first_hit as exact_hit;
 
 fn discrete(tree: &MemoryTree, ray: &Ray, order: Order) -> Option<Hit> {
     first_hit(tree, &Line::new(ray), 0, order, || Some(*ray)).hit

@@ -2,21 +2,11 @@
 //! sealed traversal hits, bit by bit, in every form that the machine has. If this file fails, pictures
 //! differ between machines, or a fast path shows what is not there.
 
-use crate::common::scenes as support;
+use crate::prelude::*;
 
-use infobyte::geom::{Affine, Dims, morton};
-use infobyte::load::{MemoryTree, ModelView, NodeView};
 use infobyte::render::batch::Batch;
-use infobyte::render::form::Form;
-use infobyte::render::ray::Ray;
-use infobyte::render::reference;
-use infobyte::render::selfcheck::{Mismatches, Random, random_ray, tile_mismatches};
-use infobyte::render::sight::Sight;
-use infobyte::render::surface::{Passage, Skin, Surface};
-use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
-use infobyte::render::traverse::{Hit, first_hit_sealed};
-use infobyte::render::{Camera, GridSpace, Projection, ViewPoint, single};
-use support::{Garbage, Scene, in_ball, in_torus, noise, plane};
+use infobyte::render::selfcheck::{Random, tile_mismatches};
+use infobyte::render::surface::{Passage, Surface};
 
 /// A camera with its eye in a grid point, looking along a vector of the grid; spacing 1.
 fn camera(eye: [f64; 3], along: [f64; 3], projection: Projection, fov_deg: f64) -> Option<Camera> {

@@ -3,14 +3,11 @@
 //!
 //! With INFOBYTE_PICTURES=FOLDER the pictures are also written there, to be looked at.
 
-use crate::common::scenes as support;
+use crate::prelude::*;
 
-use infobyte::geom::{Affine, Dims, Orientation};
-use infobyte::jobs::render::{RenderRequest, render_view as render, selfcheck, thumbnail};
-use infobyte::load::MemoryTree;
+use infobyte::jobs::render::{render_view as render, selfcheck, thumbnail};
+use infobyte::render::Image;
 use infobyte::render::picture::Traversal;
-use infobyte::render::{Image, NamedView, Projection, RenderError, ViewPoint};
-use support::{Scene, in_ball, in_torus};
 
 /// Writes a picture where a person can see it, if asked.
 fn show(image: &Image, name: &str) {

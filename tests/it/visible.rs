@@ -5,22 +5,9 @@
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "samples are clamped to bytes")]
 
-use crate::common::long;
-use crate::common::{command, data, random};
-
-use std::fs;
-use std::path::Path;
-
-use command::{oct, text};
-use infobyte::budget::MemoryCap;
-use infobyte::builder::ViewedFrom;
-use infobyte::format::SurfaceKind;
-use infobyte::geom::Dims;
-use infobyte::load::{Model, verify};
+use crate::prelude::*;
+use infobyte::SurfacePoint;
 use infobyte::synthetic;
-use infobyte::volume::{VolumeSource, Voxels};
-use infobyte::{BuildOptions, RayCaster, SurfacePoint, Threshold};
-use random::Random;
 
 fn times() -> u64 {
     long().into()
@@ -192,7 +179,7 @@ fn heads_lose_inner_walls_and_no_first_hit() {
     let mut subjects: Vec<(Box<dyn VolumeSource>, f64)> =
         vec![(synthetic::open(Path::new("synthetic:head@96")).unwrap(), -300.0)];
     if let Some(path) = data::real_data("ct-philips-28") {
-        let source = infobyte::catalogue::open(&[path], &infobyte::source::OpenOptions::default()).unwrap();
+        let source = infobyte::discovery::open(&[path], &infobyte::source::OpenOptions::default()).unwrap();
         subjects.push((source, -300.0));
     }
     for (source, iso) in &subjects {

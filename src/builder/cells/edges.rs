@@ -4,7 +4,7 @@
 //!   bits of a brick's slice --> edges whose ends differ --crossings offered--> plane of every cell, or its corners
 //! ```
 //!
-//! Of several crossings of one edge the one counts that is next to the outside end: from there on the edge is inside.
+//! If an edge is crossed several times, the crossing next to the outside end counts: from there on the edge is inside.
 //! Ties go by the normals, so that the order in which crossings are offered does not matter.
 #![expect(
     clippy::cast_possible_truncation,
@@ -12,20 +12,19 @@
 )]
 
 use super::corner::EDGES;
-use super::pick::{Picked, pick_crossed};
-use crate::builder::gradient::SLICE_VOXELS;
+use super::items::CellItems;
+use super::pick::{CellShape, pick_crossed};
 use crate::builder::item::ItemForm;
 use crate::builder::skin::BRICK_ROWS;
 use crate::builder::solid::{EdgeCrossing, SkinSlice};
 use crate::format::Channel;
-use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::geom::Dims;
 
 /// Samples of a brick's cells along x and y.
 const SIDE: usize = BRICK_ROWS + 1;
 /// Edges along x and y of the lower and the upper slice of samples, and those along z.
 const FAMILIES: usize = 5;
-/// Parts of an edge in which a crossing is told.
+/// Parts of an edge: the resolution of a crossing.
 const PARTS: f64 = 65536.0;
 /// Parts of a unit normal.
 const NORMAL: f64 = 16384.0;
@@ -45,9 +44,7 @@ const NOT_CROSSED: Crossing = Crossing { away: u32::MAX, normal: [0; 3] };
 pub(crate) struct CellEdge {
     /// The sample at its low end; -1 before the first one.
     pub(crate) low: [i32; 3],
-    /// The axis along which it runs.
     pub(crate) axis: usize,
-    /// Is the low end the one inside?
     pub(crate) low_inside: bool,
 }
 
@@ -59,15 +56,12 @@ pub(crate) struct CellEdges {
     wanted: [[u64; SIDE]; FAMILIES],
     low_inside: [[u64; SIDE]; FAMILIES],
     crossings: Vec<Crossing>,
-    codes: Vec<u8>,
-    offsets: Vec<u8>,
-    corners: Vec<u8>,
+    items: CellItems,
 }
 
 impl CellEdges {
-    /// Memory of one.
     pub(crate) const BYTES: u64 =
-        (size_of::<Self>() + Self::MAX_EDGES * size_of::<Crossing>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
+        (size_of::<Self>() + Self::MAX_EDGES * size_of::<Crossing>() + CellItems::BYTES) as u64;
 
     /// Most edges of a brick's cells in one slice.
     pub(crate) const MAX_EDGES: usize = FAMILIES * SIDE * SIDE;
@@ -78,25 +72,17 @@ impl CellEdges {
             wanted: [[0; SIDE]; FAMILIES],
             low_inside: [[0; SIDE]; FAMILIES],
             crossings: vec![NOT_CROSSED; Self::MAX_EDGES],
-            codes: Vec::with_capacity(2 * SLICE_VOXELS),
-            offsets: Vec::with_capacity(SLICE_VOXELS),
-            corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
+            items: CellItems::new(),
         }
     }
 
-    /// The form of a channel's items.
     pub(crate) fn form(channel: Channel) -> Option<ItemForm> {
         super::cell_form(channel)
     }
 
     /// The items of the cells that were described last.
     pub(crate) fn items(&self, channel: Channel) -> &[u8] {
-        match channel {
-            Channel::Normal => &self.codes,
-            Channel::Offset => &self.offsets,
-            Channel::Corners => &self.corners,
-            _ => &[],
-        }
+        self.items.of(channel)
     }
 
     /// Begins a slice of cells: finds the edges whose ends differ, and forgets their crossings.
@@ -235,9 +221,7 @@ impl CellEdges {
     /// Describes the cells. Edges without a crossing are cut in the middle: by the wall of the grid, which is as far
     /// from the outermost samples, or by a hole in the surface.
     pub(crate) fn describe(&mut self, skin: &SkinSlice<'_>, samples: Dims) {
-        self.codes.clear();
-        self.offsets.clear();
-        self.corners.clear();
+        self.items.clear();
         for (y, row) in skin.rows().iter().enumerate() {
             if *row == 0 {
                 continue;
@@ -249,21 +233,14 @@ impl CellEdges {
                 left &= left - 1;
                 let pair = |edge: usize| (corners[edge] >> x & 3) as u8;
                 let mask = pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6;
-                let (code, offset) = match self.cell([x, y], mask, samples) {
-                    Picked::Plane(code, offset) => (code, offset),
-                    Picked::Corners(code, corners) => {
-                        self.corners.extend(corners.map(i8::cast_unsigned));
-                        (code, HAS_CORNERS)
-                    }
-                };
-                self.codes.extend(code.to_le_bytes());
-                self.offsets.push(offset.cast_unsigned());
+                let cell = self.cell([x, y], mask, samples);
+                self.items.push(cell);
             }
         }
     }
 
     /// One cell: its crossings, and what is made of them.
-    fn cell(&self, [x, y]: [usize; 2], mask: u8, samples: Dims) -> Picked {
+    fn cell(&self, [x, y]: [usize; 2], mask: u8, samples: Dims) -> CellShape {
         let (mut along, mut normals) = ([f32::NAN; 12], [[0.0_f32; 3]; 12]);
         for (at, (p, q)) in EDGES.into_iter().enumerate() {
             if (mask >> p ^ mask >> q) & 1 == 0 {

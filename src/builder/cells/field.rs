@@ -29,17 +29,15 @@ impl Field {
         }
     }
 
-    /// Is a corner of the cell inside?
     pub(super) fn is_corner_inside(&self, c: usize) -> bool {
         self.inside[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)]
     }
 
-    /// Depths at the corners of the cell.
     pub(super) fn corners(&self) -> [f32; CORNERS] {
         std::array::from_fn(|c| self.depth[LOW + (c >> 2)][LOW + (c >> 1 & 1)][LOW + (c & 1)])
     }
 
-    /// What the smooth kernel says of the middle of the cell.
+    /// The smooth kernel's result in the middle of the cell.
     pub(super) fn jet(&self) -> Jet {
         jet_of(|[x, y, z]| self.depth[z + 1][y + 1][x + 1])
     }

@@ -1,9 +1,9 @@
 //! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
 
 use super::corner::{EDGES, TOLERANCE, signed_depth};
-use super::jet::{Jet, Seen};
+use super::jet::{CellSamples, Jet};
 use super::pick::{self, SEPARABLE};
-use super::sharp::{Sharp, Waiting};
+use super::sharp::{Sharp, SharpCell};
 use super::stretch::{Fit, Stretch};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
@@ -40,10 +40,8 @@ pub(super) struct Batch {
     sharp: Sharp,
 }
 
-/// What becomes of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Outcome {
-    /// It has the plane that was fitted.
     Plane,
     /// No plane describes it.
     Corners,
@@ -95,7 +93,7 @@ impl Batch {
             let pair = |edge: usize| (samples[edge] >> bit & 3) as u32;
             self.mask[slot] = pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6;
             if inner >> bit & 1 == 0 {
-                self.put(slot, &Seen { corners: [0.0; CORNERS], jet: Jet::UNKNOWN });
+                self.put(slot, &CellSamples { corners: [0.0; CORNERS], jet: Jet::UNKNOWN });
             }
             self.len += 1;
         }
@@ -103,7 +101,7 @@ impl Batch {
     }
 
     #[inline(always)]
-    pub(super) fn put(&mut self, slot: usize, seen: &Seen) {
+    pub(super) fn put(&mut self, slot: usize, seen: &CellSamples) {
         let slot = slot % BATCH;
         for (all, depth) in self.depth.iter_mut().zip(seen.corners) {
             all[slot] = depth;
@@ -132,7 +130,7 @@ impl Batch {
         (!gradient[0].is_nan()).then(|| (depth(), gradient, self.near[at]))
     }
 
-    /// What becomes of a cell of a batch that was fitted.
+    /// The result for a cell of a fitted batch.
     pub(super) fn outcome(&self, at: usize) -> Outcome {
         let is_inner = !self.gradient[0][at].is_nan();
         if self.fitted[at] != 0 {
@@ -148,7 +146,7 @@ impl Batch {
         (self.code[at], self.offset[at] as i8)
     }
 
-    /// Fits all cells of the batch; [`Batch::outcome`] tells what was found. If a single value is inside, the smooth
+    /// Fits all cells of the batch; [`Batch::outcome`] gives the results. If a single value is inside, the smooth
     /// gradient alone is tried.
     pub(super) fn fit(&mut self, is_label: bool, stretch: &Stretch) {
         dispatch(FitKernel(self));
@@ -163,7 +161,7 @@ impl Batch {
             if self.fitted[i] != 0 || !is_inner || two_values || !SEPARABLE[usize::from(self.mask(i))] {
                 continue;
             }
-            self.sharp.push(&Waiting {
+            self.sharp.push(&SharpCell {
                 slot: i,
                 mask: self.mask[i],
                 depth: std::array::from_fn(|c| self.depth[c][i]),

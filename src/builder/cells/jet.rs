@@ -11,7 +11,7 @@ pub(super) const NEAR: i8 = 4;
 pub(super) const DERIVE: [i8; 2] = [3, 5];
 
 /// Depths at the corners, then what is known of the field in the middle of a cell.
-pub(super) struct Seen {
+pub(super) struct CellSamples {
     pub(super) corners: [f32; CORNERS],
     pub(super) jet: Jet,
 }
@@ -31,7 +31,7 @@ pub(super) const PURE: f32 = UNIT / 200.0 * 0.85;
 pub(super) const MIXED: f32 = UNIT / 3240.0;
 
 impl Jet {
-    /// What stands for cells at the border until their samples are looked at.
+    /// Placeholder for cells at the border until their samples are read.
     pub(super) const UNKNOWN: Self = Self { gradient: [f32::NAN; 3], second: [0.0; 6] };
 
     /// The gradient at a point, in voxels from the middle of the cell.

@@ -9,7 +9,7 @@
 //! plane goes through the mean of the crossings, and is moved outwards where a corner inside would lie in front
 //! of it. Of cells that such a plane does not describe, as at sharp edges and in noise, two more normals are tried
 //! ([`sharp`]). Cells far longer than wide keep their corners where planes do not follow the surface ([`stretch`]).
-//! One by one ([`mod@pick`]) go thin walls, label maps, and whatever touches the border of the volume.
+//! One by one ([`mod@pick`]) go thin walls, label maps, and cells that touch the border of the volume.
 //!
 //! Solids that know where their surface crosses edges, as meshes and trees do, have their cells described by that
 //! ([`edges`]).
@@ -22,6 +22,7 @@ mod corner;
 mod edges;
 mod field;
 mod fit;
+mod items;
 mod jet;
 mod label;
 mod pick;
@@ -30,16 +31,15 @@ mod stretch;
 mod window;
 
 use super::error::BuildError;
-use super::gradient::SLICE_VOXELS;
 use super::item::ItemForm;
 use super::report::BuildNote;
 use super::ring::{RingForm, border_unit};
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
-    BRICK, EdgeCrossing, Found, LOOKAHEAD, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    BRICK, EdgeCrossing, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use super::volume::VolumeSolid;
-use crate::format::cell::{CORNERS, HAS_CORNERS};
+use crate::format::cell::CORNERS;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
@@ -48,7 +48,8 @@ use corner::{EDGES, signed_depth};
 pub(crate) use edges::{CellEdge, CellEdges};
 use field::{EDGE, Field};
 use fit::{BATCH, Batch, Outcome};
-use pick::{Cell, Picked};
+use items::CellItems;
+use pick::Cell;
 use stretch::Stretch;
 
 /// Least part of a normal along the edge that it belongs to.
@@ -60,8 +61,8 @@ const ESTIMATOR: &str = "cell planes";
 pub(super) const AROUND_CELL: Reach = Reach { low: 3, high: 2 };
 const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
 
-/// What a worker holds beside its slices: a batch, and the items of one brick in one slice.
-pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + SLICE_VOXELS * (3 + CORNERS)) as u64;
+/// Memory of a worker without its slices: a batch, and the items of one brick in one slice.
+pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + CellItems::BYTES) as u64;
 
 /// Size of the grid of cells of a volume, if there is one.
 pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
@@ -69,7 +70,6 @@ pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
 }
 
-/// The form of a channel's items, of those that cells have.
 pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
@@ -105,7 +105,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
         AROUND_CELL.low
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         Metadata { gradient: ESTIMATOR.into(), ..self.volume.metadata(found) }
     }
 
@@ -117,7 +117,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
         self.volume.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, _: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
         cell_form(channel)
     }
 
@@ -137,9 +137,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             is_label: range.lo == range.hi,
             stretch: Stretch::new(self.volume.source.info().spacing_mm),
             batch: Batch::new(),
-            codes: Vec::with_capacity(2 * SLICE_VOXELS),
-            offsets: Vec::with_capacity(SLICE_VOXELS),
-            corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
+            items: CellItems::new(),
         })
     }
 
@@ -161,13 +159,11 @@ pub(super) struct CellWorker<'a, F: RingForm> {
     is_label: bool,
     stretch: Stretch,
     batch: Box<Batch>,
-    codes: Vec<u8>,
-    offsets: Vec<u8>,
-    corners: Vec<u8>,
+    items: CellItems,
 }
 
 impl<F: RingForm> CellWorker<'_, F> {
-    /// As [`CellWorker::field_of`], of a cell with these corners inside.
+    /// Like [`CellWorker::field_of`], for a cell with these corners inside.
     fn field(&self, cell: [u32; 3], mask: u8) -> Field {
         let mut field = self.field_of(cell);
         field.set_corners(mask);
@@ -209,8 +205,7 @@ impl<F: RingForm> CellWorker<'_, F> {
             let outcome = self.batch.outcome(at);
             if outcome == Outcome::Plane {
                 let (code, offset) = self.batch.plane(at);
-                self.codes.extend(code.to_le_bytes());
-                self.offsets.push(offset.cast_unsigned());
+                self.items.push_plane(code, offset);
                 continue;
             }
             let (place, mask) = (self.batch.cell(at), self.batch.mask(at));
@@ -225,20 +220,11 @@ impl<F: RingForm> CellWorker<'_, F> {
                     Cell { mask, depth, gradient, near: jet.near_crossings(gradient), is_label, stretch }
                 }
             };
-            let picked = if outcome == Outcome::Corners {
+            self.items.push(if outcome == Outcome::Corners {
                 pick::with_corners(&cell)
             } else {
                 pick::pick(&cell, || self.field(place, mask))
-            };
-            let (code, offset) = match picked {
-                Picked::Plane(code, offset) => (code, offset),
-                Picked::Corners(code, corners) => {
-                    self.corners.extend(corners.map(i8::cast_unsigned));
-                    (code, HAS_CORNERS)
-                }
-            };
-            self.codes.extend(code.to_le_bytes());
-            self.offsets.push(offset.cast_unsigned());
+            });
         }
         self.batch.clear();
     }
@@ -255,9 +241,7 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-        self.codes.clear();
-        self.offsets.clear();
-        self.corners.clear();
+        self.items.clear();
         let [x0, y0, z] = skin.corner();
         let dims = self.slices.dims;
         // Cells whose 4^3 samples are all in the volume.
@@ -331,15 +315,14 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
     }
 
     fn items(&self, channel: Channel) -> &[u8] {
-        match channel {
-            Channel::Normal => &self.codes,
-            Channel::Offset => &self.offsets,
-            Channel::Corners => &self.corners,
-            _ => &[],
-        }
+        self.items.of(channel)
     }
 
-    fn found(&self) -> Found {
-        Found { reading: self.slices.reading, not_numbers: self.slices.not_numbers, ..Found::default() }
+    fn found(&self) -> ScanSummary {
+        ScanSummary {
+            reading: self.slices.reading,
+            not_numbers: self.slices.not_numbers,
+            ..ScanSummary::default()
+        }
     }
 }

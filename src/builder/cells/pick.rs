@@ -25,20 +25,18 @@ pub(super) fn mean_crossing(mask: u8, depth: &[f32; CORNERS]) -> [f32; 3] {
     Crossings::new(mask, &depth).mean.map(|c| 0.5 * c as f32)
 }
 
-/// What a cell becomes.
+/// The description of a cell.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) enum Picked {
+pub(super) enum CellShape {
     /// Normal code and offset.
     Plane(u16, i8),
     /// Normal code and corners.
     Corners(u16, [i8; CORNERS]),
 }
 
-/// A cell to be described.
 pub(super) struct Cell {
     /// Corners inside, as bits.
     pub(super) mask: u8,
-    /// Depths at the corners.
     pub(super) depth: [f32; CORNERS],
     /// Direction in which depths rise.
     pub(super) gradient: [f32; 3],
@@ -50,7 +48,7 @@ pub(super) struct Cell {
 }
 
 /// Describes a cell; `field` is asked where there may be only two values around it.
-pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
+pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     let inside = |c: usize| cell.mask >> c & 1 == 1;
     let depth: [f32; CORNERS] = std::array::from_fn(|c| signed_depth(cell.depth[c], inside(c)));
     if cell.is_label || has_two_values(cell.mask, &depth) {
@@ -58,7 +56,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
         if (cell.is_label || field.has_two_values())
             && let Some((code, value)) = label::plane(&field)
         {
-            let tried = Tried::at(code, cell.mask, value);
+            let tried = PlaneFit::at(code, cell.mask, value);
             return tried.picked(cell.mask, &depth, LABEL_TOLERANCE);
         }
     }
@@ -68,7 +66,7 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
     let crossings = Crossings::new(cell.mask, &depth);
     let picked = best_plane(cell, &depth, &crossings);
     match picked {
-        Picked::Plane(code, offset) if cell.stretch.is_long => {
+        CellShape::Plane(code, offset) if cell.stretch.is_long => {
             let fit = crossings.fit(cell.mask, depth, code, offset);
             if fit.strays(&cell.stretch) { with_corners(cell) } else { picked }
         }
@@ -77,16 +75,16 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> Picked {
 }
 
 /// The best of the planes that are tried, if it separates the corners well enough.
-fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Picked {
-    let smooth = outward(cell.gradient.map(f64::from)).map(|code| Tried::new(code, cell.mask, crossings));
+fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> CellShape {
+    let smooth = outward(cell.gradient.map(f64::from)).map(|code| PlaneFit::new(code, cell.mask, crossings));
     if let Some(smooth) = smooth.filter(|tried| tried.badness <= f64::from(cell.near)) {
         return smooth.picked(cell.mask, depth, TOLERANCE);
     }
     let near = |guess: [f64; 3]| {
         let fitted = crossings.fitted_near(guess)?;
-        Some(Tried::new(encode(fitted)?, cell.mask, crossings))
+        Some(PlaneFit::new(encode(fitted)?, cell.mask, crossings))
     };
-    let better = |a: Option<Tried>, b: Option<Tried>| match (a, b) {
+    let better = |a: Option<PlaneFit>, b: Option<PlaneFit>| match (a, b) {
         (Some(a), Some(b)) => Some(if b.badness < a.badness { b } else { a }),
         (a, b) => a.or(b),
     };
@@ -95,7 +93,7 @@ fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Pic
         best = better(best, near(crossings.across(cell.mask)));
     }
     // A cell without any direction: its corners say all.
-    let best = best.unwrap_or_else(|| Tried::new(ANY, cell.mask, crossings));
+    let best = best.unwrap_or_else(|| PlaneFit::new(ANY, cell.mask, crossings));
     best.picked(cell.mask, depth, TOLERANCE)
 }
 
@@ -109,7 +107,7 @@ const NEAR_KNOWN: f64 = 0.05;
 /// The plane with the mean of the normals is taken where it is near to the crossings. Where the cell holds an edge, it
 /// is the nearest of that one and those that are fitted to the crossings near the mean normal and near the direction from
 /// the corners inside to those outside.
-pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]) -> Picked {
+pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]) -> CellShape {
     let mut mean = [0.0_f64; 3];
     for normal in normals {
         mean = std::array::from_fn(|k| mean[k] + f64::from(normal[k]));
@@ -118,20 +116,20 @@ pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]
     let depth = || depths_of(mask, along);
     if !SEPARABLE[usize::from(mask)] {
         let code = encode(mean).or_else(|| encode(crossings.across(mask))).unwrap_or(ANY);
-        return Picked::Corners(code, quantised(mask, &depth()));
+        return CellShape::Corners(code, quantised(mask, &depth()));
     }
-    let mut best = encode(mean).map(|code| Tried::new(code, mask, &crossings));
+    let mut best = encode(mean).map(|code| PlaneFit::new(code, mask, &crossings));
     if best.is_none_or(|best| best.badness > NEAR_KNOWN) {
         for guess in [mean, crossings.across(mask)] {
             let fitted = crossings.fitted_near(guess).and_then(encode);
-            let tried = fitted.map(|code| Tried::new(code, mask, &crossings));
+            let tried = fitted.map(|code| PlaneFit::new(code, mask, &crossings));
             best = match (best, tried) {
                 (Some(best), Some(tried)) if tried.badness < best.badness => Some(tried),
                 (best, tried) => best.or(tried),
             };
         }
     }
-    let best = best.unwrap_or_else(|| Tried::new(ANY, mask, &crossings));
+    let best = best.unwrap_or_else(|| PlaneFit::new(ANY, mask, &crossings));
     if best.is_narrow(TOLERANCE) { best.plane() } else { best.picked(mask, &depth(), TOLERANCE) }
 }
 
@@ -151,10 +149,10 @@ fn depths_of(mask: u8, along: &[f32; 12]) -> [f32; CORNERS] {
 }
 
 /// A cell with its corners, and the direction of its smooth gradient.
-pub(super) fn with_corners(cell: &Cell) -> Picked {
+pub(super) fn with_corners(cell: &Cell) -> CellShape {
     let depth = std::array::from_fn(|c| signed_depth(cell.depth[c], cell.mask >> c & 1 == 1));
     let code = outward(cell.gradient.map(f64::from)).unwrap_or(ANY);
-    Picked::Corners(code, quantised(cell.mask, &depth))
+    CellShape::Corners(code, quantised(cell.mask, &depth))
 }
 
 /// Patterns of corners that some plane separates: 104 of 256, the empty and the full one among them.
@@ -220,7 +218,7 @@ impl Crossings {
         Self::of(mask, |edge, _, _| f64::from(along[edge]))
     }
 
-    /// `cross` tells where an edge is crossed that has one end inside, from its first corner.
+    /// `cross` gives where an edge with one end inside is crossed, from its first corner.
     fn of(mask: u8, cross: impl Fn(usize, usize, usize) -> f64) -> Self {
         let mut crossings = Self { along: [f64::NAN; 12], points: [[0.0; 3]; 12], count: 0, mean: [0.0; 3] };
         for (edge, (p, q)) in EDGES.into_iter().enumerate() {
@@ -326,9 +324,8 @@ fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     (length > 0.0).then(|| v.map(|c| c / length))
 }
 
-/// A plane that was tried.
 #[derive(Clone, Copy)]
-struct Tried {
+struct PlaneFit {
     code: u16,
     offset: i32,
     /// How far an outside corner lies behind the plane, times twice the normal's length; its square.
@@ -338,7 +335,7 @@ struct Tried {
     badness: f64,
 }
 
-impl Tried {
+impl PlaneFit {
     fn new(code: u16, mask: u8, crossings: &Crossings) -> Self {
         let n = normal::decode_l1(code);
         let of = |p: [f64; 3]| dot(n.map(f64::from), p);
@@ -376,16 +373,16 @@ impl Tried {
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "-127..=127")]
-    fn plane(&self) -> Picked {
-        Picked::Plane(self.code, self.offset as i8)
+    fn plane(&self) -> CellShape {
+        CellShape::Plane(self.code, self.offset as i8)
     }
 
     /// The plane, unless it covers an outside corner too far.
-    fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> Picked {
+    fn picked(&self, mask: u8, depth: &[f32; CORNERS], tolerance: f32) -> CellShape {
         if self.is_narrow(tolerance) {
             return self.plane();
         }
-        Picked::Corners(self.code, quantised(mask, depth))
+        CellShape::Corners(self.code, quantised(mask, depth))
     }
 }
 
@@ -433,7 +430,7 @@ mod tests {
                 is_label: false,
                 stretch: Stretch::new([1.0; 3]),
             };
-            let Picked::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
+            let CellShape::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
             let plane = Plane::new(code, offset);
             assert_eq!(plane.inside() & mask, mask);
             let got = unit(plane.normal.map(f64::from)).unwrap();
@@ -470,11 +467,11 @@ mod tests {
                     stretch: Stretch::new([1.0; 3]),
                 };
                 match pick(&cell, || Field::EMPTY) {
-                    Picked::Plane(code, offset) => {
+                    CellShape::Plane(code, offset) => {
                         assert_eq!(Plane::new(code, offset).inside() & mask, mask, "{mask:08b}");
                         planes += 1;
                     }
-                    Picked::Corners(_, corners) => {
+                    CellShape::Corners(_, corners) => {
                         for (c, corner) in corners.iter().enumerate() {
                             assert!(
                                 *corner != 0 && *corner != i8::MIN && (*corner > 0) == (mask >> c & 1 == 1)

@@ -23,11 +23,9 @@ pub(super) struct Sharp {
     /// Direction in which the inside lies, as first guessed; then the normal that was fitted near it.
     normal: [[f32; BATCH]; 3],
     tried: Planes,
-    /// The best planes so far.
     best: Planes,
 }
 
-/// A plane of each cell.
 struct Planes {
     code: [u16; BATCH],
     offset: [f32; BATCH],
@@ -36,14 +34,13 @@ struct Planes {
 }
 
 /// A cell to look at, as the batch knows it.
-pub(super) struct Waiting {
+pub(super) struct SharpCell {
     pub(super) slot: usize,
     pub(super) mask: u32,
     pub(super) depth: [f32; CORNERS],
     pub(super) crossing: [f32; 12],
     pub(super) mean: [f32; 3],
     pub(super) near: f32,
-    /// The smooth plane.
     pub(super) code: u16,
     pub(super) fitted: Fitted,
 }
@@ -69,7 +66,7 @@ impl Sharp {
         self.len = 0;
     }
 
-    pub(super) fn push(&mut self, cell: &Waiting) {
+    pub(super) fn push(&mut self, cell: &SharpCell) {
         let at = self.len % BATCH;
         (self.slot[at], self.mask[at], self.near[at]) = (cell.slot, cell.mask, cell.near);
         for (all, depth) in self.depth.iter_mut().zip(cell.depth) {
@@ -256,7 +253,6 @@ fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
     [[x, y, z], [1.0 + sign * x * x * a, sign * b, -sign * x], [b, sign + y * y * a, -y]]
 }
 
-/// Adds the crossings of one edge.
 #[inline(always)]
 fn add_edge(
     (p, q): (usize, usize),

@@ -47,7 +47,7 @@ pub(super) struct Stretch {
 }
 
 impl Stretch {
-    /// Of spacings in mm.
+    /// For spacings in mm.
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
     pub(super) fn new(spacing: [f64; 3]) -> Self {
         let [finest, longest] = [f64::min, f64::max].map(|of| of(of(spacing[0], spacing[1]), spacing[2]));

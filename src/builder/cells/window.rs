@@ -15,7 +15,7 @@
 //! | 5^3 samples at each corner, interpolated | | .01 .02 .76 1.5, four times the work |
 
 use super::fit::Batch;
-use super::jet::{DERIVE, Jet, MIXED, NEAR, PURE, Seen, TAPS};
+use super::jet::{CellSamples, DERIVE, Jet, MIXED, NEAR, PURE, TAPS};
 use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
 use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
 use crate::format::cell::CORNERS;
@@ -79,7 +79,7 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
     }
 }
 
-/// What a window of eight columns holds.
+/// The content of a window of eight columns.
 struct Looked {
     gradient: [[f32; LANES]; 3],
     second: [[f32; LANES]; 6],
@@ -95,7 +95,7 @@ impl Looked {
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
         let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
         let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
-        batch.put(slot, &Seen { corners, jet: Jet { gradient, second } });
+        batch.put(slot, &CellSamples { corners, jet: Jet { gradient, second } });
     }
 }
 

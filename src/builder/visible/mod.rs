@@ -1,4 +1,4 @@
-//! What can be seen from somewhere: boxes of the surface that no ray from there ever reaches are not kept.
+//! Visibility from a viewpoint: boxes of the surface that no ray from there ever reaches are not kept.
 //!
 //! ```text
 //!   solid --bits--> occupancy (scratch file) --sweeps--> boxes that can be seen (scratch file) --AND--> skin, cells
@@ -10,7 +10,7 @@
 //! straight ray meets first is among what is kept, and so are some that only a bent one would meet. Voxels that share
 //! an edge or a corner do not stop a ray.
 //!
-//! Memory: [`sweep::Pass::bytes`] for each way, whatever the size of the volume. Scratch: two bits a voxel, with two
+//! Memory: [`sweep::Pass::bytes`] for each way, for volumes of any size. Scratch: two bits a voxel, with two
 //! workers three. Cost: the volume is read once more; a sweep goes through some 10^9 voxels a second.
 
 mod row;
@@ -36,7 +36,6 @@ pub enum ViewedFrom {
 }
 
 impl fmt::Display for ViewedFrom {
-    /// As on the command line.
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Outside => f.write_str("outside"),
@@ -89,9 +88,7 @@ fn ways(from: &[ViewedFrom], boxes_from_world: &Affine, dims: Dims) -> Vec<Way> 
     all
 }
 
-/// The search for what can be seen.
 pub(super) struct Search<'a> {
-    /// Samples that are inside.
     pub(super) occupancy: &'a BitVolume,
     pub(super) is_cells: bool,
     ways: Vec<Way>,
@@ -178,7 +175,6 @@ impl<'a> Search<'a> {
     }
 }
 
-/// Adds the bits of `more` to those of `all`.
 pub(super) fn join(all: &BitVolume, more: &BitVolume) -> Result<(), BuildError> {
     let width = all.row_words;
     let at_once = (JOIN_BYTES / 8 / width).max(1);

@@ -67,16 +67,14 @@ impl Way {
     }
 }
 
-/// What one pass works with. Memory: [`Pass::bytes`].
+/// State of one pass. Memory: [`Pass::bytes`].
 pub(super) struct Pass<'a> {
     way: Way,
-    /// Samples that are inside.
     occupancy: &'a BitVolume,
     is_cells: bool,
     /// Boxes of the slice before that are lit, in the direction of the rays: slice `slot` of this.
     slices: &'a BitVolume,
     slot: u32,
-    /// Boxes that can be seen.
     seen: &'a BitVolume,
     /// Places along x that rays can be at.
     region: Vec<u64>,
@@ -104,7 +102,6 @@ fn block_rows(row_words: usize, ny: u32) -> usize {
 }
 
 impl<'a> Pass<'a> {
-    /// Bytes that a pass holds.
     pub(super) fn bytes(row_words: usize, ny: u32) -> u64 {
         (row_words * 8 * (5 * block_rows(row_words, ny) + 8)) as u64
     }

@@ -9,7 +9,6 @@ use super::huffman::Huffman;
 /// decoding lost its way through the bits.
 const MAX_PADDING: u32 = 64;
 
-/// The bits of one scan.
 pub(super) struct Bits<'b, 'r> {
     bytes: &'b mut Bytes<'r>,
     /// The next bits, the first one highest; zero below the `count` that are there.
@@ -37,7 +36,6 @@ impl<'b, 'r> Bits<'b, 'r> {
         Ok(u16::from_be_bytes([high, low]))
     }
 
-    /// The symbol of the next Huffman code.
     #[inline]
     pub(super) fn symbol(&mut self, table: &Huffman) -> Result<u8, CodecError> {
         let (length, symbol) = table.find(self.peek()?);
@@ -70,7 +68,6 @@ impl<'b, 'r> Bits<'b, 'r> {
         Ok(if negative { value - (1 << size) + 1 } else { value })
     }
 
-    /// One bit.
     #[inline]
     pub(super) fn bit(&mut self) -> Result<bool, CodecError> {
         Ok(self.number(1)? != 0)

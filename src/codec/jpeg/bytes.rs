@@ -1,36 +1,10 @@
-//! Buffered bytes of a codestream, and the integers and marker segments made of them.
+//! The integers and marker segments that bytes make up.
 
-use std::io::{self, Read};
-
-use super::super::CodecError;
 use super::fault::Damage;
-
-/// Bytes read ahead. Larger buys nothing: the sources below are memory or pieces of a file.
-pub(super) const BUFFER_BYTES: usize = 8192;
-
-/// A codestream, read once from front to back through a small buffer.
-pub(super) struct Bytes<'r> {
-    input: &'r mut dyn Read,
-    buffer: Vec<u8>,
-    at: usize,
-}
+use crate::codec::CodecError;
+pub(super) use crate::codec::bytes::{BUFFER_BYTES, Bytes};
 
 impl<'r> Bytes<'r> {
-    /// Nothing is read yet.
-    pub(super) fn new(input: &'r mut dyn Read) -> Self {
-        Self { input, buffer: Vec::with_capacity(BUFFER_BYTES), at: 0 }
-    }
-
-    /// The next byte, or none at the end of the input.
-    pub(super) fn next(&mut self) -> Result<Option<u8>, CodecError> {
-        if self.at == self.buffer.len() {
-            self.fill()?;
-        }
-        let byte = self.buffer.get(self.at).copied();
-        self.at += usize::from(byte.is_some());
-        Ok(byte)
-    }
-
     /// The next byte, which must exist.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
         self.next()?.ok_or_else(ends_early)
@@ -41,24 +15,7 @@ impl<'r> Bytes<'r> {
         Ok(u16::from_be_bytes([self.byte()?, self.byte()?]))
     }
 
-    /// The next eight bytes, the first one highest, if they are buffered and none of them is 0xFF (which
-    /// may open a marker). They are not taken; [`Bytes::take`] does that.
-    #[inline]
-    pub(super) fn eight_plain(&self) -> Option<u64> {
-        let eight = self.buffer.get(self.at..)?.first_chunk::<8>()?;
-        let word = u64::from_be_bytes(*eight);
-        // A byte of 0xFF is a zero byte of the complement: the classic test borrows out of zero bytes.
-        let zeros_at = (!word).wrapping_sub(0x0101_0101_0101_0101) & word & 0x8080_8080_8080_8080;
-        (zeros_at == 0).then_some(word)
-    }
-
-    /// Takes up to `count` bytes that were seen with [`Bytes::eight_plain`].
-    #[inline]
-    pub(super) fn take(&mut self, count: usize) {
-        self.at = (self.at + count).min(self.buffer.len());
-    }
-
-    /// The next marker's second byte, whatever stands before it; none at the end of the input.
+    /// The next marker's second byte, after any other bytes; none at the end of the input.
     pub(super) fn marker(&mut self) -> Result<Option<u8>, CodecError> {
         let mut after_ff = false;
         while let Some(byte) = self.next()? {
@@ -80,21 +37,6 @@ impl<'r> Bytes<'r> {
             None => Err(Damage::ShortLength { length }.into()),
         }
     }
-
-    /// One read into the empty buffer; it stays empty at the end of the input.
-    fn fill(&mut self) -> Result<(), CodecError> {
-        self.buffer.resize(BUFFER_BYTES, 0);
-        self.at = 0;
-        let read = loop {
-            match self.input.read(&mut self.buffer) {
-                Err(error) if error.kind() == io::ErrorKind::Interrupted => {}
-                other => break other,
-            }
-        };
-        let kept = *read.as_ref().unwrap_or(&0);
-        self.buffer.truncate(kept);
-        read.map(drop).map_err(CodecError::Io)
-    }
 }
 
 /// The inside of one marker segment; reading past its end is an error.
@@ -104,12 +46,10 @@ pub(super) struct Segment<'b, 'r> {
 }
 
 impl Segment<'_, '_> {
-    /// Bytes that are left.
     pub(super) fn left(&self) -> u16 {
         self.left
     }
 
-    /// The next byte of the segment.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
         self.left = self.left.checked_sub(1).ok_or(Damage::ShortSegment)?;
         self.bytes.byte()
@@ -143,6 +83,8 @@ pub(super) fn ends_early() -> CodecError {
 
 #[cfg(test)]
 mod tests {
+    use std::io::{self, Read};
+
     use super::*;
 
     /// Gives one byte per read, each after an interruption.
@@ -171,20 +113,6 @@ mod tests {
         assert_eq!(bytes.next().unwrap(), Some(7));
         assert_eq!(bytes.next().unwrap(), None);
         assert!(bytes.byte().is_err());
-    }
-
-    #[test]
-    fn eight_plain_bytes_have_no_marker_among_them() {
-        for at in 0..9 {
-            let mut data = [0x80, 0x00, 0xFE, 0x7F, 0x01, 0x00, 0xFE, 0x80, 0x12];
-            if at < 8 {
-                data[at] = 0xFF;
-            }
-            let mut input = &data[..];
-            let mut bytes = Bytes::new(&mut input);
-            bytes.fill().unwrap();
-            assert_eq!(bytes.eight_plain().is_some(), at == 8, "0xFF at {at}");
-        }
     }
 
     #[test]

@@ -1,8 +1,8 @@
-//! What can be wrong with a JPEG image.
+//! Errors in a JPEG image.
 
 use thiserror::Error;
 
-/// What is damaged in a JPEG image.
+/// Damage in a JPEG image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
@@ -90,7 +90,7 @@ pub enum Damage {
     RefinedBits,
 }
 
-/// What a JPEG image may use that is not decoded.
+/// Features of JPEG images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {

@@ -79,7 +79,7 @@ pub(super) fn decode(
     Ok(())
 }
 
-/// What makes a sample of the image out of a predicted one.
+/// The step from a predicted sample to one of the image.
 struct Finish {
     point_transform: u8,
     /// Bits of a predicted sample.
@@ -89,7 +89,7 @@ struct Finish {
 impl Finish {
     /// Undoes the point transform.
     ///
-    /// Arithmetic is modulo 2^16 whatever the precision, and some encoders hand signed samples of fewer
+    /// Arithmetic is modulo 2^16 at every precision, and some encoders hand signed samples of fewer
     /// bits to it as they are: the bits above the precision are then copies of the sign, and fall off here.
     ///
     /// # Errors
@@ -198,7 +198,7 @@ fn predict<const N: usize>(
     else {
         return Ok(());
     };
-    // The first pixel of a line is predicted by the one above, whatever the rule.
+    // The first pixel of a line is predicted by the one above under every rule.
     for n in 0..N {
         first[n] = modulo(i32::from(first_above[n]) + tables[n].next(bits)?);
     }
@@ -216,7 +216,6 @@ fn predict<const N: usize>(
 /// Codes that fit into this many bits together with the difference behind them are found at once.
 const FUSED_BITS: u32 = 10;
 
-/// Decodes the differences of one component.
 struct Differences<'t> {
     table: &'t Huffman,
     /// By the next bits: how many of them hold a code and its difference, and the difference; (0, 0) where
@@ -225,7 +224,6 @@ struct Differences<'t> {
 }
 
 impl<'t> Differences<'t> {
-    /// What one holds.
     const BYTES: u64 = size_of::<[(u8, i16); 1 << FUSED_BITS]>() as u64;
 
     fn new(table: &'t Huffman) -> Self {
@@ -236,7 +234,7 @@ impl<'t> Differences<'t> {
             let whole = length + u32::from(size);
             if length > 0 && whole <= FUSED_BITS {
                 let value = i32::from(bits << length) >> (16 - size);
-                // The same as `Bits::signed`; sizes up to 9 bits fit whatever the table says.
+                // The same as `Bits::signed`; sizes up to 9 bits fit for every table.
                 let value = if value < (1 << size) >> 1 { value - (1 << size) + 1 } else { value };
                 *entry = (whole.to_le_bytes()[0], i16::try_from(value).unwrap_or(0));
             }

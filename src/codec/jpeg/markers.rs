@@ -9,7 +9,6 @@ use super::huffman::Huffman;
 /// T.81 B.2.3: an interleaved scan has at most this many data units in one MCU.
 const MAX_UNITS_IN_MCU: u32 = 10;
 
-/// How the samples are coded.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Process {
     /// Baseline and extended sequential DCT (SOF0, SOF1).
@@ -20,7 +19,6 @@ pub(super) enum Process {
     Lossless,
 }
 
-/// One component of a frame.
 #[derive(Clone, Debug)]
 pub(super) struct Component {
     id: u8,
@@ -32,7 +30,6 @@ pub(super) struct Component {
     pub(super) steps: usize,
 }
 
-/// What a frame header says.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) process: Process,
@@ -53,7 +50,6 @@ pub(super) struct ScanComponent {
     pub(super) ac: usize,
 }
 
-/// What a scan header says.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     /// 1 to 4, all different.
@@ -68,7 +64,6 @@ pub(super) struct Scan {
     pub(super) low: u8,
 }
 
-/// The tables that are in force.
 #[derive(Default)]
 pub(super) struct Tables {
     steps: [Option<Box<Steps>>; 4],
@@ -78,7 +73,7 @@ pub(super) struct Tables {
     pub(super) restart_interval: u32,
 }
 
-/// What the decoder must act upon.
+/// A segment that the decoder must act upon.
 pub(super) enum Event {
     Frame(Frame),
     Scan(Scan),
@@ -89,7 +84,7 @@ pub(super) enum Event {
 }
 
 impl Frame {
-    /// What the receiver is told.
+    /// The format for the receiver.
     pub(super) fn format(&self) -> FrameFormat {
         FrameFormat {
             columns: self.columns,
@@ -139,7 +134,7 @@ impl Frame {
         }
         segment.skip()?;
         if let [only] = &mut components[..] {
-            // Its factors say nothing: it is coded row by row of units whatever they are (A.2.2).
+            // Its factors say nothing: it is coded row by row of units for all factors (A.2.2).
             (only.h, only.v) = (1, 1);
         }
         let h_max = components.iter().map(|c| c.h).max().unwrap_or(1);

@@ -1,4 +1,4 @@
-//! What is held, against what may be held.
+//! Memory that is held, against the memory allowed.
 
 use super::bytes::BUFFER_BYTES;
 use super::markers::Tables;

@@ -15,7 +15,6 @@ use super::strip::{Layout, Strip};
 /// Marks a coefficient that no scan has touched.
 const UNSEEN: u8 = u8::MAX;
 
-/// One component's coefficients.
 struct Coefficients {
     h: usize,
     v: usize,
@@ -129,7 +128,7 @@ fn progress(image: &mut [Coefficients], frame: &Frame, scan: &Scan) -> Result<()
     Ok(())
 }
 
-/// What a scan does to a block.
+/// The effect of a scan on a block.
 #[derive(Clone, Copy)]
 enum Step<'t> {
     Whole { dc: &'t Huffman, ac: &'t Huffman },
@@ -151,7 +150,7 @@ impl<'t> Step<'t> {
     }
 }
 
-/// What lasts from block to block, up to a restart.
+/// State that lasts from block to block, up to a restart.
 #[derive(Default)]
 struct Running {
     /// The DC coefficient before, for each component of the scan.

@@ -25,7 +25,7 @@ pub(super) struct Layout {
 }
 
 impl Layout {
-    /// Of 8x8 blocks.
+    /// The layout in blocks of 8x8 samples.
     pub(super) fn new(frame: &Frame) -> Self {
         Self { mcus_x: frame.columns.div_ceil(8 * frame.h_max), mcus_y: frame.rows.div_ceil(8 * frame.v_max) }
     }

@@ -113,7 +113,7 @@ const fn sign_table() -> [u8; 256] {
     table
 }
 
-/// What a neighbour adds: nothing, one or minus one. Both neighbours of a direction may add up to two,
+/// The contribution of a neighbour: nothing, one or minus one. Both neighbours of a direction may add up to two,
 /// which counts as one.
 const fn contribution(flags: usize, neighbour: u16) -> i8 {
     if flags & neighbour as usize == 0 {
@@ -353,7 +353,7 @@ impl Samples<'_> {
         self.flags[place] & if self.causal && y & 3 == 3 { flag::CAUSAL } else { u16::MAX }
     }
 
-    /// Makes a sample significant, and tells its neighbours.
+    /// Makes a sample significant, and updates its neighbours.
     #[inline]
     pub(super) fn set_significant(&mut self, place: usize, negative: bool) {
         let border = self.width + 2;

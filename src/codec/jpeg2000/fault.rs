@@ -1,8 +1,8 @@
-//! What can be wrong with a JPEG 2000 image.
+//! Errors in a JPEG 2000 image.
 
 use thiserror::Error;
 
-/// What is damaged in a JPEG 2000 image.
+/// Damage in a JPEG 2000 image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
@@ -84,7 +84,7 @@ pub enum Damage {
     MixedWavelets,
 }
 
-/// What a JPEG 2000 image may use that is not decoded.
+/// Features of JPEG 2000 images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {

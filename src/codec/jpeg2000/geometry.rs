@@ -65,7 +65,6 @@ pub(super) enum Orientation {
     Hh,
 }
 
-/// One sub-band of a component.
 pub(super) struct Band {
     rect: Rect,
     /// Where it lies in the tile's area.
@@ -78,7 +77,6 @@ pub(super) struct Band {
     pub(super) step: f32,
 }
 
-/// One resolution of a component.
 pub(super) struct Resolution {
     pub(super) rect: Rect,
     /// Precincts across and down.
@@ -90,6 +88,12 @@ pub(super) struct Resolution {
     pub(super) first_precinct: u32,
     /// Its sub-bands: one at the lowest resolution, three at the others.
     bands: Vec<Band>,
+}
+
+impl Resolution {
+    pub(super) fn precincts(&self) -> u32 {
+        self.across * self.down
+    }
 }
 
 /// The code-blocks of one sub-band in one precinct.
@@ -126,19 +130,17 @@ impl Grid {
     }
 }
 
-/// One component of a tile.
 pub(super) struct ComponentLayout {
     pub(super) resolutions: Vec<Resolution>,
     block_width_log2: u32,
     block_height_log2: u32,
 }
 
-/// All of a tile.
 pub(super) struct TileLayout {
     pub(super) rect: Rect,
     pub(super) components: Vec<ComponentLayout>,
     pub(super) precincts: usize,
-    /// What the lists here take.
+    /// Memory of the lists here.
     bytes: u64,
 }
 
@@ -161,6 +163,17 @@ impl TileLayout {
             component += 1;
         }
         Ok(layout)
+    }
+
+    /// A resolution, by its number and its component's.
+    pub(super) fn resolution(&self, (resolution, component): (u8, u8)) -> &Resolution {
+        &self.components[usize::from(component)].resolutions[usize::from(resolution)]
+    }
+
+    /// Resolutions of the same component above one.
+    pub(super) fn depth(&self, (resolution, component): (u8, u8)) -> u32 {
+        let resolutions = self.components[usize::from(component)].resolutions.len();
+        u32::try_from(resolutions - 1 - usize::from(resolution)).unwrap_or(0)
     }
 
     pub(super) fn release(&self, allowance: &mut Allowance) {

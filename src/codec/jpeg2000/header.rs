@@ -318,7 +318,6 @@ pub(super) struct Parameters {
 }
 
 impl Parameters {
-    /// Bytes that the parameters of so many components take.
     pub(super) fn bytes(components: u8) -> u64 {
         let progressions = MAX_PROGRESSIONS * size_of::<Progression>();
         (usize::from(components) * size_of::<Coding>() + progressions + size_of::<Self>()) as u64
@@ -407,7 +406,6 @@ impl Parameters {
         self.coding.get(component).ok_or_else(|| Damage::ComponentUndescribed.into())
     }
 
-    /// The progressions of a tile, in order.
     pub(super) fn progressions(&self) -> Vec<Progression> {
         if !self.changes.is_empty() {
             return self.changes.clone();
@@ -510,7 +508,6 @@ impl Parameters {
     }
 }
 
-/// A part of a tile's packets.
 pub(super) struct TilePart {
     tile: u32,
     /// Where the segments after SOT begin.

@@ -147,7 +147,6 @@ struct RunLengths<'a> {
     left: u32,
     state: usize,
     run: u32,
-    /// The run ends with a one.
     ends: bool,
 }
 
@@ -192,7 +191,7 @@ impl RunLengths<'_> {
     }
 }
 
-/// What is known of a quad for the row of quads below.
+/// State of a quad for the row of quads below.
 #[derive(Clone, Copy, Default)]
 struct Above {
     significant: u8,
@@ -200,7 +199,7 @@ struct Above {
     exponents: [u8; 2],
 }
 
-/// What a variable-length code says of a quad.
+/// The content of a quad's variable-length code.
 #[derive(Clone, Copy, Default)]
 struct Quad {
     significant: u8,
@@ -261,7 +260,7 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
     }
     let (magnitudes, tail) = segment.split_at(segment.len() - tail);
     let mut magnitudes = Forward::new(magnitudes, 0xFF);
-    // Three bits of the upper half of the last byte but one, if they are ones, stand for a stuffed byte.
+    // Three bits of the upper half of the last byte but one, if they are ones, mean a stuffed byte.
     let half = u64::from(second_last >> 4);
     let count = if half & 7 == 7 { 3 } else { 4 };
     let mut codes = Backward {
@@ -341,7 +340,7 @@ fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), 
     Ok(())
 }
 
-/// Samples beside significant ones, in groups of four columns: their bits first, then their signs (7.4).
+/// Samples next to significant ones, in groups of four columns: their bits first, then their signs (7.4).
 fn significance(segment: &[u8], plane: u32, samples: &mut Samples<'_>) {
     let mut bits = Forward::new(segment, 0);
     for stripe in (0..samples.height).step_by(4) {

@@ -11,7 +11,7 @@
 //! wavelet   the inverse transforms 5/3 (integers, exact) and 9/7 (floats)
 //! ```
 //!
-//! What is held: the compressed bytes; the samples of one row of tiles (4 bytes each; of the whole image
+//! Memory: the compressed bytes; the samples of one row of tiles (4 bytes each; of the whole image
 //! if it is one tile), transformed in place; and per tile some 40 bytes for a code-block and 16 for each
 //! of its pieces. All of it is counted before it is allocated, against the bytes allowed.
 //!

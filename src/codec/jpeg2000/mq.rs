@@ -94,7 +94,6 @@ impl<'a> Decoder<'a> {
         }
     }
 
-    /// One decision in the given context.
     #[inline]
     pub(super) fn decide(&mut self, contexts: &mut Contexts, context: usize) -> bool {
         let state = &mut contexts.0[context];

@@ -37,7 +37,6 @@ struct Piece {
     passes: u8,
 }
 
-/// A code-block.
 #[derive(Clone)]
 pub(super) struct Block {
     /// Place in the tile's area.
@@ -72,12 +71,11 @@ pub(super) struct BlockGroup {
     first_node: u32,
 }
 
-/// What is known of a tile while its packets are read.
+/// State of a tile while its packets are read.
 pub(super) struct Tile {
     pub(super) layout: TileLayout,
     /// Layers read, by precinct.
     layers: Vec<u16>,
-    /// First group of each precinct.
     first_group: Vec<u32>,
     groups: Vec<BlockGroup>,
     blocks: Vec<Block>,
@@ -173,7 +171,7 @@ impl Tile {
     ) -> Result<(), CodecError> {
         let Some(layout) = self.layout.components.get(component) else { return Ok(()) };
         for (index, resolution) in layout.resolutions.iter().enumerate() {
-            for precinct in 0..resolution.across * resolution.down {
+            for precinct in 0..resolution.precincts() {
                 let first_group = self.first_group[(resolution.first_precinct + precinct) as usize] as usize;
                 for (group, (band, grid)) in (first_group..).zip(layout.grids(index, precinct)) {
                     let first = self.groups[group].first_block as usize;
@@ -212,7 +210,7 @@ fn each_grid(
 ) -> Result<(), CodecError> {
     for component in &layout.components {
         for (index, resolution) in component.resolutions.iter().enumerate() {
-            for precinct in 0..resolution.across * resolution.down {
+            for precinct in 0..resolution.precincts() {
                 for (_, grid) in component.grids(index, precinct) {
                     visit((resolution.first_precinct + precinct) as usize, precinct, &grid)?;
                 }
@@ -283,7 +281,6 @@ impl HeaderBits<'_> {
     }
 }
 
-/// Reads all packets of a tile.
 pub(super) fn read(
     codestream: &[u8],
     parts: &[TilePart],
@@ -315,7 +312,6 @@ pub(super) struct Reader<'a> {
     end: usize,
     parameters: &'a Parameters,
     pub(super) allowance: &'a mut Allowance,
-    /// Packets read.
     read: u64,
 }
 
@@ -324,12 +320,11 @@ impl Reader<'_> {
     pub(super) fn packet(
         &mut self,
         tile: &mut Tile,
-        component: usize,
-        resolution: usize,
+        at: (u8, u8),
         precinct: u32,
         layer: u16,
     ) -> Result<(), CodecError> {
-        let level = &tile.layout.components[component].resolutions[resolution];
+        let level = tile.layout.resolution(at);
         let precinct_number = (level.first_precinct + precinct) as usize;
         if tile.layers[precinct_number] != layer {
             // Read already; or, in a damaged stream, out of order: then packets will be missing at the end.
@@ -346,7 +341,7 @@ impl Reader<'_> {
         let mut bits = HeaderBits { bytes, at: self.at, current: 0, left: 0 };
         let first_piece = tile.pieces.len();
         if bits.bit()? != 0 {
-            self.header(&mut bits, tile, component, resolution, precinct, layer)?;
+            self.header(&mut bits, tile, at, precinct, layer)?;
         }
         self.at = bits.end();
         if self.parameters.header_ends && bytes.get(self.at..self.at + 2) == Some(&[0xFF, 0x92]) {
@@ -369,14 +364,13 @@ impl Reader<'_> {
         &mut self,
         bits: &mut HeaderBits<'_>,
         tile: &mut Tile,
-        component: usize,
-        resolution: usize,
+        at: (u8, u8),
         precinct: u32,
         layer: u16,
     ) -> Result<(), CodecError> {
+        let (resolution, component) = (usize::from(at.0), usize::from(at.1));
         let coding = self.parameters.component(component)?;
-        let layout = &tile.layout.components[component];
-        let level = &layout.resolutions[resolution];
+        let (layout, level) = (&tile.layout.components[component], tile.layout.resolution(at));
         let first_group = tile.first_group[(level.first_precinct + precinct) as usize] as usize;
         for (group, (band, grid)) in (first_group..).zip(layout.grids(resolution, precinct)) {
             let BlockGroup { first_block, first_node } = tile.groups[group];

@@ -29,20 +29,9 @@ pub(super) fn walk(
             present.sort_unstable();
             let by_resolution: Vec<&[(u8, u8)]> = present.chunk_by(|a, b| a.0 == b.0).collect();
             let mut level = |reader: &mut Reader<'_>, layer: u16, level: &[(u8, u8)]| {
-                for &(resolution, component) in level {
-                    let precincts = {
-                        let level = &tile.layout.components[usize::from(component)].resolutions
-                            [usize::from(resolution)];
-                        level.across * level.down
-                    };
-                    for precinct in 0..precincts {
-                        reader.packet(
-                            tile,
-                            usize::from(component),
-                            usize::from(resolution),
-                            precinct,
-                            layer,
-                        )?;
+                for &at in level {
+                    for precinct in 0..tile.layout.resolution(at).precincts() {
+                        reader.packet(tile, at, precinct, layer)?;
                     }
                 }
                 Ok::<(), CodecError>(())
@@ -93,11 +82,8 @@ fn by_position(
     let rect = tile.layout.rect;
     // The smallest precinct's sides: no corner lies between multiples of them.
     let (mut step_x, mut step_y) = (31, 31);
-    for &(resolution, component) in present {
-        let layout = &tile.layout.components[usize::from(component)];
-        let depth = layout.resolutions.len() - 1 - usize::from(resolution);
-        let depth = u32::try_from(depth).unwrap_or(0);
-        let level = &layout.resolutions[usize::from(resolution)];
+    for &at in present {
+        let (level, depth) = (tile.layout.resolution(at), tile.layout.depth(at));
         step_x = step_x.min(level.width_log2 + depth);
         step_y = step_y.min(level.height_log2 + depth);
     }
@@ -107,18 +93,10 @@ fn by_position(
         let mut x = rect.x0;
         while x < rect.x1 {
             reader.allowance.visit(present.len())?;
-            for &(resolution, component) in present {
-                if let Some(precinct) =
-                    precinct_at(tile, usize::from(component), usize::from(resolution), x, y)
-                {
+            for &at in present {
+                if let Some(precinct) = precinct_at(tile, at, x, y) {
                     for layer in 0..layers {
-                        reader.packet(
-                            tile,
-                            usize::from(component),
-                            usize::from(resolution),
-                            precinct,
-                            layer,
-                        )?;
+                        reader.packet(tile, at, precinct, layer)?;
                     }
                 }
             }
@@ -130,10 +108,8 @@ fn by_position(
 }
 
 /// The precinct whose upper left corner is at a place of the reference grid, if any (B.12.1.3).
-fn precinct_at(tile: &Tile, component: usize, resolution: usize, x: u32, y: u32) -> Option<u32> {
-    let layout = &tile.layout.components[component];
-    let level = &layout.resolutions[resolution];
-    let depth = u32::try_from(layout.resolutions.len() - 1 - resolution).ok()?;
+fn precinct_at(tile: &Tile, at: (u8, u8), x: u32, y: u32) -> Option<u32> {
+    let (level, depth) = (tile.layout.resolution(at), tile.layout.depth(at));
     let index = |place: u32, tile_start: u32, start: u32, log2: u32| {
         let corner = u64::from(place) & ((1u64 << (log2 + depth)) - 1) == 0;
         // The first precinct may begin before the tile does.

@@ -19,7 +19,6 @@ pub(super) fn float(bits: i32) -> f32 {
     f32::from_bits(bits.cast_unsigned())
 }
 
-/// The bit pattern of a coefficient.
 pub(super) fn pattern(value: f32) -> i32 {
     value.to_bits().cast_signed()
 }

@@ -1,10 +1,8 @@
-//! What can be wrong with a JPEG-LS image.
-
-use std::fmt::{self, Display, Formatter};
+//! Errors in a JPEG-LS image.
 
 use thiserror::Error;
 
-/// What is damaged in a JPEG-LS image.
+/// Damage in a JPEG-LS image.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
@@ -58,7 +56,7 @@ pub enum Damage {
     Parameter { parameter: Parameter, value: u32, bits: u8 },
 }
 
-/// What a JPEG-LS image may use that is not decoded.
+/// Features of JPEG-LS images that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {
@@ -86,48 +84,32 @@ pub enum Feature {
     ColourTransform { number: u8 },
 }
 
-/// A kind of marker segment.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum SegmentKind {
+    #[error("the frame")]
     Frame,
+    #[error("the scan")]
     Scan,
+    #[error("preset parameters")]
     Presets,
+    #[error("the restart interval")]
     RestartInterval,
+    #[error("Huffman tables")]
     HuffmanTables,
+    #[error("arithmetic conditioning")]
     ArithmeticConditioning,
+    #[error("application data")]
     ApplicationData,
 }
 
-impl Display for SegmentKind {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::Frame => "the frame",
-            Self::Scan => "the scan",
-            Self::Presets => "preset parameters",
-            Self::RestartInterval => "the restart interval",
-            Self::HuffmanTables => "Huffman tables",
-            Self::ArithmeticConditioning => "arithmetic conditioning",
-            Self::ApplicationData => "application data",
-        })
-    }
-}
-
-/// A coding parameter.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Parameter {
+    #[error("the largest sample")]
     LargestSample,
+    #[error("the error bound")]
     ErrorBound,
+    #[error("the gradient threshold")]
     GradientThreshold,
+    #[error("the reset interval")]
     ResetInterval,
-}
-
-impl Display for Parameter {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        f.write_str(match self {
-            Self::LargestSample => "the largest sample",
-            Self::ErrorBound => "the error bound",
-            Self::GradientThreshold => "the gradient threshold",
-            Self::ResetInterval => "the reset interval",
-        })
-    }
 }

@@ -34,17 +34,14 @@ pub(super) enum Interleave {
     Sample,
 }
 
-/// What the frame header says.
 #[derive(Clone, Debug)]
 pub(super) struct Frame {
     pub(super) precision: u8,
     pub(super) columns: u32,
     pub(super) rows: u32,
-    /// The identifier of each component.
     pub(super) components: Vec<u8>,
 }
 
-/// What a scan header says.
 #[derive(Clone, Debug)]
 pub(super) struct Scan {
     /// Places in [`Frame::components`], in the order of coding.
@@ -53,7 +50,7 @@ pub(super) struct Scan {
     pub(super) interleave: Interleave,
 }
 
-/// What the marker segments have said so far.
+/// The content of the marker segments so far.
 #[derive(Debug, Default)]
 pub(super) struct Header {
     pub(super) frame: Option<Frame>,

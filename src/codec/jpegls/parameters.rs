@@ -3,7 +3,7 @@
 use super::fault::{Damage, Parameter};
 use crate::codec::CodecError;
 
-/// The values of a preset parameters segment (T.87 section C.2.4.1.1); 0 stands for the default.
+/// The values of a preset parameters segment (T.87 section C.2.4.1.1); 0 means the default.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Preset {
     pub(super) maximum: u32,
@@ -11,7 +11,7 @@ pub(super) struct Preset {
     pub(super) reset: u32,
 }
 
-/// What a scan is decoded with; names in brackets are those of T.87.
+/// The parameters of decoding a scan; names in brackets are those of T.87.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Parameters {
     /// The largest sample (MAXVAL), at most 65535.

@@ -12,20 +12,20 @@ const REGULAR_CONTEXTS: usize = (9 * 9 * 9 - 1) / 2 + 1;
 pub(super) const RUN_ORDERS: [u8; 32] =
     [0, 0, 0, 0, 1, 1, 1, 1, 2, 2, 2, 2, 3, 3, 3, 3, 4, 4, 5, 5, 6, 6, 7, 7, 8, 9, 10, 11, 12, 13, 14, 15];
 
-/// What is known of the prediction errors of one context (A, B, C, N of T.87).
+/// Statistics of the prediction errors of one context (A, B, C, N of T.87).
 #[derive(Clone, Copy)]
 struct Context {
     /// Sum of the errors' magnitudes.
     magnitude: u32,
     /// Sum of the errors.
     bias: i32,
-    /// What is added to the prediction.
+    /// The correction of the prediction.
     correction: i32,
     /// Samples seen.
     count: u32,
 }
 
-/// What is known of the samples that end a run (A, N, Nn of T.87).
+/// Statistics of the samples that end a run (A, N, Nn of T.87).
 #[derive(Clone, Copy)]
 struct RunContext {
     magnitude: u32,
@@ -43,7 +43,6 @@ pub(super) struct Lines {
     run_index: usize,
 }
 
-/// Bytes of [`Lines`] for a width.
 pub(super) fn line_bytes(columns: u32) -> u64 {
     (u64::from(columns) + 2) * (2 + 2 + 1)
 }
@@ -59,7 +58,6 @@ impl Lines {
         }
     }
 
-    /// The samples decoded last.
     pub(super) fn samples(&self) -> &[u16] {
         &self.current[1..self.current.len() - 1]
     }
@@ -72,7 +70,6 @@ impl Lines {
     }
 }
 
-/// What a scan has learned so far.
 pub(super) struct Coder {
     parameters: Parameters,
     contexts: Box<[Context; REGULAR_CONTEXTS]>,
@@ -120,7 +117,7 @@ impl Coder {
         }
     }
 
-    /// The current line becomes the one above, and the samples beside the lines are set.
+    /// The current line becomes the one above, and the samples left and right of the lines are set.
     fn turn(&self, lines: &mut Lines) {
         std::mem::swap(&mut lines.above, &mut lines.current);
         let last = lines.above.len() - 1;
@@ -286,7 +283,7 @@ impl Coder {
     }
 }
 
-/// What contexts hold before the first sample (T.87 section A.8).
+/// The state of contexts before the first sample (T.87 section A.8).
 fn initial(parameters: &Parameters) -> (Context, RunContext) {
     let magnitude = ((parameters.range + 32) / 64).max(2).unsigned_abs();
     (Context { magnitude, bias: 0, correction: 0, count: 1 }, RunContext { magnitude, count: 1, negative: 0 })

@@ -1,12 +1,10 @@
 //! The bytes of a JPEG-LS codestream: marker segments byte by byte, coded data bit by bit.
 
-use std::io::{ErrorKind, Read};
+use std::io::Read;
 
 use super::fault::Damage;
 use crate::codec::CodecError;
-
-/// Bytes that are read ahead.
-const BUFFER_BYTES: usize = 8 << 10;
+use crate::codec::bytes::Bytes;
 
 /// A codestream that is read front to back through a small buffer.
 ///
@@ -14,61 +12,22 @@ const BUFFER_BYTES: usize = 8 << 10;
 /// that 0xFF with a byte of 0x80 and more is a marker and nothing else (T.87 section A.1); the window never
 /// reads past it.
 pub(super) struct Stream<'a> {
-    input: &'a mut dyn Read,
-    buffer: Box<[u8; BUFFER_BYTES]>,
-    at: usize,
-    end: usize,
+    bytes: Bytes<'a>,
     /// Coded bits not taken yet, the next one on top; zeros below `bits`.
     window: u64,
     /// How many bits of the window are data.
     bits: u32,
     /// The code of the marker that ended the coded data.
     marker: Option<u8>,
-    /// Did the input end?
-    ended: bool,
 }
 
 impl<'a> Stream<'a> {
     pub(super) fn new(input: &'a mut dyn Read) -> Stream<'a> {
-        Stream {
-            input,
-            buffer: Box::new([0; BUFFER_BYTES]),
-            at: 0,
-            end: 0,
-            window: 0,
-            bits: 0,
-            marker: None,
-            ended: false,
-        }
+        Stream { bytes: Bytes::new(input), window: 0, bits: 0, marker: None }
     }
 
-    /// The next byte, or none at the end of the input.
-    fn next(&mut self) -> Result<Option<u8>, CodecError> {
-        if self.at == self.end {
-            if self.ended {
-                return Ok(None);
-            }
-            loop {
-                match self.input.read(&mut self.buffer[..]) {
-                    Ok(count) => {
-                        self.at = 0;
-                        self.end = count.min(BUFFER_BYTES);
-                        self.ended = count == 0;
-                        break;
-                    }
-                    Err(e) if e.kind() == ErrorKind::Interrupted => {}
-                    Err(e) => return Err(e.into()),
-                }
-            }
-        }
-        let byte = self.buffer[..self.end].get(self.at).copied();
-        self.at += usize::from(byte.is_some());
-        Ok(byte)
-    }
-
-    /// One byte of a marker segment.
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
-        self.next()?.ok_or_else(ends_early)
+        self.bytes.next()?.ok_or_else(ends_early)
     }
 
     /// Two bytes of a marker segment.
@@ -121,12 +80,12 @@ impl<'a> Stream<'a> {
             if self.refill_whole() {
                 return Ok(());
             }
-            let Some(byte) = self.next()? else { return Ok(()) };
+            let Some(byte) = self.bytes.next()? else { return Ok(()) };
             if byte != 0xFF {
                 self.push(byte, 8);
                 continue;
             }
-            let Some(mut after) = self.next()? else { return Ok(()) };
+            let Some(mut after) = self.bytes.next()? else { return Ok(()) };
             if after < 0x80 {
                 self.push(byte, 8);
                 self.push(after, 7);
@@ -149,21 +108,12 @@ impl<'a> Stream<'a> {
 
     /// Takes as many whole bytes as fit where none of the next eight is 0xFF.
     fn refill_whole(&mut self) -> bool {
-        let Some(Ok(next)) = self.buffer[..self.end].get(self.at..self.at + 8).map(<[u8; 8]>::try_from)
-        else {
-            return false;
-        };
-        let next = u64::from_be_bytes(next);
-        // A byte of the complement is zero where one of the word is 0xFF.
-        let inverse = !next;
-        if inverse.wrapping_sub(0x0101_0101_0101_0101) & next & 0x8080_8080_8080_8080 != 0 {
-            return false;
-        }
+        let Some(next) = self.bytes.eight_plain() else { return false };
         let taken = (64 - self.bits) / 8;
         let kept = if taken == 8 { next } else { next & !(u64::MAX >> (8 * taken)) };
         self.window |= kept >> self.bits;
         self.bits += 8 * taken;
-        self.at += taken as usize;
+        self.bytes.take(taken as usize);
         true
     }
 
@@ -184,7 +134,6 @@ impl<'a> Stream<'a> {
         u32::try_from(value).map_err(|_| ends_early())
     }
 
-    /// The next bit.
     #[inline]
     pub(super) fn bit(&mut self) -> Result<bool, CodecError> {
         if self.bits == 0 {
@@ -217,7 +166,7 @@ impl<'a> Stream<'a> {
         self.golomb_slowly(k, escape, wide)
     }
 
-    /// As [`Stream::golomb`], for codes longer than the window has bits.
+    /// Like [`Stream::golomb`], for codes longer than the window has bits.
     #[cold]
     fn golomb_slowly(&mut self, k: u32, escape: u32, wide: u32) -> Result<u64, CodecError> {
         let mut zeros = 0;

@@ -138,7 +138,7 @@ fn a_colour_stream_of_charls_in_each_interleave_mode() {
         assert_eq!(kept.rows.concat(), image);
     }
     let near = decoded(vectors::BY_SAMPLE_NEAR).unwrap();
-    assert_eq!(near.rows.concat(), vectors::BY_SAMPLE_NEAR_PIXELS);
+    assert_eq!(near.rows.concat(), vectors::BY_SAMPLE_NEAR_PIXELS.map(i32::from));
 }
 
 #[test]

@@ -1,8 +1,8 @@
-//! What can be wrong with an RLE frame.
+//! Errors in an RLE frame.
 
 use thiserror::Error;
 
-/// What is damaged in an RLE frame.
+/// Damage in an RLE frame.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Damage {
@@ -16,7 +16,7 @@ pub enum Damage {
     ShortSegment { segment: usize },
 }
 
-/// What an RLE frame may use that is not decoded.
+/// Features of RLE frames that are not decoded.
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum Feature {

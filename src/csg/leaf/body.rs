@@ -9,13 +9,13 @@ use crate::csg::tree::Faces;
 use crate::facts::CsgFault;
 use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
-    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice, span, turned,
+    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice,
+    smallest_first, span,
 };
 
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
 const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
 
-/// A solid of triangles.
 #[derive(Debug)]
 pub(in crate::csg) struct Body {
     triangles: Vec<Triangle>,
@@ -50,7 +50,7 @@ impl Body {
     /// The triangles of faces whose corners have been placed.
     ///
     /// # Errors
-    /// As [`Body::new`].
+    /// It is open, or reaches beyond the lattice.
     pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, CsgFault> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
         let mut placed = Vec::with_capacity(points.len());
@@ -68,7 +68,7 @@ impl Body {
         let mut triangles = Vec::with_capacity(faces.triangles.len());
         for [a, b, c] in &faces.triangles {
             let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(CsgFault::Size { line });
-            let t = turned([corner(a)?, corner(b)?, corner(c)?]);
+            let t = smallest_first([corner(a)?, corner(b)?, corner(c)?]);
             census.add(&t);
             triangles.push(t);
         }
@@ -181,7 +181,7 @@ fn is_met(t: &Triangle, z: i32) -> bool {
 fn may_meet(t: &Triangle, region: &[(i64, i64); 3]) -> bool {
     let beyond = |k: usize| {
         let (low, high) = span(t, k);
-        // Ties are told by a shift that is smaller than a step.
+        // A shift that is smaller than a step breaks ties.
         i64::from(low) > region[k].1 + 1 || i64::from(high) < region[k].0 - 1
     };
     if (0..3).any(beyond) {

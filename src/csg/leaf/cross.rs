@@ -7,7 +7,7 @@ use crate::mesh::{STEPS, cross_edges};
 
 impl Leaf {
     /// Where the edge from a voxel's middle to the next one's along an axis is crossed, of a leaf that holds one of them;
-    /// `None` where it is not found, and of leaves that are walked.
+    /// `None` where it is not found, and of leaves that are sampled.
     ///
     /// To half a lattice step, by the same whole numbers that decide about middles.
     pub(in crate::csg) fn crossing(&self, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
@@ -22,10 +22,10 @@ impl Leaf {
             Self::Block(block) => block.contains(p),
             Self::Half(half) => half.contains(p),
             Self::Curved(curved) => curved.contains(p),
-            Self::Nothing | Self::Body(_) | Self::Walked(_) => false,
+            Self::Nothing | Self::Body(_) | Self::Sampled(_) => false,
         };
         let before = match self {
-            Self::Nothing | Self::Walked(_) => return None,
+            Self::Nothing | Self::Sampled(_) => return None,
             Self::Body(body) => return of_body(body, low, axis),
             _ => contains(from),
         };

@@ -29,7 +29,6 @@ const FIXED: i128 = 1 << 26;
 /// Lattice steps that a voxel of any grid is away from the corner, at most, and a frame's middle.
 const REACH: f64 = 2.7e8 + 5.4e8;
 
-/// Which curved solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::csg) enum Round {
     Ellipsoid,
@@ -39,7 +38,6 @@ pub(in crate::csg) enum Round {
     Torus(i64),
 }
 
-/// A curved leaf.
 #[derive(Debug)]
 pub(in crate::csg) struct Curved {
     middle: [i64; 3],

@@ -15,7 +15,7 @@ impl Extent {
     const ALL: Self = Self { low: [i16::MIN; 3], high: [i16::MAX; 3] };
     const NONE: Self = Self { low: [i16::MAX; 3], high: [i16::MIN; 3] };
 
-    /// Of a box of the lattice, with a voxel to spare.
+    /// The extent of a box of the lattice, with a voxel to spare.
     fn around(low: [i64; 3], high: [i64; 3]) -> Self {
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         let voxel = |at: i64| at.clamp(i16::MIN.into(), i16::MAX.into()) as i16;
@@ -55,7 +55,7 @@ impl Leaf {
     pub(in crate::csg) fn extent(&self) -> Extent {
         match self {
             Self::Nothing => Extent::NONE,
-            Self::Half(_) | Self::Walked(_) => Extent::ALL,
+            Self::Half(_) | Self::Sampled(_) => Extent::ALL,
             Self::Ball(ball) => {
                 let middle = ball.middle.map(i64::from);
                 let radius = i64::from(ball.radius);

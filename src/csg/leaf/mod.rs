@@ -38,8 +38,8 @@ pub(super) enum Leaf {
     Half(Box<Half>),
     Curved(Box<Curved>),
     Body(Box<Body>),
-    /// A mesh or a volume that is walked slice by slice, by its number.
-    Walked(u32),
+    /// A mesh or a volume that is sampled slice by slice, by its number.
+    Sampled(u32),
 }
 
 /// 64 voxels of each of some rows of a slice.
@@ -52,7 +52,7 @@ pub(super) struct Rows {
     pub(super) z: i32,
 }
 
-/// What is known of a leaf's surface beside a voxel.
+/// The surface of a leaf next to a voxel.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Face {
     /// Out of the leaf, in lattice coordinates (as a gradient is), of any length.
@@ -97,14 +97,14 @@ impl Leaf {
             Self::Half(half) => half.cover(&middles(region)),
             Self::Curved(curved) => curved.cover(&middles(region)),
             Self::Body(body) => body.cover(region),
-            Self::Walked(_) => Cover::Mixed,
+            Self::Sampled(_) => Cover::Mixed,
         }
     }
 
-    /// Bits of 64 voxels of every row; not of leaves that are walked.
+    /// Bits of 64 voxels of every row; not of leaves that are sampled.
     pub(super) fn fill(&self, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
         match self {
-            Self::Nothing | Self::Walked(_) => out.fill(0),
+            Self::Nothing | Self::Sampled(_) => out.fill(0),
             Self::Ball(ball) => ball.fill(at, out),
             Self::Block(block) => block.fill(at, out),
             Self::Half(half) => half.fill(at, out),
@@ -113,10 +113,10 @@ impl Leaf {
         }
     }
 
-    /// Is a voxel inside? Not asked of leaves that are walked.
+    /// Is a voxel inside? Not asked of leaves that are sampled.
     pub(super) fn contains(&self, voxel: [i32; 3]) -> bool {
         match self {
-            Self::Nothing | Self::Walked(_) => false,
+            Self::Nothing | Self::Sampled(_) => false,
             Self::Ball(ball) => ball.contains(voxel.map(centre)),
             Self::Block(block) => block.contains(voxel.map(centre)),
             Self::Half(half) => half.contains(voxel.map(centre)),
@@ -128,7 +128,7 @@ impl Leaf {
     /// The surface that lies between two neighbours, of which one is inside; `None` where it is not found.
     pub(super) fn face(&self, voxel: [i32; 3], beside: [i32; 3], is_inside: bool) -> Option<Face> {
         match self {
-            Self::Nothing | Self::Walked(_) => None,
+            Self::Nothing | Self::Sampled(_) => None,
             Self::Ball(ball) => Some(ball.face(voxel)),
             Self::Block(block) => Some(block.face(voxel, beside, is_inside)),
             Self::Half(half) => Some(half.face(voxel)),
@@ -137,15 +137,15 @@ impl Leaf {
         }
     }
 
-    /// Is its surface beside a voxel the same for all neighbours?
+    /// Is its surface next to a voxel the same for all neighbours?
     pub(super) fn has_one_face(&self) -> bool {
-        matches!(self, Self::Ball(_) | Self::Half(_) | Self::Walked(_))
+        matches!(self, Self::Ball(_) | Self::Half(_) | Self::Sampled(_))
     }
 
-    /// Memory that it holds beside itself.
+    /// Memory that it holds outside itself.
     pub(super) fn bytes(&self) -> u64 {
         let bytes = match self {
-            Self::Nothing | Self::Ball(_) | Self::Walked(_) => 0,
+            Self::Nothing | Self::Ball(_) | Self::Sampled(_) => 0,
             Self::Block(_) => size_of::<Block>(),
             Self::Half(_) => size_of::<Half>(),
             Self::Curved(_) => size_of::<Curved>(),

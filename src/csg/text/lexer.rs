@@ -2,28 +2,24 @@
 
 use std::io::{self, BufRead};
 
-use super::stop::Stop;
+use super::Stop;
 use crate::facts::{CsgFault, CsgToken};
 
-/// Longest name or number.
 const LONGEST_WORD: usize = 64;
-/// Longest text in quotes.
 const LONGEST_TEXT: usize = 4096;
 
-/// A token.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Token {
     /// A name: letters, digits, `_` and `$`.
     Name(String),
     Number(f64),
-    /// What stands in quotes.
+    /// A text in quotes.
     Text(String),
     /// Any other byte.
     Sign(u8),
     End,
 }
 
-/// The tokens of a text.
 pub(super) struct Lexer<'a> {
     input: &'a mut dyn BufRead,
     line: u64,
@@ -93,7 +89,6 @@ impl<'a> Lexer<'a> {
         }
     }
 
-    /// The next token.
     pub(super) fn next(&mut self) -> Result<Token, Stop> {
         if self.skip()? {
             return Ok(Token::Sign(b'/'));

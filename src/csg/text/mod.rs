@@ -13,9 +13,32 @@
 mod lexer;
 mod modules;
 mod parser;
-mod stop;
 mod values;
 
 pub(super) use modules::is_module;
 pub(super) use parser::parse;
-pub(super) use stop::Stop;
+
+use crate::facts::CsgFault;
+
+/// Why a text cannot be read.
+#[derive(Debug)]
+pub(super) enum Stop {
+    Text(CsgFault),
+    Read(std::io::Error),
+    /// The tree is larger than what it may take.
+    Memory {
+        bytes: u64,
+    },
+}
+
+impl From<CsgFault> for Stop {
+    fn from(fault: CsgFault) -> Self {
+        Self::Text(fault)
+    }
+}
+
+impl From<std::io::Error> for Stop {
+    fn from(cause: std::io::Error) -> Self {
+        Self::Read(cause)
+    }
+}

@@ -1,8 +1,8 @@
-//! What the modules mean.
+//! The meanings of modules.
 
 use std::path::{Component, Path, PathBuf};
 
-use super::values::{Arguments, TOLD};
+use super::values::{Arguments, MAX_NAME};
 use crate::csg::facets;
 use crate::csg::tree::{Faces, Operation, Shape};
 use crate::facts::CsgFault;
@@ -20,7 +20,6 @@ pub(super) enum Block {
     Offset(f64),
 }
 
-/// What a module means.
 #[derive(Debug)]
 pub(super) enum Meaning {
     Leaf(Shape),
@@ -29,7 +28,7 @@ pub(super) enum Meaning {
     Extruded([f64; 2]),
 }
 
-/// What a module means, within an extrusion or not.
+/// The meaning of a module, within an extrusion or not.
 ///
 /// # Errors
 /// It is not read, or its arguments make no sense.
@@ -76,7 +75,6 @@ pub(super) fn meaning(
     }
 }
 
-/// Is a module of this name read?
 pub(in crate::csg) fn is_module(name: &str) -> bool {
     taken(name).is_some() || name == "offset3d"
 }
@@ -172,7 +170,7 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
             Shape::Volume { path: beside(of.text("file", Some(0))?, folder)?, iso: of.need("iso", Some(1))? }
         }
         _ => {
-            let module = of.module.chars().take(TOLD).collect();
+            let module = of.module.chars().take(MAX_NAME).collect();
             return Err(CsgFault::Unsupported { line: of.line, module });
         }
     })
@@ -273,7 +271,7 @@ fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, CsgFault> {
 }
 
 /// A file that lies in the folder of the text, or below it: a text that came from elsewhere must not make the program
-/// read whatever file it names.
+/// read any file it names.
 fn beside(name: &str, folder: &Path) -> Result<PathBuf, CsgFault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));

@@ -3,15 +3,14 @@
 use std::io::BufRead;
 use std::path::Path;
 
+use super::Stop;
 use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, meaning};
-use super::stop::Stop;
 use super::values::Arguments;
 use crate::csg::tree::{NodeId, Operation, Tree, push};
 use crate::facts::{CsgFault, CsgToken};
 
-/// A block that is open.
-struct Open {
+struct OpenBlock {
     block: Block,
     /// Where its children begin among all that wait.
     first: usize,
@@ -29,17 +28,17 @@ struct Parser<'a> {
     folder: &'a Path,
     most_bytes: u64,
     tree: Tree,
-    open: Vec<Open>,
+    open: Vec<OpenBlock>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
-    /// What was read too far: the beginning of a module.
+    /// The beginning of a module, read ahead.
     pending: Option<Token>,
 }
 
 /// Reads a text; files that it names lie in `folder`.
 ///
 /// # Errors
-/// What is wrong with it, with the line.
+/// A fault of the text, with the line.
 pub(in crate::csg) fn parse(
     input: &mut dyn BufRead,
     folder: &Path,
@@ -51,7 +50,14 @@ pub(in crate::csg) fn parse(
         folder,
         most_bytes,
         tree: Tree::new(),
-        open: vec![Open { block: top, first: 0, extruded: None, line: 1, left_out: false, single: false }],
+        open: vec![OpenBlock {
+            block: top,
+            first: 0,
+            extruded: None,
+            line: 1,
+            left_out: false,
+            single: false,
+        }],
         waiting: Vec::new(),
         pending: None,
     };
@@ -67,7 +73,8 @@ pub(in crate::csg) fn parse(
 
 impl Parser<'_> {
     fn bytes(&self) -> u64 {
-        let lists = self.waiting.capacity() * size_of::<NodeId>() + self.open.capacity() * size_of::<Open>();
+        let lists =
+            self.waiting.capacity() * size_of::<NodeId>() + self.open.capacity() * size_of::<OpenBlock>();
         self.tree.bytes() + lists as u64
     }
 
@@ -152,7 +159,7 @@ impl Parser<'_> {
     fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
         let first = self.waiting.len();
         let extruded = extruded.map(Box::new);
-        push(&mut self.open, Open { block, first, extruded, line, left_out, single: false });
+        push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false });
     }
 
     /// Closes the block that was opened last, and those whose only child it is.

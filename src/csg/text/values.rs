@@ -1,14 +1,13 @@
 //! The arguments of a module: numbers, words, texts and lists.
 
+use super::Stop;
 use super::lexer::{Lexer, Token};
-use super::stop::Stop;
 use crate::facts::{CsgFault, CsgToken, SurplusArgument};
 use crate::geom::Affine;
 
 /// How deep lists may lie in lists: the rows of a list of lists.
 const DEEPEST: usize = 4;
 
-/// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Value {
     Number(f64),
@@ -26,14 +25,12 @@ pub(super) struct List {
     pub(super) numbers: Vec<f64>,
     /// Where each list within ends.
     pub(super) ends: Vec<usize>,
-    /// How deep it is.
     depth: usize,
     /// Is there anything but numbers?
     mixed: bool,
 }
 
 impl List {
-    /// The lists within.
     pub(super) fn rows(&self) -> impl Iterator<Item = &[f64]> {
         let starts = std::iter::once(0).chain(self.ends.iter().copied());
         starts.zip(&self.ends).map(|(from, to)| &self.numbers[from..*to])
@@ -63,7 +60,6 @@ impl List {
     }
 }
 
-/// The arguments of one module.
 #[derive(Debug)]
 pub(super) struct Arguments {
     pub(super) line: u64,
@@ -72,9 +68,9 @@ pub(super) struct Arguments {
     placed: Vec<Value>,
 }
 
-/// Letters of a name that are told.
-pub(super) const TOLD: usize = 40;
-/// What OpenSCAD gives any module: how fine round things are made, and hints for its preview.
+/// Letters of a name in a message.
+pub(super) const MAX_NAME: usize = 40;
+/// Arguments that OpenSCAD gives any module: the fineness of round shapes, and hints for its preview.
 const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 
 /// Most arguments of a module.
@@ -128,7 +124,7 @@ impl Arguments {
             .named
             .iter()
             .find(|(name, _)| !known.contains(&name.as_str()) && !SPECIAL.contains(&name.as_str()));
-        let argument = stranger.map(|(name, _)| name.chars().take(TOLD).collect());
+        let argument = stranger.map(|(name, _)| name.chars().take(MAX_NAME).collect());
         if argument.is_none() && self.placed.len() <= places {
             return Ok(());
         }
@@ -180,7 +176,6 @@ impl Arguments {
         }
     }
 
-    /// A list, if it is there.
     pub(super) fn list(&self, name: &'static str, place: Option<usize>) -> Result<Option<&List>, CsgFault> {
         match self.value(name, place) {
             None => Ok(None),

@@ -1,4 +1,4 @@
-//! Numbers as text, several times as fast as by formatting: the same text, or one that stands for the same number.
+//! Numbers as text, several times as fast as by formatting: the same text, or another of the same number.
 
 /// Powers of ten by which a single is multiplied without rounding, in doubles.
 const TENS: [f64; 10] = [1.0, 1e1, 1e2, 1e3, 1e4, 1e5, 1e6, 1e7, 1e8, 1e9];

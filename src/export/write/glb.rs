@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use serde_json::{Value, json};
 
-use super::sink::{Sink, Vertex, Waiting, bytes_of, counted, unit};
+use super::{Sink, Vertex, Waiting, bytes_of, counted, unit};
 
 /// Bytes of the JSON, filled with spaces.
 const JSON_BYTES: usize = 1536;

@@ -1,16 +1,77 @@
 //! Files of triangles and points, written as they are made.
 //!
-//! Where a format wants counts first, or all corners before all triangles, the rest waits in a nameless file.
+//! Where a format wants counts first, or all corners before all triangles, the rest waits in an anonymous file.
 
 mod digits;
 mod glb;
 mod obj;
 mod ply;
-mod sink;
 mod stl;
 
 pub(super) use glb::Glb;
 pub(super) use obj::Obj;
 pub(super) use ply::Ply;
-pub(super) use sink::{Sink, Vertex, unit};
 pub(super) use stl::Stl;
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Seek, Write};
+
+use crate::export::fault::ExportFault;
+use crate::export::tint::Light;
+
+/// A vertex: where it is in mm, its normal, of any length, and its colour.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::export) struct Vertex {
+    pub(in crate::export) at: [f32; 3],
+    pub(in crate::export) normal: [f32; 3],
+    pub(in crate::export) light: Light,
+}
+
+/// Takes the vertices in order, and triangles of vertices that came before.
+pub(in crate::export) trait Sink {
+    /// # Errors
+    /// The disk's.
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()>;
+
+    /// A triangle by the numbers of its corners and by where these are; seen from outside they run anticlockwise.
+    fn triangle(&mut self, corners: [u32; 3], at: [[f32; 3]; 3]) -> io::Result<()>;
+
+    /// Completes the file.
+    ///
+    /// # Errors
+    /// The disk's; [`ExportFault::TooLong`] where the format cannot count so far.
+    fn finish(self: Box<Self>) -> io::Result<()>;
+}
+
+/// A number that a format keeps in 32 bits.
+pub(super) fn counted(needed: u64) -> io::Result<u32> {
+    u32::try_from(needed).map_err(|_| ExportFault::TooLong { needed }.into())
+}
+
+/// Bytes that wait in an anonymous file until others are written.
+#[derive(Debug)]
+pub(super) struct Waiting(pub(super) BufWriter<File>);
+
+impl Waiting {
+    pub(super) fn new(scratch: File) -> Self {
+        Self(BufWriter::new(scratch))
+    }
+
+    pub(super) fn append_to(self, out: &mut impl Write) -> io::Result<()> {
+        let mut file = self.0.into_inner().map_err(io::IntoInnerError::into_error)?;
+        file.rewind()?;
+        io::copy(&mut BufReader::new(file), out)?;
+        Ok(())
+    }
+}
+
+/// The bytes of three floats, little-endian.
+pub(super) fn bytes_of(v: [f32; 3]) -> [u8; 12] {
+    bytemuck::cast(v.map(f32::to_le_bytes))
+}
+
+/// A normal of length 1; zeros stay.
+pub(in crate::export) fn unit(v: [f32; 3]) -> [f32; 3] {
+    let length = (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+    if length > 0.0 && length.is_finite() { v.map(|c| c / length) } else { [0.0; 3] }
+}

@@ -4,12 +4,12 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 use super::digits::{four_decimals, shortest, whole};
-use super::sink::{Sink, Vertex, unit};
+use super::{Sink, Vertex, unit};
 
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,
     normals: bool,
-    /// What is being written, a few lines at most.
+    /// The text to be written next, a few lines at most.
     text: Vec<u8>,
 }
 

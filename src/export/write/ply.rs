@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::sink::{Sink, Vertex, Waiting, bytes_of, unit};
+use super::{Sink, Vertex, Waiting, bytes_of, unit};
 use crate::render::shade::Shader;
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::sink::{Sink, Vertex, bytes_of, counted, unit};
+use super::{Sink, Vertex, bytes_of, counted, unit};
 
 /// Must not begin with "solid", which readers take for the text form.
 const HEAD: &[u8; 80] = b"binary STL, millimetres                                                         ";

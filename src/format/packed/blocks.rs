@@ -4,12 +4,12 @@
 
 use super::CodingError;
 use super::group::{Group, Place, Walk, coordinates};
-use super::lanes::Octet;
+pub(super) use super::lanes::Octet;
 use super::tables::SymbolCoder;
 
 /// Voxels along a side of a block, as a power of two: half a subtree's, so that the grid stays in a cache.
 const BLOCK_BITS: u32 = 5;
-/// Of the place of a node above voxels, what tells the block.
+/// The bits of a node's place above voxels that select the block.
 const BLOCK: Place = 0b10000_10000_10000;
 /// Places along a side of the grid: a block and a border of two.
 const ROW: usize = (1 << BLOCK_BITS) + 4;
@@ -21,10 +21,8 @@ const FIRST: usize = 2 * (SLICE + ROW + 1);
 pub(super) const SELF: usize = 2 * SLICE;
 const WINDOW: usize = SELF + 1 + SLICE + ROW;
 
-/// A place of the grid: what a coder knows of a voxel, zeros where it knows nothing.
-pub(super) type Known = Octet;
 /// The places around a voxel, which is at [`SELF`].
-pub(super) type Window = [Known; WINDOW];
+pub(super) type Window = [Octet; WINDOW];
 
 /// A neighbour that Morton order can have before a voxel: its place in the window and the step to it. (Three faces,
 /// three edges and a corner always come after it.)
@@ -57,7 +55,6 @@ pub(super) const EDGES: [Neighbour; 9] = neighbours(2);
 /// See [`FACES`].
 pub(super) const CORNERS: [Neighbour; 7] = neighbours(3);
 
-/// What is coded for each voxel.
 pub(super) trait VoxelCoder {
     /// Before the first voxel of a subtree.
     fn begin_subtree(&mut self);
@@ -74,7 +71,7 @@ pub(super) trait VoxelCoder {
 /// A grid for one block after the other.
 #[derive(Debug)]
 pub(super) struct Blocks {
-    grid: Vec<Known>,
+    grid: Vec<Octet>,
     /// The first places of nodes that have voxels in the grid.
     written: Vec<u16>,
     walk: Walk,
@@ -83,7 +80,7 @@ pub(super) struct Blocks {
 impl Default for Blocks {
     fn default() -> Self {
         const { assert!(PLACES <= 1 << 16) };
-        Self { grid: vec![Known::default(); PLACES], written: Vec::new(), walk: Walk::default() }
+        Self { grid: vec![Octet::default(); PLACES], written: Vec::new(), walk: Walk::default() }
     }
 }
 
@@ -139,12 +136,12 @@ impl Blocks {
     }
 }
 
-fn clear(grid: &mut [Known], written: &mut Vec<u16>) {
+fn clear(grid: &mut [Octet], written: &mut Vec<u16>) {
     for first in written.drain(..) {
         for row in [0, ROW, SLICE, SLICE + ROW] {
             let at = usize::from(first) + row;
             if let Some(pair) = grid.get_mut(at..at + 2) {
-                pair.fill(Known::default());
+                pair.fill(Octet::default());
             }
         }
     }

@@ -2,7 +2,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;
-use super::blocks::{Blocks, CORNERS, EDGES, FACES, Known as Place, Neighbour, SELF, VoxelCoder, Window};
+use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, VoxelCoder, Window};
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
 use super::group::{Group, GroupCoder};
 use super::tables::{SymbolCoder, Tables};
@@ -23,7 +23,6 @@ const BIASES: usize = 2048;
 /// A running mean of errors in one context, in 1/256.
 type Bias = [i32; BIASES];
 
-/// Tables of one coordinate.
 #[derive(Debug)]
 struct Component {
     off: Tables<256, 5, 7>,
@@ -33,18 +32,18 @@ struct Component {
 
 /// Codes the normals of groups.
 #[derive(Debug, Default)]
-pub struct DirectionCoder {
+pub(crate) struct DirectionCoder {
     blocks: Blocks,
-    known: Learnt,
+    known: DirectionTables,
 }
 
 #[derive(Debug)]
-struct Learnt {
+struct DirectionTables {
     components: [Component; 2],
     twins: [Tables<2, 5, 7>; 2],
 }
 
-impl Default for Learnt {
+impl Default for DirectionTables {
     fn default() -> Self {
         let component = || Component { off: Tables::new(), bent: Tables::new(), bias: Box::new([0; BIASES]) };
         Self { components: [component(), component()], twins: [Tables::new(), Tables::new()] }
@@ -106,7 +105,7 @@ impl GroupCoder for DirectionCoder {
 
 /// The normals of a group while they are coded.
 struct Directions<'a> {
-    known: &'a mut Learnt,
+    known: &'a mut DirectionTables,
     codes: &'a mut [u16],
     last: [i32; 3],
     /// Are all of 12 bits?
@@ -140,12 +139,12 @@ fn sixteenths(sum: i32, part: u32) -> i32 {
     if sum < 0 { magnitude.cast_signed().wrapping_neg() } else { magnitude.cast_signed() }
 }
 
-/// What the neighbours say of both coordinates.
+/// The neighbours' predictions of both coordinates.
 struct Around {
-    sum: Place,
-    /// Of the weights in the sum.
+    sum: Octet,
+    /// Reciprocal of the weights in the sum.
     share: i32,
-    ahead: Place,
+    ahead: Octet,
     /// In 1/16.
     guess: [i32; 2],
     off: usize,
@@ -154,17 +153,16 @@ struct Around {
 
 impl Around {
     #[inline(always)]
-    fn known(&self, i: usize, due: i32, coarse: bool) -> Known {
+    fn known(&self, i: usize, due: i32, coarse: bool) -> CoordinateContext {
         let two = i32::from(self.ahead.0[COUNT]);
         let ahead = i32::from(self.ahead.0[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
         let turn = if two == 0 { 0 } else { ahead.wrapping_sub(self.guess[i]) };
         let error = i32::from(self.sum.0[ERRORS[i]]).wrapping_mul(self.share) >> 16;
-        Known { due, coarse, guess: self.guess[i], turn, error, off: self.off, first: self.first }
+        CoordinateContext { due, coarse, guess: self.guess[i], turn, error, off: self.off, first: self.first }
     }
 }
 
-/// What is known of a coordinate before it is coded.
-struct Known {
+struct CoordinateContext {
     due: i32,
     coarse: bool,
     /// In 1/16, as the next three.
@@ -175,7 +173,6 @@ struct Known {
     first: usize,
 }
 
-/// A coordinate once it is coded.
 struct Coded {
     value: i32,
     residual: i32,
@@ -184,7 +181,7 @@ struct Coded {
 
 impl Component {
     #[inline(always)]
-    fn code<C: SymbolCoder>(&mut self, coder: &mut C, known: &Known, other: usize) -> Coded {
+    fn code<C: SymbolCoder>(&mut self, coder: &mut C, known: &CoordinateContext, other: usize) -> Coded {
         let (bend, err) = (BENT_CLASSES.of(known.turn), ERROR_CLASSES.of(known.error));
         let context = ((known.off >> 1) * 16 + signed(bend, known.turn)) * 16 + signed(err, known.error);
         let bias = &mut self.bias[context % BIASES];
@@ -214,25 +211,25 @@ impl Component {
 
 #[inline(always)]
 fn code_one<C: SymbolCoder>(
-    known: &mut Learnt,
+    known: &mut DirectionTables,
     coder: &mut C,
     window: &mut Window,
     (last, coarse): ([i32; 3], bool),
     code: u16,
 ) -> Result<u16, CodingError> {
-    let Learnt { components: [u, v], twins } = known;
+    let DirectionTables { components: [u, v], twins } = known;
     // The face towards lower x comes last: its voxel is the one that was just coded.
     let [others @ .., beside] = &FACES;
     let edges = sum_of(window, &EDGES).times(3);
     let known_before = edges.plus(sum_of(window, &CORNERS)).plus(sum_of(window, others).times(8));
     let sum = known_before.plus(window[beside.at].times(8));
     // Carried on from two voxels in a row.
-    let mut ahead = Place::default();
+    let mut ahead = Octet::default();
     for face in &FACES {
         let (near, far) = (window[face.at], window[2 * face.at - SELF]);
         // 1 in all lanes where both are there.
         let both = near.both(far).all_of_lane_3();
-        let both = Place::default().minus(both);
+        let both = Octet::default().minus(both);
         ahead = ahead.plus(near.plus(near).minus(far).both(both));
     }
     let sums = sum.0;
@@ -277,7 +274,7 @@ fn code_one<C: SymbolCoder>(
     }
     let lanes = [vector[0], vector[1], vector[2], 1, errors[0], errors[1], magnitudes.cast_signed(), 0];
     // All are far below 32768.
-    window[SELF] = Place::of(lanes);
+    window[SELF] = Octet::of(lanes);
     Ok(code_of(plain))
 }
 
@@ -290,10 +287,9 @@ fn nearest_coarse(expected: i32) -> i32 {
     if expected < 0 { -1 - at } else { at }
 }
 
-/// The sum of what is known of some neighbours.
 #[inline(always)]
-fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Place {
-    neighbours.iter().fold(Place::default(), |sum, near| sum.plus(window[near.at]))
+fn sum_of(window: &Window, neighbours: &[Neighbour]) -> Octet {
+    neighbours.iter().fold(Octet::default(), |sum, near| sum.plus(window[near.at]))
 }
 
 #[cfg(test)]

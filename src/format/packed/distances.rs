@@ -5,7 +5,7 @@
 //! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).
 
 use super::CodingError;
-use super::blocks::{Blocks, CORNERS, EDGES, FACES, Known, Neighbour, SELF, VoxelCoder, Window};
+use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, VoxelCoder, Window};
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
 use super::group::{Group, GroupCoder};
 use super::tables::{SymbolCoder, Tables};
@@ -19,7 +19,7 @@ const OFFSET: usize = 4;
 const OFF: usize = 5;
 const CORNERED: usize = 6;
 
-/// The symbol that says that a cell has corners. The one before it stands for all differences of 96 and more.
+/// The symbol of a cell with corners. The one before it covers all differences of 96 and more.
 const CORNERS_TOKEN: usize = 15;
 /// Further bits of the symbol before: 0 to 158, and the sign.
 const FAR_BITS: u32 = 9;
@@ -54,7 +54,7 @@ static COUNT_CLASSES: Classes = Classes::new(&[0, 1, 2, 4, 7]);
 
 /// Codes the offsets of groups of cells.
 #[derive(Debug)]
-pub struct DistanceCoder {
+pub(crate) struct DistanceCoder {
     blocks: Blocks,
     spread: Tables<128, 5, 7>,
     off: Tables<64, 5, 7>,
@@ -95,20 +95,20 @@ struct Distances<'a> {
     offsets: &'a mut [u8],
 }
 
-/// What the neighbours say of a cell's offset.
+/// The neighbours' predictions of a cell's offset.
 #[derive(Default)]
-struct Said {
-    says: [i32; NEAR],
+struct Predictions {
+    offsets: [i32; NEAR],
     weights: [i32; NEAR],
     planes: i32,
     cornered: i32,
     off: i32,
 }
 
-impl Said {
-    /// Hears neighbours of one kind, the first of them under number `from`.
+impl Predictions {
+    /// Adds neighbours of one kind, the first of them under number `from`.
     #[inline(always)]
-    fn hear(
+    fn add(
         &mut self,
         window: &Window,
         neighbours: &[Neighbour],
@@ -119,14 +119,14 @@ impl Said {
         for (i, near) in neighbours.iter().enumerate() {
             let lanes = &window[near.at].0;
             let known = |lane: usize| i32::from(lanes[lane]);
-            let (mut says, mut apart) = (known(OFFSET), 0);
+            let (mut offset, mut apart) = (known(OFFSET), 0);
             for (a, own) in own.iter().enumerate() {
-                says = says.wrapping_add(own.wrapping_add(known(a)).wrapping_mul(near.away[a]));
+                offset = offset.wrapping_add(own.wrapping_add(known(a)).wrapping_mul(near.away[a]));
                 apart += own.abs_diff(known(a));
             }
             // A place without a plane has no weight.
             let weight = weights[apart as usize % 256] & known(PLANE).wrapping_neg();
-            self.says[(from + i) % NEAR] = says;
+            self.offsets[(from + i) % NEAR] = offset;
             self.weights[(from + i) % NEAR] = weight;
             self.planes = self.planes.wrapping_add(known(PLANE));
             self.cornered = self.cornered.wrapping_add(known(CORNERED));
@@ -138,8 +138,8 @@ impl Said {
     #[inline(always)]
     fn expected(&self) -> (i32, i32) {
         let (mut sum, mut weight) = (0_i32, 0_i32);
-        for (says, w) in self.says.iter().zip(&self.weights) {
-            sum = sum.wrapping_add(says.wrapping_mul(*w));
+        for (offset, w) in self.offsets.iter().zip(&self.weights) {
+            sum = sum.wrapping_add(offset.wrapping_mul(*w));
             weight = weight.wrapping_add(*w);
         }
         if weight == 0 {
@@ -147,8 +147,8 @@ impl Said {
         }
         let expected = (2 * sum + weight).div_euclid(2 * weight).clamp(-127, 127);
         let mut far = 0_i32;
-        for (says, w) in self.says.iter().zip(&self.weights) {
-            far = far.wrapping_add(says.wrapping_sub(expected).wrapping_abs().min(FAR).wrapping_mul(*w));
+        for (offset, w) in self.offsets.iter().zip(&self.weights) {
+            far = far.wrapping_add(offset.wrapping_sub(expected).wrapping_abs().min(FAR).wrapping_mul(*w));
         }
         (expected, 4 * far / weight)
     }
@@ -169,17 +169,17 @@ impl VoxelCoder for Distances<'_> {
             return Err(CodingError::SubtreeTooDeep);
         };
         let own = decode_l1(*normal);
-        let mut said = Said::default();
+        let mut predictions = Predictions::default();
         let [faces, edges, corners] = &WEIGHTS;
-        said.hear(window, &FACES, 0, faces, own);
-        said.hear(window, &EDGES, FACES.len(), edges, own);
-        said.hear(window, &CORNERS, FACES.len() + EDGES.len(), corners, own);
-        let (expected, spread) = said.expected();
-        let first =
-            if said.planes == 0 { 15 } else { SPREAD_CLASSES.of(spread) } * 8 + COUNT_CLASSES.of(said.planes);
-        let off = (4 * said.off).wrapping_mul(SHARES[said.planes as usize % 64]) >> 16;
-        let second =
-            if said.planes == 0 { 15 } else { OFF_CLASSES.of(off) } * 4 + said.cornered.min(3) as usize;
+        predictions.add(window, &FACES, 0, faces, own);
+        predictions.add(window, &EDGES, FACES.len(), edges, own);
+        predictions.add(window, &CORNERS, FACES.len() + EDGES.len(), corners, own);
+        let (expected, spread) = predictions.expected();
+        let first = if predictions.planes == 0 { 15 } else { SPREAD_CLASSES.of(spread) } * 8
+            + COUNT_CLASSES.of(predictions.planes);
+        let off = (4 * predictions.off).wrapping_mul(SHARES[predictions.planes as usize % 64]) >> 16;
+        let second = if predictions.planes == 0 { 15 } else { OFF_CLASSES.of(off) } * 4
+            + predictions.cornered.min(3) as usize;
         let given = slot.cast_signed();
         let residual = i32::from(given) - expected;
         let token = token_of(residual.unsigned_abs()).min(CORNERS_TOKEN - 1);
@@ -197,7 +197,7 @@ impl VoxelCoder for Distances<'_> {
             [own[0], own[1], own[2], 1, offset.into(), residual.abs().min(MAX_OFF), 0, 0]
         };
         // All are far below 32768.
-        window[SELF] = Known::of(lanes);
+        window[SELF] = Octet::of(lanes);
         Ok(())
     }
 }

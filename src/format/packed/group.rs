@@ -14,15 +14,14 @@ pub(super) fn child_place(place: Place, octant: u32) -> Place {
     (place << 1 & 0b11110_11110_11110) | (octant & 1) | (octant & 2) << 4 | (octant & 4) << 8
 }
 
-/// The three coordinates of a place.
 #[inline(always)]
 pub(super) fn coordinates(place: Place) -> [usize; 3] {
     [(place & 31) as usize, (place >> 5 & 31) as usize, (place >> 10 & 31) as usize]
 }
 
-/// What a group holds: its subtrees one after the other, and of their voxels what a codec has to do with.
+/// A group: its subtrees one after the other, and of their voxels what a codec has to do with.
 #[derive(Debug, Default)]
-pub struct Group {
+pub(crate) struct Group {
     /// Infobytes by depth, those of each subtree in Morton order. Without any depth, each subtree is one voxel.
     pub levels: Vec<Vec<u8>>,
     /// How many subtrees.
@@ -37,7 +36,7 @@ pub struct Group {
 
 impl Group {
     /// Nothing, for subtrees of so many levels of nodes.
-    pub fn clear(&mut self, depth: usize) {
+    pub(crate) fn clear(&mut self, depth: usize) {
         self.levels.resize(depth, Vec::new());
         self.levels.iter_mut().for_each(Vec::clear);
         (self.subtrees, self.voxels) = (0, 0);
@@ -47,21 +46,20 @@ impl Group {
 }
 
 /// A codec of groups. What it learns is forgotten at each.
-pub trait GroupCoder: Default + Send {
+pub(crate) trait GroupCoder: Default + Send {
     /// A group is full once it holds this many voxels: enough for the tables to learn.
     const VOXELS: usize;
 
     /// Codes a group: an encoder all of it, a decoder fills in what the codec holds.
     ///
     /// # Errors
-    /// What a decoder reads cannot be; the parts of the group do not belong together.
+    /// The decoder reads impossible values; the parts of the group do not belong together.
     fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError>;
 }
 
 /// Goes through a group's subtrees.
 #[derive(Debug, Default)]
 pub(super) struct Walk {
-    /// Nodes of the subtrees passed, by depth.
     passed: [usize; SUBTREE_DEPTH as usize],
     places: Vec<Place>,
     next: Vec<Place>,
@@ -101,7 +99,6 @@ impl Walk {
     }
 }
 
-/// So many infobytes of a depth.
 fn part(level: &[u8], from: usize, count: usize) -> Result<&[u8], CodingError> {
     let left = level.get(from..).unwrap_or_default();
     left.get(..count).ok_or_else(|| wrong_count(left.len(), count))

@@ -2,13 +2,12 @@
 //! every x86-64 has, and those of AVX2 where the caller has them; elsewhere, and in the test, the same in portable code.
 #![allow(unsafe_code)]
 
-/// Lanes of a row.
 pub(super) const LANES: usize = 16;
 
 /// Sixteen lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(32))]
-pub(super) struct Row(pub(super) [u16; LANES]);
+pub(crate) struct Row(pub(super) [u16; LANES]);
 
 impl Row {
     /// One lane, its number held to the row.
@@ -168,14 +167,12 @@ mod x86 {
             octet(unsafe { _mm_mullo_epi16(vector(self), _mm_set1_epi16(factor)) })
         }
 
-        /// The bits of both.
         #[inline(always)]
         pub(in super::super) fn both(self, other: Self) -> Self {
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
             octet(unsafe { _mm_and_si128(vector(self), vector(other)) })
         }
 
-        /// Lane 3 in all lanes.
         #[inline(always)]
         pub(in super::super) fn all_of_lane_3(self) -> Self {
             // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
@@ -242,13 +239,11 @@ impl Octet {
         Self(self.0.map(|lane| lane.wrapping_mul(factor)))
     }
 
-    /// The bits of both.
     #[inline(always)]
     pub(super) fn both(self, other: Self) -> Self {
         Self(std::array::from_fn(|i| self.0[i] & other.0[i]))
     }
 
-    /// Lane 3 in all lanes.
     #[inline(always)]
     pub(super) fn all_of_lane_3(self) -> Self {
         Self([self.0[3]; 8])

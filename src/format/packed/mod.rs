@@ -13,7 +13,7 @@
 //! Encoder and decoder of each codec are one function over a [`tables::SymbolCoder`], so that they cannot
 //! disagree about a context.
 //!
-//! What was tried, in bits a voxel: infobytes, normals, offsets.
+//! Variants tried, in bits a voxel: infobytes, normals, offsets.
 //!
 //! | | phantom, skin | phantom, cells | head, skin | head, cells | iguana, cells | brain, cells |
 //! |---|---|---|---|---|---|---|
@@ -35,18 +35,18 @@
 //! | and the grid's rows around the next node fetched ahead | 0.25 | 1.10 |
 //!
 //! A voxel that is stored lane by lane is waited for by the next one, which loads all lanes at once: that was most of the gain.
-//! What is left is a chain, neighbours to prediction to table to symbol to neighbour, of some 300 cycles a voxel.
+//! The rest is a chain, neighbours to prediction to table to symbol to neighbour, of some 300 cycles a voxel.
 
 mod blocks;
 mod classes;
-pub mod directions;
-pub mod distances;
+pub(crate) mod directions;
+pub(crate) mod distances;
 mod error;
-pub mod group;
+pub(crate) mod group;
 mod lanes;
-pub mod nibbles;
-pub mod planes;
-pub mod tables;
+pub(crate) mod nibbles;
+pub(crate) mod planes;
+pub(crate) mod tables;
 
 pub use error::CodingError;
 
@@ -66,7 +66,7 @@ pub const CODEC_DISTANCES: u8 = 8;
 pub const GROUPS_MINOR: u16 = 2;
 
 /// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
-/// memory, whatever the model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
+/// memory, for any model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
 pub const SUBTREE_DEPTH: u32 = 6;
 /// Longest stored group that is read: 64 bytes a voxel of the fullest one.
 pub const GROUP_BYTES_LIMIT: u32 = 32 << 20;

@@ -15,7 +15,7 @@ type Rows = Vec<u64>;
 
 /// Codes the infobytes of groups.
 #[derive(Debug)]
-pub struct NodeCoder {
+pub(crate) struct NodeCoder {
     low: Tables<4096, 3, 6>,
     low_of_cells: Tables<512, 3, 6>,
     high: Tables<4096, 3, 6>,
@@ -158,7 +158,7 @@ impl NodeCoder {
     }
 }
 
-/// The two boxes of a row beside the node at x.
+/// The two boxes of a row next to the node at x.
 #[inline(always)]
 fn pair(rows: &[u64; WINDOW], row: usize, x: usize) -> usize {
     (rows[row] >> (2 * x) & 3) as usize

@@ -5,14 +5,14 @@ use std::io;
 use super::CodingError;
 
 /// Content bytes of a block, rounded down to whole items.
-pub const BLOCK_BYTES: usize = 1 << 16;
+pub(crate) const BLOCK_BYTES: usize = 1 << 16;
 /// Longest stored block that is read: zstd adds a few bytes to what it cannot shrink.
-pub const STORED_LIMIT: u32 = 1 << 17;
+pub(crate) const STORED_LIMIT: u32 = 1 << 17;
 /// Compression level: the highest whose state stays near one MiB for such blocks.
 const LEVEL: i32 = 9;
 
 /// Content bytes of a full block of items of `item` bytes.
-pub fn block_bytes(item: u8) -> usize {
+pub(crate) fn block_bytes(item: u8) -> usize {
     BLOCK_BYTES / usize::from(item.max(1)) * usize::from(item.max(1))
 }
 
@@ -20,7 +20,7 @@ pub fn block_bytes(item: u8) -> usize {
 ///
 /// # Errors
 /// The compressor failed (out of memory).
-pub fn encode(content: &[u8], item: u8) -> io::Result<Vec<u8>> {
+pub(crate) fn encode(content: &[u8], item: u8) -> io::Result<Vec<u8>> {
     let item = usize::from(item.max(1));
     let mut planes = Vec::with_capacity(content.len());
     for plane in 0..item {
@@ -37,7 +37,7 @@ pub fn encode(content: &[u8], item: u8) -> io::Result<Vec<u8>> {
 ///
 /// # Errors
 /// Bytes that are not such a block.
-pub fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, CodingError> {
+pub(crate) fn decode(stored: &[u8], item: u8, len: usize) -> Result<Vec<u8>, CodingError> {
     let item = usize::from(item.max(1));
     let planes = zstd::bulk::decompress(stored, len)
         .ok()

@@ -9,9 +9,8 @@ use super::CodingError;
 use super::lanes::{LANES, Row, last_within, mean_of_four, sink};
 use crate::cpu::{Isa, Portable};
 
-/// Symbols of a table: a lane tells how often symbols below it come, of 65536; lane 0 is 0.
+/// Symbols of a table: a lane holds the frequency of symbols below it, of 65536; lane 0 is 0.
 const SYMBOLS: usize = LANES;
-/// Bits of a probability.
 const PROBABILITY_BITS: u32 = 15;
 /// The least share of a symbol in an estimate, of 65536: a quarter of it is one of 32768, so no symbol's share
 /// of the mean is zero.
@@ -40,7 +39,7 @@ const EVEN: Row = {
     Row(row)
 };
 
-/// What a symbol does to the lanes: those above it rise towards 65536, those up to it sink towards 0. Seen from their
+/// The effect of a symbol on the lanes: those above it rise towards 65536, those up to it sink towards 0. Seen from their
 /// ends, through the first row, all sink to the second.
 static WAYS: [[Row; 2]; SYMBOLS] = {
     let mut ways = [[Row([0; SYMBOLS]); 2]; SYMBOLS];
@@ -61,7 +60,7 @@ static WAYS: [[Row; 2]; SYMBOLS] = {
 
 /// `COUNT` contexts, a power of two.
 #[derive(Debug)]
-pub struct Tables<const COUNT: usize, const FAST: u8, const SLOW: u8> {
+pub(crate) struct Tables<const COUNT: usize, const FAST: u8, const SLOW: u8> {
     tables: Box<[Table; COUNT]>,
     seen: Box<[u8; COUNT]>,
 }
@@ -125,17 +124,32 @@ fn share(row: &Row, symbol: usize) -> [u16; 2] {
 
 /// Either direction of coding: an encoder writes the symbols that it is given, a decoder ignores them and returns
 /// those that it reads.
-pub trait SymbolCoder {
+pub(crate) trait SymbolCoder {
     /// Is what comes back not what was given?
     const READS: bool;
 
-    /// Codes one of sixteen symbols in two contexts.
+    type Isa: Isa;
+
+    fn isa(&self) -> Self::Isa;
+
+    /// Codes one of sixteen symbols, of which this is where each begins.
+    fn symbol(&mut self, begins: &Row, symbol: usize) -> usize;
+
+    /// Codes one of sixteen symbols in two contexts, which learn it.
+    #[inline(always)]
     fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
         &mut self,
         first: (&mut Tables<A, FAST, SLOW>, usize),
         second: (&mut Tables<B, FAST, SLOW>, usize),
         symbol: usize,
-    ) -> usize;
+    ) -> usize {
+        let isa = self.isa();
+        let row = begins(isa, &first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+        let symbol = self.symbol(&row, symbol);
+        first.0.learn(isa, first.1, symbol);
+        second.0.learn(isa, second.1, symbol);
+        symbol
+    }
 
     /// Codes `bits` bits, at most 15, all values alike.
     fn even(&mut self, bits: u32, value: u32) -> u32;
@@ -150,9 +164,8 @@ pub trait SymbolCoder {
     fn check(&self) -> Result<(), CodingError>;
 }
 
-/// Writes symbols.
 #[derive(Debug, Default)]
-pub struct Encoder {
+pub(crate) struct Encoder {
     /// Begin and width of the symbols of a block.
     log: Vec<[u16; 2]>,
     items: u32,
@@ -184,7 +197,7 @@ impl Encoder {
     }
 
     /// The finished payload; the encoder is as new.
-    pub fn finish(&mut self) -> Vec<u8> {
+    pub(crate) fn finish(&mut self) -> Vec<u8> {
         if self.items > 0 {
             self.end_block();
         }
@@ -194,19 +207,17 @@ impl Encoder {
 
 impl SymbolCoder for Encoder {
     const READS: bool = false;
+    type Isa = Portable;
 
     #[inline(always)]
-    fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
-        &mut self,
-        first: (&mut Tables<A, FAST, SLOW>, usize),
-        second: (&mut Tables<B, FAST, SLOW>, usize),
-        symbol: usize,
-    ) -> usize {
-        let row = begins(Portable, &first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+    fn isa(&self) -> Portable {
+        Portable
+    }
+
+    #[inline(always)]
+    fn symbol(&mut self, begins: &Row, symbol: usize) -> usize {
         let symbol = symbol % SYMBOLS;
-        self.log.push(share(&row, symbol));
-        first.0.learn(Portable, first.1, symbol);
-        second.0.learn(Portable, second.1, symbol);
+        self.log.push(share(begins, symbol));
         symbol
     }
 
@@ -260,9 +271,14 @@ impl<'a, I: Isa> Decoder<'a, I> {
 
     #[inline(always)]
     fn word(&mut self) -> u32 {
-        let word = self.words.get(self.at).map_or(0, |word| u16::from_le_bytes(*word));
+        let word = self.peek();
         self.at += 1;
-        u32::from(word)
+        word
+    }
+
+    #[inline(always)]
+    fn peek(&self) -> u32 {
+        self.words.get(self.at).map_or(0, |word| u32::from(u16::from_le_bytes(*word)))
     }
 
     fn begin_block(&mut self) {
@@ -306,9 +322,9 @@ impl<'a, I: Isa> Decoder<'a, I> {
         let [state, next] = self.states;
         let value = state % (1 << PROBABILITY_BITS);
         let mut state = width.wrapping_mul(state >> PROBABILITY_BITS).wrapping_add(value).wrapping_sub(start);
-        // Without a branch: nobody could foretell it.
+        // Without a branch: it could not be predicted.
         let is_low = state < STATE;
-        let word = self.words.get(self.at).map_or(0, |word| u32::from(u16::from_le_bytes(*word)));
+        let word = self.peek();
         state = if is_low { state << 16 | word } else { state };
         self.at += usize::from(is_low);
         self.states = [next, state];
@@ -317,23 +333,20 @@ impl<'a, I: Isa> Decoder<'a, I> {
 
 impl<I: Isa> SymbolCoder for Decoder<'_, I> {
     const READS: bool = true;
+    type Isa = I;
 
     #[inline(always)]
-    fn code<const A: usize, const B: usize, const FAST: u8, const SLOW: u8>(
-        &mut self,
-        first: (&mut Tables<A, FAST, SLOW>, usize),
-        second: (&mut Tables<B, FAST, SLOW>, usize),
-        _: usize,
-    ) -> usize {
-        let isa = self.isa;
-        let row = begins(isa, &first.0.tables[first.1 % A], &second.0.tables[second.1 % B]);
+    fn isa(&self) -> I {
+        self.isa
+    }
+
+    #[inline(always)]
+    fn symbol(&mut self, begins: &Row, _: usize) -> usize {
         let value = (self.states[0] % (1 << PROBABILITY_BITS)) as u16;
         // Half of its begin is not above the value.
-        let symbol = last_within(isa, &row, 2 * value + 1);
-        let [start, width] = share(&row, symbol);
+        let symbol = last_within(self.isa, begins, 2 * value + 1);
+        let [start, width] = share(begins, symbol);
         self.step(u32::from(start), u32::from(width));
-        first.0.learn(isa, first.1, symbol);
-        second.0.learn(isa, second.1, symbol);
         symbol
     }
 

@@ -44,10 +44,10 @@ use std::time::Instant;
 use super::build::{BuildJob, BuildSummary, GridOptions};
 use super::picture::thumbnail_file;
 use crate::atomic::sweep;
-use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, costs, peak_rss_bytes};
+use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, peak_rss_bytes};
 use crate::builder::{BuildError, BuildOptions};
-use crate::catalogue::Catalogue;
 use crate::clean::{CleanError, CleanOptions};
+use crate::discovery::Catalogue;
 use crate::error::Error;
 use crate::facts::{CsgFault, Fault, Fill, Instead, Note, sentences};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -65,6 +65,22 @@ use key::Key;
 use lock::FolderLock;
 use options::options_fingerprint;
 use record::{Journal, Record};
+
+/// Code that is resident on top of that of one stage of one job: other jobs are at other stages.
+const BATCH_CODE: u64 = 1 << 20;
+
+/// Memory for opening a small input and watching a job, for each job.
+const JOB_OVERHEAD: u64 = 704 << 10;
+
+/// Least memory that a job is of use with: a build of small slices.
+const MIN_JOB: u64 = 1536 << 10;
+
+/// Series that take more to be opened, of some 40,000 images, are left aside where the least memory for a batch
+/// is stated.
+const USUAL_OPENING: u64 = 16 << 20;
+
+/// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
+const THUMBNAIL_PAGES: u64 = 5 << 20;
 
 /// What to convert, into what, and within which means.
 #[derive(Clone, Debug)]
@@ -162,14 +178,14 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     give_back();
     let budget = Budget::of_job(cap);
     // One series too large to be opened is refused alone.
-    let openable = budget.left_bytes().saturating_sub(costs::JOB_OVERHEAD + costs::MIN_JOB) / 4 * 3;
+    let openable = budget.left_bytes().saturating_sub(JOB_OVERHEAD + MIN_JOB) / 4 * 3;
     catalogue.allow_opening(openable);
     // Fewer jobs where the memory is not enough for all.
     let most_jobs = request.jobs.clamp(1, catalogue.len());
     let reserve = |jobs| reserve_jobs(&budget, &catalogue, openable, jobs).ok().map(|held| (jobs, held));
     let Some((jobs, _watching)) = (1..=most_jobs).rev().find_map(reserve) else {
         let dry = Budget::dry(cap);
-        drop(reserve_jobs(&dry, &catalogue, costs::USUAL_OPENING, 1));
+        drop(reserve_jobs(&dry, &catalogue, USUAL_OPENING, 1));
         return Err(Error::Build(BuildError::BudgetTooSmall {
             name: data(&request.out),
             limit_bytes: limit,
@@ -260,7 +276,7 @@ fn reserve_jobs(
     jobs: usize,
 ) -> Result<Reservation, TooSmall> {
     let held = reserve_beside(budget, catalogue, openable, jobs)?;
-    drop(budget.reserve(costs::MIN_JOB * jobs as u64)?);
+    drop(budget.reserve(MIN_JOB * jobs as u64)?);
     Ok(held)
 }
 
@@ -272,8 +288,8 @@ fn reserve_beside(
     openable: u64,
     jobs: usize,
 ) -> Result<Reservation, TooSmall> {
-    let code = if jobs > 1 { costs::BATCH_CODE } else { 0 };
-    budget.reserve(code + costs::JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
+    let code = if jobs > 1 { BATCH_CODE } else { 0 };
+    budget.reserve(code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
 }
 
 /// What the items that can be opened within `openable` bytes take beside their builds: the largest one while it
@@ -350,7 +366,7 @@ impl Run<'_> {
 
     /// Every volume of one item of the catalogue.
     fn convert_item(&self, slot: usize, at: usize) {
-        let large = self.catalogue.opening_bytes(at) > costs::JOB_OVERHEAD / 2;
+        let large = self.catalogue.opening_bytes(at) > JOB_OVERHEAD / 2;
         let turn = large.then(|| self.opening.lock().unwrap_or_else(PoisonError::into_inner));
         let findings = catch_unwind(AssertUnwindSafe(|| self.catalogue.open(at)));
         drop(turn);
@@ -539,7 +555,7 @@ impl Run<'_> {
     /// Memory of a thumbnail of a model of so many bytes: the picture, and the pages of the model.
     fn thumbnail_bytes(&self, model_bytes: u64) -> u64 {
         let side = self.request.thumbnails;
-        paint_bytes(side, side, self.threads) + model_bytes.min(costs::THUMBNAIL_PAGES)
+        paint_bytes(side, side, self.threads) + model_bytes.min(THUMBNAIL_PAGES)
     }
 
     /// Is there no thumbnail of a model where there should be one, and is there memory for it now?

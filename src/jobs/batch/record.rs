@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use crate::atomic::AtomicFile;
 use crate::exit::ExitKind;
 use crate::platform::FileExt;
-use crate::scratch::nameless;
+use crate::scratch::unnamed;
 use crate::source::BurnedIn;
 
 /// What became of a volume.
@@ -282,7 +282,7 @@ struct Place {
 
 impl Journal {
     pub(super) fn create(folder: &Path) -> io::Result<Self> {
-        Ok(Self { file: nameless(folder)?, index: Mutex::default() })
+        Ok(Self { file: unnamed(folder)?, index: Mutex::default() })
     }
 
     pub(super) fn add(&self, order: (usize, usize), item: &Item) -> io::Result<()> {

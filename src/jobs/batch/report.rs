@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::record::{Item, Journal, Status};
 use super::{BatchRequest, page, write_whole};
 use crate::builder::{Connectivity, Threshold};
-use crate::catalogue::LeftOut;
+use crate::discovery::LeftOut;
 use crate::format::{Channel, SurfaceKind};
 use crate::source::{BurnedIn, GapPolicy};
 use crate::text::{self, data, plain};

@@ -11,7 +11,8 @@ use crate::format::normal;
 use crate::jobs::render::{RenderRequest, render_view};
 use crate::load::{Model, NodeView};
 use crate::render::form::Form;
-use crate::render::{GridSpace, Image, Projection, blend, picture};
+use crate::render::normals::blend;
+use crate::render::{GridSpace, Image, Projection, picture};
 use crate::synthetic::AnalyticVolume;
 
 /// A way to find the first hits of many rays; gives them with the nanoseconds of a ray on one thread.

@@ -13,13 +13,12 @@ use crate::platform::FileExt;
 /// Memory of a decoder: of rows, and of images that come in several passes.
 const DECODER_BYTES: usize = 4 << 20;
 const PASSES_BYTES: usize = 64 << 20;
-/// Longest side of an image.
 const MAX_SIDE: u32 = 32_768;
 /// Texels of an image whose file is small, and more for each of its bytes.
 const MAX_TEXELS: u64 = 1 << 24;
 const MAX_TEXELS_PER_BYTE: u64 = 64;
 
-/// What stops an image: it is wrong, it cannot be read, or the scratch file cannot be written.
+/// Why an image is refused: it is wrong or unreadable, or the scratch file cannot be written.
 #[derive(Debug)]
 pub(super) enum Stop {
     Wrong(ImageFault),
@@ -34,14 +33,14 @@ pub(super) trait Rows {
 }
 
 /// Bytes of a file from a place on.
-struct Run<'a> {
+struct FileRange<'a> {
     file: &'a File,
     offset: u64,
     bytes: u64,
     at: u64,
 }
 
-impl Read for Run<'_> {
+impl Read for FileRange<'_> {
     fn read(&mut self, out: &mut [u8]) -> io::Result<usize> {
         let left = usize::try_from(self.bytes.saturating_sub(self.at)).unwrap_or(usize::MAX);
         let most = out.len().min(left);
@@ -51,7 +50,7 @@ impl Read for Run<'_> {
     }
 }
 
-impl Seek for Run<'_> {
+impl Seek for FileRange<'_> {
     fn seek(&mut self, to: SeekFrom) -> io::Result<u64> {
         let at = match to {
             SeekFrom::Start(at) => Some(at),
@@ -76,7 +75,7 @@ fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), ImageFault> {
 
 /// Hands the rows of an image on; what an image says of transparency is left out.
 pub(super) fn read(image: &Image, rows: &mut dyn Rows) -> Result<(), Stop> {
-    let mut run = Run { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 };
+    let mut run = FileRange { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 };
     let mut head = [0; 4];
     let _short = run.read(&mut head).map_err(Stop::Read)?;
     run.at = 0;
@@ -87,7 +86,7 @@ pub(super) fn read(image: &Image, rows: &mut dyn Rows) -> Result<(), Stop> {
     }
 }
 
-fn read_png(run: Run<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
+fn read_png(run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let bytes = run.bytes;
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => Stop::Read(cause),
@@ -199,7 +198,7 @@ fn rgb(y: i32, b: i32, r: i32) -> [u8; 3] {
 
 /// Are three components brightness and colours? An Adobe marker says it; else the components' names, which are
 /// R, G and B where they are not.
-fn has_differences(run: &mut Run<'_>) -> io::Result<bool> {
+fn has_differences(run: &mut FileRange<'_>) -> io::Result<bool> {
     run.at = 2;
     let mut four = [0; 4];
     while run.read(&mut four)? == 4 && four[0] == 0xff {
@@ -220,7 +219,7 @@ fn has_differences(run: &mut Run<'_>) -> io::Result<bool> {
     Ok(true)
 }
 
-fn read_jpeg(mut run: Run<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
+fn read_jpeg(mut run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let differences = has_differences(&mut run).map_err(Stop::Read)?;
     run.at = 0;
     let bytes = run.bytes;

@@ -1,4 +1,4 @@
-//! What a mesh's surface looks like: the colour, the part and the smooth normal at the nearest point of a triangle.
+//! The look of a mesh's surface: the colour, the part and the smooth normal at the nearest point of a triangle.
 //!
 //! ```text
 //! triangles with looks --numbered--> columns (scratch)     images --linear light, halved--> levels (scratch)
@@ -30,27 +30,27 @@ mod texture;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
+use super::lattice::{HALF, STEPS, Triangle, edges, first_centre, last_centre, span};
 use super::read::{Look, Material, NO_MATERIAL};
 use crate::builder::SkinSlice;
 use crate::facts::SourceError;
 use crate::format::normal;
-use crate::geom::Dims;
+use crate::geom::{Dims, cross};
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
 use point::{nearest_point, squared_distance, texels_per_voxel};
-use store::{Columns, Record};
+use store::Columns;
 pub(super) use texture::Fault;
 use texture::{Pages, Texture};
 
-/// What is wanted of a mesh beside its shape.
+/// Which channels of a mesh are painted.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Wanted {
+pub(super) struct PaintChannels {
     pub(super) colors: bool,
     pub(super) parts: bool,
     pub(super) normals: bool,
 }
 
-impl Wanted {
+impl PaintChannels {
     pub(super) fn anything(self) -> bool {
         self.colors || self.parts || self.normals
     }
@@ -58,7 +58,7 @@ impl Wanted {
 
 /// Number of no triangle.
 const UNKNOWN: u32 = u32::MAX;
-/// Memory while triangles are gathered, beside textures.
+/// Memory while triangles are gathered, without textures.
 pub(super) const COLLECTING_BYTES: u64 = SORTING_BYTES + (1 << 20);
 /// Colour of what has none (sRGB): as models without colours are shown.
 const UNCOLORED: [u8; 3] = [236, 226, 208];
@@ -75,7 +75,7 @@ struct Coat {
 /// Triangles with what they carry.
 #[derive(Debug)]
 pub(super) struct Paint {
-    pub(super) wanted: Wanted,
+    pub(super) wanted: PaintChannels,
     near: Near,
     columns: Columns,
     coats: Vec<Coat>,
@@ -83,15 +83,15 @@ pub(super) struct Paint {
 }
 
 impl Paint {
-    /// Memory that is held beside that of workers.
+    /// Memory that is held in addition to that of workers.
     pub(super) fn bytes(&self) -> u64 {
         self.near.bytes() + (self.coats.len() * size_of::<Coat>()) as u64
     }
 }
 
-/// What is at a point of the surface.
+/// The look of a point of the surface.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Painted {
+pub(super) struct SurfaceLook {
     /// sRGB.
     pub(super) color: [u8; 3],
     pub(super) part: u8,
@@ -99,13 +99,13 @@ pub(super) struct Painted {
     pub(super) normal: Option<[f32; 3]>,
 }
 
-impl Painted {
+impl SurfaceLook {
     pub(super) const NOTHING: Self = Self { color: UNCOLORED, part: 0, normal: None };
 }
 
 /// Gathers what triangles carry, in their order.
 pub(super) struct Collector {
-    wanted: Wanted,
+    wanted: PaintChannels,
     sorter: Sorter,
     columns: Columns,
     coats: Vec<Coat>,
@@ -117,7 +117,7 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    pub(super) fn new(wanted: Wanted, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
+    pub(super) fn new(wanted: PaintChannels, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
         let sorter = Sorter::new(dims, folder).map_err(|cause| scratch(folder, cause))?;
         let columns = Columns::new(folder);
         let folder = folder.to_path_buf();
@@ -147,24 +147,22 @@ impl Collector {
 
     /// Keeps the next triangle and what it carries.
     pub(super) fn add(&mut self, t: &Triangle, look: &Look) -> Result<(), SourceError> {
-        let mut look = *look;
-        let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART);
-        let part = u8::try_from(part).unwrap_or(u8::MAX);
+        let part = self.first_part.saturating_add(look.part.into()).min(LAST_PART) as u32;
+        let mut look = Look { part, ..*look };
         if !self.wanted.normals {
             look.normals = None;
         }
         if !self.wanted.colors {
-            look = Look { normals: look.normals, ..Look::NONE };
+            look = Look { normals: look.normals, part, ..Look::NONE };
         }
         if look.material != NO_MATERIAL {
             look.material = self.first_coat.saturating_add(look.material);
         }
-        let record = Record { material: look.material, part, look };
         let number = self.next;
         // Beyond so many the numbers end; what follows looks like the last.
         self.next = (number + 1).min(UNKNOWN - 1);
         self.columns
-            .put(&record)
+            .put(&look)
             .and_then(|()| self.sorter.add(t, number))
             .map_err(|cause| scratch(&self.folder, cause))
     }
@@ -217,13 +215,12 @@ pub(super) struct Painter<'a> {
     held: Option<usize>,
     records: Vec<Numbered>,
     best: Vec<Best>,
-    last: Option<(u32, Record)>,
+    last: Option<(u32, Look)>,
     colors: Vec<u8>,
     parts: Vec<u8>,
 }
 
 impl<'a> Painter<'a> {
-    /// Memory of one.
     pub(super) const BYTES: u64 = Pages::BYTES
         + (HELD * size_of::<Numbered>() + SkinSlice::MAX_VOXELS * (size_of::<Best>() + 4)) as u64
         + 4096;
@@ -306,40 +303,41 @@ impl<'a> Painter<'a> {
         Ok(())
     }
 
-    /// What a triangle looks like at its point nearest to `p` (lattice steps).
-    fn at(&mut self, number: u32, t: &Triangle, p: [f64; 3]) -> Result<Painted, SourceError> {
+    /// The look of a triangle at its point nearest to `p` (lattice steps).
+    fn at(&mut self, number: u32, t: &Triangle, p: [f64; 3]) -> Result<SurfaceLook, SourceError> {
         if number == UNKNOWN {
-            return Ok(Painted::NOTHING);
+            return Ok(SurfaceLook::NOTHING);
         }
         let failed = |cause| scratch(&self.paint.folder, cause);
-        let record = match &self.last {
-            Some((at, record)) if *at == number => *record,
+        let look = match &self.last {
+            Some((at, look)) if *at == number => *look,
             _ => self.paint.columns.get(number).map_err(failed)?,
         };
-        self.last = Some((number, record));
+        self.last = Some((number, look));
         let weights = nearest_point(t, p);
-        let normal = record.look.normals.and_then(|normals| {
+        let normal = look.normals.and_then(|normals| {
             let n: [f32; 3] = mixed(&normals, weights);
             let length = n.iter().map(|c| c * c).sum::<f32>().sqrt();
             (length > 1e-6).then(|| n.map(|c| c / length))
         });
-        let coat = self.paint.coats.get(record.material as usize);
-        if coat.is_none() && record.look.colors.is_none() {
-            return Ok(Painted { part: record.part, normal, ..Painted::NOTHING });
+        let coat = self.paint.coats.get(look.material as usize);
+        let part = look.part.to_le_bytes()[0];
+        if coat.is_none() && look.colors.is_none() {
+            return Ok(SurfaceLook { part, normal, ..SurfaceLook::NOTHING });
         }
-        let mut light = record.look.colors.map_or([1.0; 3], |colors| mixed(&colors, weights));
+        let mut light = look.colors.map_or([1.0; 3], |colors| mixed(&colors, weights));
         let times = |light: &mut [f32; 3], more: [f32; 3]| {
             light.iter_mut().zip(more).for_each(|(c, more)| *c *= more);
         };
         if let Some(coat) = coat {
             times(&mut light, coat.color);
-            if let (Some(texture), Some(places)) = (&coat.texture, record.look.places) {
+            if let (Some(texture), Some(places)) = (&coat.texture, look.places) {
                 let places = places.map(|place| texture.texels(place));
                 let (rate, at) = (texels_per_voxel(t, &places), mixed(&places, weights));
                 times(&mut light, texture.color(at, rate, &mut self.pages).map_err(failed)?);
             }
         }
-        Ok(Painted { color: light.map(texture::encoded), part: record.part, normal })
+        Ok(SurfaceLook { color: light.map(texture::encoded), part, normal })
     }
 }
 
@@ -369,7 +367,7 @@ fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
         while left != 0 {
             let x = left.trailing_zeros();
             left &= left - 1;
-            let f = ready.get_or_insert_with(|| Plane::new(t));
+            let f = ready.get_or_insert_with(|| FacetPlane::new(t));
             let p = [skin.corner()[0] + x, skin.corner()[1] + y as u32, skin.corner()[2]].map(centre);
             let height = f.squared_height(p);
             let best = &mut best[BRICK * y as usize + x as usize];
@@ -388,20 +386,18 @@ fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
     }
 }
 
-/// A triangle's plane.
-struct Plane {
+struct FacetPlane {
     normal: [f64; 3],
     at: [f64; 3],
 }
 
-impl Plane {
+impl FacetPlane {
     fn new(t: &Triangle) -> Self {
-        let f = t.map(f64::from);
-        let (b, c) = ([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
-        let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let [at, b, c] = edges(t);
+        let n = cross(b, c);
         let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
         let normal = if length > 0.0 { n.map(|c| c / length) } else { [0.0; 3] };
-        Self { normal, at: [f[0], f[1], f[2]] }
+        Self { normal, at }
     }
 
     /// Squared distance of a point, rounded.

@@ -1,4 +1,4 @@
-//! Triangles that may be near to the voxels of a box, sorted by boxes in a nameless file.
+//! Triangles that may be near to the voxels of a box, sorted by boxes in a scratch file.
 //!
 //! They wait in their order, are counted by boxes, and are then written again, box by box: within one in their order.
 #![expect(clippy::cast_possible_truncation, reason = "boxes lie within the grid, their number is bounded")]
@@ -7,15 +7,12 @@ use std::fs::File;
 use std::io;
 use std::path::Path;
 
-use super::super::lattice::{STEPS, Triangle, centres};
-use crate::geom::Dims;
+use super::super::lattice::{STEPS, Triangle, centres, edges};
+use crate::geom::{Dims, cross};
 use crate::platform::FileExt;
 
-/// A triangle and its number.
 pub(super) type Numbered = [i32; 10];
-/// Bytes of one.
 const RECORD: usize = size_of::<Numbered>();
-/// Most boxes of a grid.
 const MAX_BOXES: u64 = 1 << 15;
 /// Voxels beyond a box that its triangles are near to.
 pub(super) const BEYOND: i32 = 2;
@@ -23,10 +20,9 @@ pub(super) const BEYOND: i32 = 2;
 const BATCH: usize = 4096;
 pub(super) const BLOCK: usize = 1024;
 
-/// Memory while triangles are gathered, beside the boxes.
+/// Memory while triangles are gathered, without the boxes.
 pub(super) const SORTING_BYTES: u64 = (BATCH * (RECORD + 16) + 4 * BLOCK * RECORD) as u64;
 
-/// The boxes of a grid.
 #[derive(Clone, Copy, Debug)]
 struct Boxes {
     /// Edge, as a power of two of a voxel.
@@ -60,7 +56,7 @@ impl Boxes {
             *out = (first.max(0), ((high + 1 + BEYOND) >> self.shift).min(self.sides[axis] - 1));
         }
         let [(x0, x1), (y0, y1), (z0, z1)] = ranges;
-        let plane = Plane::new(t, self.shift);
+        let plane = NearPlane::new(t, self.shift);
         for z in z0..=z1 {
             for y in y0..=y1 {
                 for x in x0..=x1 {
@@ -73,25 +69,24 @@ impl Boxes {
     }
 }
 
-/// A triangle's plane, to tell boxes that are far from it.
-struct Plane {
+/// The plane of a triangle, with the distance within which a box is near.
+struct NearPlane {
     normal: [f64; 3],
     offset: f64,
     edge: f64,
     reach: f64,
 }
 
-impl Plane {
+impl NearPlane {
     fn new(t: &Triangle, shift: i32) -> Self {
-        let f = t.map(f64::from);
-        let (b, c) = ([f[3] - f[0], f[4] - f[1], f[5] - f[2]], [f[6] - f[0], f[7] - f[1], f[8] - f[2]]);
-        let n = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
+        let [a, b, c] = edges(t);
+        let n = cross(b, c);
         let edge = f64::from(STEPS) * f64::from(1 << shift);
         let length = n.iter().map(|c| c * c).sum::<f64>().sqrt();
         // Half a box along each axis, three voxels, and a hundredth for rounding.
         let half = n.iter().map(|c| c.abs()).sum::<f64>() * edge * 0.51;
         let reach = half + length * f64::from((BEYOND + 1) * STEPS);
-        Self { normal: n, offset: n[0] * f[0] + n[1] * f[1] + n[2] * f[2], edge, reach }
+        Self { normal: n, offset: n[0] * a[0] + n[1] * a[1] + n[2] * a[2], edge, reach }
     }
 
     fn is_near(&self, at: [i32; 3]) -> bool {
@@ -100,7 +95,6 @@ impl Plane {
     }
 }
 
-/// Gathers triangles.
 #[derive(Debug)]
 pub(super) struct Sorter {
     boxes: Boxes,
@@ -110,7 +104,6 @@ pub(super) struct Sorter {
     written: u64,
 }
 
-/// Triangles by boxes.
 #[derive(Debug)]
 pub(super) struct Near {
     boxes: Boxes,
@@ -122,7 +115,7 @@ pub(super) struct Near {
 impl Sorter {
     pub(super) fn new(dims: Dims, folder: &Path) -> io::Result<Self> {
         let boxes = Boxes::new(dims);
-        let file = crate::scratch::nameless(folder)?;
+        let file = crate::scratch::unnamed(folder)?;
         let buffer = Vec::with_capacity(BLOCK);
         Ok(Self { boxes, counts: vec![0; boxes.count()], file, buffer, written: 0 })
     }
@@ -153,7 +146,7 @@ impl Sorter {
         }
         starts.push(all);
         drop(std::mem::take(&mut self.counts));
-        let out = crate::scratch::nameless(folder)?;
+        let out = crate::scratch::unnamed(folder)?;
         let mut next = starts.clone();
         // Box and place in the block.
         let mut order: Vec<(u32, u16)> = Vec::with_capacity(BATCH);
@@ -203,12 +196,10 @@ fn write(
 }
 
 impl Near {
-    /// Memory of the boxes.
     pub(super) fn bytes(&self) -> u64 {
         (self.starts.len() * size_of::<u64>()) as u64
     }
 
-    /// The box of a voxel.
     pub(super) fn box_of(&self, voxel: [u32; 3]) -> usize {
         let [x, y, z] = voxel.map(|c| c as i32 >> self.boxes.shift);
         ((z * self.boxes.sides[1] + y) * self.boxes.sides[0] + x) as usize

@@ -1,6 +1,7 @@
 //! The nearest point of a triangle, and how many texels lie on a voxel there.
 
-use super::super::lattice::{STEPS, Triangle};
+use super::super::lattice::{STEPS, Triangle, edges};
+use super::super::nearest::{self, Point};
 use crate::geom::dot;
 
 /// The corners' weights at the triangle's point nearest to `p` (Ericson 2005, 5.1.5).
@@ -10,50 +11,23 @@ pub(super) fn nearest_point(t: &Triangle, p: [f64; 3]) -> [f32; 3] {
     [(1.0 - v - w) as f32, v as f32, w as f32]
 }
 
-/// Squared distance of a point.
 pub(super) fn squared_distance(t: &Triangle, p: [f64; 3]) -> f64 {
     let ([a, ab, ac], [v, w]) = (edges(t), second_and_third(t, p));
     let d: [f64; 3] = std::array::from_fn(|k| p[k] - a[k] - v * ab[k] - w * ac[k]);
     dot(d, d)
 }
 
-fn edges(t: &Triangle) -> [[f64; 3]; 3] {
-    let f = t.map(f64::from);
-    let edge = |k: usize| [f[k] - f[0], f[k + 1] - f[1], f[k + 2] - f[2]];
-    [[f[0], f[1], f[2]], edge(3), edge(6)]
-}
-
 fn second_and_third(t: &Triangle, p: [f64; 3]) -> [f64; 2] {
     let [a, ab, ac] = edges(t);
     let ap = [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
-    let (abab, abac, acac) = (dot(ab, ab), dot(ab, ac), dot(ac, ac));
-    let (d1, d2) = (dot(ab, ap), dot(ac, ap));
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return [0.0, 0.0];
+    let products = [dot(ab, ab), dot(ab, ac), dot(ac, ac)];
+    match nearest::nearest_point([dot(ab, ap), dot(ac, ap)], products) {
+        Point::Border(weights) => weights,
+        Point::Face([va, vb, vc]) => {
+            let all = va + vb + vc;
+            if all > 0.0 { [vb / all, vc / all] } else { [0.0, 0.0] }
+        }
     }
-    let (d3, d4) = (d1 - abab, d2 - abac);
-    if d3 >= 0.0 && d4 <= d3 {
-        return [1.0, 0.0];
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return [d1 / abab, 0.0];
-    }
-    let (d5, d6) = (d1 - abac, d2 - acac);
-    if d6 >= 0.0 && d5 <= d6 {
-        return [0.0, 1.0];
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return [0.0, d2 / acac];
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return [1.0 - w, w];
-    }
-    let all = va + vb + vc;
-    if all > 0.0 { [vb / all, vc / all] } else { [0.0, 0.0] }
 }
 
 /// Most texels that a step of a voxel on the triangle leads across, whichever way it goes.

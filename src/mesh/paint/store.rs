@@ -1,4 +1,4 @@
-//! What triangles carry, by their numbers: a nameless file for each kind, with holes where triangles lack it.
+//! Looks of triangles by their numbers: a scratch file for each kind, with holes where triangles lack it.
 
 use std::fs::File;
 use std::io;
@@ -8,20 +8,11 @@ use crate::platform::FileExt;
 
 use super::super::read::Look;
 
-/// What is kept of a triangle.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct Record {
-    pub(super) material: u32,
-    pub(super) part: u8,
-    pub(super) look: Look,
-}
-
 /// Numbers of a triangle's kinds: material with part and kinds, colours, places and normals.
 const NUMBERS: [usize; 4] = [2, 9, 6, 9];
 /// Bytes written at a time.
 const BUFFER: usize = 32 << 10;
 
-/// One kind.
 #[derive(Debug, Default)]
 struct Column {
     file: Option<File>,
@@ -42,7 +33,7 @@ impl Column {
     fn put(&mut self, number: u64, values: &[u32], folder: &Path) -> io::Result<()> {
         let record = 4 * values.len();
         if self.file.is_none() {
-            self.file = Some(crate::scratch::nameless(folder)?);
+            self.file = Some(crate::scratch::unnamed(folder)?);
         }
         let next = self.first + (self.buffer.len() / record) as u64;
         if next != number || self.buffer.len() + record > BUFFER {
@@ -65,7 +56,6 @@ impl Column {
     }
 }
 
-/// All kinds.
 #[derive(Debug)]
 pub(super) struct Columns {
     kinds: [Column; 4],
@@ -85,27 +75,22 @@ impl Columns {
     }
 
     /// Appends what the next triangle carries.
-    pub(super) fn put(&mut self, record: &Record) -> io::Result<()> {
-        let Look { colors, places, normals, .. } = &record.look;
-        let kinds = u32::from(colors.is_some())
-            | u32::from(places.is_some()) << 1
-            | u32::from(normals.is_some()) << 2;
-        let bits = |v: &f32| v.to_bits();
+    pub(super) fn put(&mut self, look: &Look) -> io::Result<()> {
+        let Look { colors, places, normals, material, part } = look;
+        let values = [
+            colors.as_ref().map(|of| of.as_flattened()),
+            places.as_ref().map(|of| of.as_flattened()),
+            normals.as_ref().map(|of| of.as_flattened()),
+        ];
+        let kinds = (0..3).fold(0, |kinds, k| kinds | u32::from(values[k].is_some()) << k);
         let number = self.count;
         self.count += 1;
-        let [base, of_colors, of_places, of_normals] = &mut self.kinds;
-        base.put(number, &[record.material, u32::from(record.part) | kinds << 8], &self.folder)?;
-        if let Some(colors) = colors {
-            let values: Vec<u32> = colors.iter().flatten().map(bits).collect();
-            of_colors.put(number, &values, &self.folder)?;
-        }
-        if let Some(places) = places {
-            let values: Vec<u32> = places.iter().flatten().map(bits).collect();
-            of_places.put(number, &values, &self.folder)?;
-        }
-        if let Some(normals) = normals {
-            let values: Vec<u32> = normals.iter().flatten().map(bits).collect();
-            of_normals.put(number, &values, &self.folder)?;
+        let [base, others @ ..] = &mut self.kinds;
+        base.put(number, &[*material, part & 0xff | kinds << 8], &self.folder)?;
+        for (column, values) in others.iter_mut().zip(values) {
+            if let Some(values) = values {
+                column.put(number, bytemuck::cast_slice(values), &self.folder)?;
+            }
         }
         Ok(())
     }
@@ -119,21 +104,17 @@ impl Columns {
         Ok(())
     }
 
-    /// What a triangle carries.
-    pub(super) fn get(&self, number: u32) -> io::Result<Record> {
+    pub(super) fn get(&self, number: u32) -> io::Result<Look> {
         let [base, colors, places, normals] = &self.kinds;
         let [material, more] = base.get::<2>(number)?.map(f32::to_bits);
         let has = |kind: u32| more >> (8 + kind) & 1 == 1;
-        let look = Look {
+        Ok(Look {
             colors: if has(0) { Some(three(&colors.get::<9>(number)?)) } else { None },
             places: if has(1) { Some(three(&places.get::<6>(number)?)) } else { None },
             normals: if has(2) { Some(three(&normals.get::<9>(number)?)) } else { None },
             material,
-            part: 0,
-        };
-        #[expect(clippy::cast_possible_truncation, reason = "written from a byte")]
-        let part = more as u8;
-        Ok(Record { material, part, look })
+            part: more & 0xff,
+        })
     }
 }
 
@@ -146,24 +127,23 @@ mod tests {
     fn triangles_get_back_what_they_carry() {
         let folder = tempfile::tempdir().unwrap();
         let mut columns = Columns::new(folder.path());
-        let record = |at: u32| {
+        let look = |at: u32| {
             #[expect(clippy::cast_precision_loss, reason = "small")]
             let v = at as f32;
-            let look = Look {
+            Look {
                 colors: at.is_multiple_of(3).then_some([[v, 0.5, 0.25], [1.0, v, 0.0], [0.0, 0.0, v]]),
                 places: at.is_multiple_of(7).then_some([[v, -v], [0.0, 1.0], [v, v]]),
                 normals: at.is_multiple_of(2).then_some([[v; 3], [1.0; 3], [-v; 3]]),
                 material: if at.is_multiple_of(5) { NO_MATERIAL } else { at },
-                part: 0,
-            };
-            Record { material: look.material, part: (at % 256) as u8, look }
+                part: at % 256,
+            }
         };
         for at in 0..5000 {
-            columns.put(&record(at)).unwrap();
+            columns.put(&look(at)).unwrap();
         }
         columns.flush().unwrap();
         for at in [0, 1, 6, 7, 42, 4095, 4998, 4999] {
-            assert_eq!(columns.get(at).unwrap(), record(at));
+            assert_eq!(columns.get(at).unwrap(), look(at));
         }
         assert!(columns.get(5000).is_err());
     }

@@ -1,4 +1,4 @@
-//! Textures: an image in linear light, in sizes of which each is half of the one before, in a nameless file.
+//! Textures: an image in linear light, in sizes of which each is half of the one before, in a scratch file.
 //!
 //! A texel of size l is the mean of up to 2^l x 2^l texels of the image. A colour is that of the two sizes whose
 //! texels are next to a voxel's, each mixed from four texels, so that it is the mean over the voxel about.
@@ -8,7 +8,7 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use super::super::read::{Image, Texture as Stated, Wrap, linear};
+use super::super::read::{Image, Texture as FileTexture, Wrap, linear};
 use super::image::{Rows, Stop, read};
 use crate::facts::{MeshFault, SourceError};
 use crate::platform::FileExt;
@@ -21,14 +21,13 @@ const PAGES: usize = 509;
 /// Most sizes of an image: sides are below 2^16.
 const MAX_LEVELS: usize = 17;
 
-/// What stops a texture.
+/// Why a texture is refused.
 #[derive(Debug)]
 pub(in crate::mesh) enum Fault {
     Mesh(MeshFault),
     Source(SourceError),
 }
 
-/// One size of an image.
 #[derive(Clone, Copy, Debug)]
 struct Level {
     width: u32,
@@ -36,16 +35,14 @@ struct Level {
     offset: u64,
 }
 
-/// All sizes of an image.
 #[derive(Debug)]
 pub(super) struct Levels {
     file: File,
-    /// Of every image another, for the pages of workers.
+    /// The number of its image, for the pages of workers.
     number: u32,
     levels: Vec<Level>,
 }
 
-/// A texture of a material.
 #[derive(Debug)]
 pub(super) struct Texture {
     levels: Arc<Levels>,
@@ -82,7 +79,7 @@ type Row = Vec<[u16; 3]>;
 struct Halver {
     file: File,
     levels: Vec<Level>,
-    /// Of every size: rows that came, and the last one where it waits for the next.
+    /// For every size: rows that came, and the last one where it waits for the next.
     seen: Vec<(u32, Option<Row>)>,
 }
 
@@ -147,7 +144,7 @@ impl Rows for Halver {
 impl Levels {
     fn read(image: &Image, number: u32, folder: &Path) -> Result<Self, Fault> {
         let scratch = |cause| Fault::Source(SourceError::Scratch { path: folder.to_path_buf(), cause });
-        let file = crate::scratch::nameless(folder).map_err(scratch)?;
+        let file = crate::scratch::unnamed(folder).map_err(scratch)?;
         let mut halver = Halver { file, levels: Vec::new(), seen: Vec::new() };
         match read(image, &mut halver) {
             Ok(()) => Ok(Self { file: halver.file, number, levels: halver.levels }),
@@ -161,11 +158,11 @@ impl Levels {
 }
 
 /// Images of a file that were read, by where they are.
-pub(super) type Known = Vec<(Arc<Image>, Arc<Levels>)>;
+pub(super) type ReadImages = Vec<(Arc<Image>, Arc<Levels>)>;
 
 impl Texture {
     /// Reads a texture's image, unless another texture had the same.
-    pub(super) fn open(stated: &Stated, folder: &Path, known: &mut Known) -> Result<Self, Fault> {
+    pub(super) fn open(stated: &FileTexture, folder: &Path, known: &mut ReadImages) -> Result<Self, Fault> {
         let levels = match known.iter().find(|(image, _)| Arc::ptr_eq(image, &stated.image)) {
             Some((_, levels)) => levels.clone(),
             None => {
@@ -264,7 +261,6 @@ pub(super) struct Pages {
 }
 
 impl Pages {
-    /// Memory of one.
     pub(super) const BYTES: u64 = (PAGES * (PAGE * TEXEL + 20) + 1024) as u64;
 
     pub(super) fn new() -> Self {

@@ -1,4 +1,4 @@
-//! What a triangle carries beside its corners, and what materials are.
+//! Looks of triangles, and materials.
 
 use std::fs::File;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::sync::Arc;
 /// Marks a triangle without a material.
 pub(in crate::mesh) const NO_MATERIAL: u32 = u32::MAX;
 
-/// What a triangle carries; each for its three corners in turn.
+/// The look of a triangle: each part for its three corners in turn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(in crate::mesh) struct Look {
     /// Red, green and blue in linear light, 0 to 1.
@@ -23,7 +23,7 @@ pub(in crate::mesh) struct Look {
 
 impl Look {
     /// The same for corners that begin with another one: the second, where `by` is 1, or the third.
-    pub(in crate::mesh) fn turned(mut self, by: usize) -> Self {
+    pub(in crate::mesh) fn rotated(mut self, by: usize) -> Self {
         if let Some(colors) = &mut self.colors {
             colors.rotate_left(by % 3);
         }
@@ -36,12 +36,11 @@ impl Look {
         self
     }
 
-    /// Nothing.
     pub(in crate::mesh) const NONE: Self =
         Self { colors: None, places: None, normals: None, material: NO_MATERIAL, part: 0 };
 }
 
-/// What a surface looks like: a colour, times that of a texture.
+/// The look of a surface: a colour, times that of a texture.
 #[derive(Clone, Debug)]
 pub(in crate::mesh) struct Material {
     /// Linear light.
@@ -67,14 +66,14 @@ pub(in crate::mesh) const UNPLACED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0,
 /// Bytes of an image file, somewhere in a file.
 #[derive(Debug)]
 pub(in crate::mesh) struct Image {
-    /// What it is called in sentences.
+    /// Its name in messages.
     pub(in crate::mesh) name: String,
     pub(in crate::mesh) file: Arc<File>,
     pub(in crate::mesh) offset: u64,
     pub(in crate::mesh) bytes: u64,
 }
 
-/// What lies beyond the edges of an image.
+/// How an image continues beyond its edges.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in crate::mesh) enum Wrap {
     Repeat,

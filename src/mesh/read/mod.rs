@@ -1,8 +1,8 @@
 //! Triangles from files, in their order, in constant memory.
 //!
-//! What a file is, is told by its content. A mesh is read once or twice from its beginning to its end; where faces
-//! name vertices by number, these are looked up in the file itself or, for formats of text, in a nameless file
-//! through a small cache of pages.
+//! The content of a file decides its format. A mesh is read once or twice from its beginning to its end; where faces
+//! name vertices by number, these are looked up in the file itself or, for text formats, in a scratch file, through
+//! a small cache of pages.
 //!
 //! | part | what it holds |
 //! |---|---|
@@ -12,14 +12,12 @@
 //! | `obj`, `text` | OBJ with MTL; OFF, and what text has in common |
 //! | `gltf` | glTF, binary and text |
 //! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
-//! | `beside`, `look` | files that a mesh names; colours and textures |
-//! | `limits` | what a reader may take and is asked for |
+//! | `linked`, `look` | files that a mesh names; colours and textures |
 //! | `vertices`, `vertex_looks` | vertices, and what they carry, by number |
 //! | `stop` | what stops a reader |
 
-mod beside;
 mod gltf;
-mod limits;
+mod linked;
 mod look;
 mod obj;
 mod parts;
@@ -37,16 +35,15 @@ mod zip;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
-use super::corner::{Corner, EachCorners, Place};
+use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::facts::{Fault, MeshFault, SourceError};
-pub(super) use limits::Limits;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
-use stop::{Each, EachLook, Stop};
+pub(super) use stop::Stop;
+use stop::{Each, EachLook};
 
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
 
-/// A format that is read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Format {
     Stl,
@@ -60,9 +57,9 @@ enum Format {
 impl Format {
     const ALL: [Self; 6] = [Self::Stl, Self::Ply, Self::Obj, Self::Off, Self::Gltf, Self::ThreeMf];
 
-    /// By the first bytes and the length of a file; where these do not tell, by its name.
+    /// By the first bytes and the length of a file, else by its name.
     fn of(head: &[u8], bytes: u64, path: &Path) -> Option<Self> {
-        let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
+        let named = |suffix| has_suffix(path, suffix);
         if stl::binary_triangles(head, bytes).is_some() {
             return Some(Self::Stl);
         }
@@ -78,7 +75,6 @@ impl Format {
         if gltf::is_binary(head) || named("gltf") {
             return Some(Self::Gltf);
         }
-        // Other archives are no meshes.
         if named("3mf") {
             return Some(Self::ThreeMf);
         }
@@ -97,50 +93,91 @@ impl Format {
     }
 }
 
-/// The format of a mesh, by its first bytes (512 are enough), its length, and its name where these do not tell.
+/// The format of a mesh, by its first bytes (512 are enough), its length, and its name.
 pub(crate) fn format_of(head: &[u8], bytes: u64, path: &Path) -> Option<&'static str> {
     Format::of(head.get(..stream::HEAD).unwrap_or(head), bytes, path).map(Format::name)
 }
 
-/// Is this the name of a mesh?
 pub(crate) fn is_named(path: &Path) -> bool {
-    let named = |suffix: &str| path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix));
-    Format::ALL.iter().any(|format| named(format.name())) || named("glb")
+    Format::ALL.iter().any(|format| has_suffix(path, format.name())) || has_suffix(path, "glb")
 }
 
-/// Looks at what a mesh states at its beginning, without reading it.
+fn has_suffix(path: &Path, suffix: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix))
+}
+
+/// An open file, its length, its first bytes and its format.
+fn open_file(path: &Path) -> Result<(File, u64, Vec<u8>, Format), Stop> {
+    let file = File::open(path).map_err(Stop::Read)?;
+    let bytes = file.metadata().map_err(Stop::Read)?.len();
+    let head = stream::head(&file).map_err(Stop::Read)?;
+    let format = Format::of(&head, bytes, path).ok_or(MeshFault::Unknown)?;
+    Ok((file, bytes, head, format))
+}
+
+/// Checks the beginning of a mesh, without reading the rest.
 ///
 /// # Errors
 /// It would be refused.
 pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> {
-    let look = || -> Result<(), Stop> {
-        let file = File::open(path).map_err(Stop::Read)?;
-        let bytes = file.metadata().map_err(Stop::Read)?.len();
-        let head = stream::head(&file).map_err(Stop::Read)?;
-        match Format::of(&head, bytes, path) {
-            Some(Format::Stl) if stl::binary_triangles(&head, bytes).is_none() && !stl::is_text(&head) => {
-                Err(stl::count_lies(&head, bytes).into())
-            }
-            Some(Format::Ply) => ply::check(file, bytes),
-            Some(Format::Gltf) => {
+    let check = || -> Result<(), Stop> {
+        let (file, bytes, head, format) = open_file(path)?;
+        match format {
+            Format::Stl => stl::triangles(&head, bytes).map(drop),
+            Format::Ply => ply::check(file, bytes),
+            Format::Gltf => {
                 let scratch = std::env::temp_dir();
-                gltf::Gltf::open(file, bytes, path, &Limits { follow_links, ..Limits::plain(&scratch) })
-                    .map(drop)
+                gltf::open(file, bytes, path, &Limits { follow_links, ..Limits::plain(&scratch) }).map(drop)
             }
-            Some(Format::ThreeMf) => threemf::check(&file, bytes),
-            Some(Format::Stl | Format::Obj | Format::Off) => Ok(()),
-            None => Err(MeshFault::Unknown.into()),
+            Format::ThreeMf => threemf::check(&file, bytes),
+            Format::Obj | Format::Off => Ok(()),
         }
     };
-    look().map_err(|stop| told(path, path, stop))
+    check().map_err(|stop| error_of(path, path, stop))
 }
 
-/// An open mesh.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Limits<'a> {
+    pub(super) scratch: &'a Path,
+    /// Memory for the description of a file, in addition to [`READER_BYTES`].
+    pub(super) most_bytes: u64,
+    /// May links lead from a file that a mesh names out of its folder?
+    pub(super) follow_links: bool,
+    /// Are looks of vertices wanted, and colours and textures among them?
+    pub(super) looks: bool,
+    pub(super) colors: bool,
+    /// Millimetres of the unit that callers assume: coordinates of files that state their unit are brought to it.
+    pub(super) unit_mm: f64,
+}
+
+impl<'a> Limits<'a> {
+    /// Shapes in millimetres, and a few MiB.
+    pub(super) fn plain(scratch: &'a Path) -> Self {
+        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, colors: false, unit_mm: 1.0 }
+    }
+}
+
+/// All that an open file has besides its triangles.
+#[derive(Debug, Default)]
+pub(super) struct Summary {
+    pub(super) materials: Vec<Material>,
+    /// Other files that it is read from.
+    pub(super) files: Vec<PathBuf>,
+    /// Names of files of materials that are missing.
+    pub(super) missing: Vec<String>,
+    /// Memory of its description.
+    pub(super) held_bytes: u64,
+    parts: u64,
+    /// Has it colours, and normals of vertices? For a mesh that was opened with looks.
+    pub(super) looks: [bool; 2],
+}
+
 #[derive(Debug)]
 pub(super) struct MeshFile {
     path: PathBuf,
     unit_mm: f64,
     kind: Kind,
+    pub(super) summary: Summary,
 }
 
 #[derive(Debug)]
@@ -155,71 +192,49 @@ enum Kind {
 }
 
 impl MeshFile {
-    /// Opens a mesh; vertices of formats of text wait in a nameless file in `scratch`.
+    /// Opens a mesh; vertices of text formats are written to a scratch file.
     ///
     /// # Errors
-    /// It cannot be read, or is no mesh of a format that is known.
+    /// It cannot be read, or its format is unknown.
     pub(super) fn open(path: &Path, limits: &Limits<'_>) -> Result<Self, SourceError> {
-        Self::open_kind(path, limits)
-            .map(|kind| Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, kind })
-            .map_err(|stop| told(path, limits.scratch, stop))
+        let (kind, summary) =
+            Self::open_kind(path, limits).map_err(|stop| error_of(path, limits.scratch, stop))?;
+        Ok(Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, kind, summary })
     }
 
-    fn open_kind(path: &Path, limits: &Limits<'_>) -> Result<Kind, Stop> {
-        let scratch = limits.scratch;
-        let file = File::open(path).map_err(Stop::Read)?;
-        let bytes = file.metadata().map_err(Stop::Read)?.len();
-        let head = stream::head(&file).map_err(Stop::Read)?;
-        match Format::of(&head, bytes, path) {
-            Some(Format::Stl) => match stl::binary_triangles(&head, bytes) {
-                Some(triangles) => Ok(Kind::StlBinary { file, triangles }),
-                None if stl::is_text(&head) => Ok(Kind::StlText { file }),
-                None => Err(stl::count_lies(&head, bytes).into()),
+    fn open_kind(path: &Path, limits: &Limits<'_>) -> Result<(Kind, Summary), Stop> {
+        let (file, bytes, head, format) = open_file(path)?;
+        let kind = match format {
+            Format::Stl => match stl::triangles(&head, bytes)? {
+                Some(triangles) => Kind::StlBinary { file, triangles },
+                None => Kind::StlText { file },
             },
-            Some(Format::Ply) => Ok(Kind::Ply(ply::Ply::open(file, bytes, limits)?)),
-            Some(Format::Off) => Ok(Kind::Off(text::Faces::off(&file, bytes, scratch)?)),
-            Some(Format::Obj) => obj::Obj::open(&file, path, limits).map(|open| Kind::Obj(Box::new(open))),
-            Some(Format::Gltf) => {
-                gltf::Gltf::open(file, bytes, path, limits).map(|open| Kind::Gltf(Box::new(open)))
+            Format::Ply => {
+                let open = ply::Ply::open(file, bytes, limits)?;
+                let looks = open.has_looks();
+                return Ok((Kind::Ply(open), Summary { looks, ..Summary::default() }));
             }
-            Some(Format::ThreeMf) => {
-                threemf::ThreeMf::open(file, bytes, limits).map(|open| Kind::ThreeMf(Box::new(open)))
+            Format::Off => Kind::Off(text::Faces::off(&file, bytes, limits.scratch)?),
+            Format::Obj => return obj::open(&file, path, limits).map(|(o, s)| (Kind::Obj(Box::new(o)), s)),
+            Format::Gltf => {
+                return gltf::open(file, bytes, path, limits).map(|(o, s)| (Kind::Gltf(Box::new(o)), s));
             }
-            None => Err(MeshFault::Unknown.into()),
-        }
+            Format::ThreeMf => {
+                return threemf::open(file, bytes, limits).map(|(o, s)| (Kind::ThreeMf(Box::new(o)), s));
+            }
+        };
+        Ok((kind, Summary::default()))
     }
 
-    /// Memory that it holds for what it says of its parts.
-    pub(super) fn held_bytes(&self) -> u64 {
-        match &self.kind {
-            Kind::Obj(open) => open.held_bytes(),
-            Kind::Gltf(open) => open.held_bytes(),
-            Kind::ThreeMf(open) => open.held_bytes(),
-            _ => 0,
-        }
-    }
-
-    /// Files beside it that it is read from, too.
-    pub(super) fn beside(&self) -> &[PathBuf] {
-        match &self.kind {
-            Kind::Obj(open) => open.beside(),
-            Kind::Gltf(open) => open.beside(),
-            _ => &[],
-        }
-    }
-
-    /// Files that it takes its colours from, and that are not there.
-    pub(super) fn missing(&self) -> &[String] {
-        match &self.kind {
-            Kind::Obj(open) => open.missing(),
-            _ => &[],
-        }
+    /// Number of parts, at least one.
+    pub(super) fn parts(&self) -> u64 {
+        self.summary.parts.max(1)
     }
 
     /// Calls `each` with every triangle; faces with more vertices are cut into a fan.
     ///
     /// # Errors
-    /// The file is wrong, or `each` says so.
+    /// The file is wrong, or `each` fails.
     pub(super) fn for_each(&self, scratch: &Path, each: &mut Each<'_>) -> Result<(), SourceError> {
         let read = match &self.kind {
             Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, each),
@@ -231,35 +246,36 @@ impl MeshFile {
                 return self.for_each_look(scratch, &mut |t, _| each(t));
             }
         };
-        read.map_err(|stop| told(&self.path, scratch, stop))
+        read.map_err(|stop| error_of(&self.path, scratch, stop))
     }
-}
 
-impl MeshFile {
-    /// As [`MeshFile::for_each`], with vertices brought to their place: each once, where faces name them by number.
+    /// Calls `each` with every triangle, its vertices placed: each vertex once, where faces name it by number.
     ///
     /// # Errors
-    /// As [`MeshFile::for_each`]; a vertex of a triangle has no place.
+    /// The file is wrong, `each` fails, or a vertex of a triangle cannot be placed.
     pub(super) fn for_each_corner(
         &self,
         scratch: &Path,
-        place: &Place<'_>,
+        place: &PlaceVertex<'_>,
         each: &mut EachCorners<'_>,
     ) -> Result<(), SourceError> {
         let make = |p| Corner::new(p, place);
-        let mut checked = |t: &[Corner; 3], number: u64| Corner::check(t, number).and_then(|()| each(t));
+        let mut checked = |t: &[Corner; 3], number: u64| {
+            Corner::check(t, number)?;
+            each(t)
+        };
         let read = match &self.kind {
             Kind::Ply(ply) => ply.for_each_of(&make, &mut checked),
             Kind::Off(faces) => faces.for_each_of(&make, &mut checked),
             _ => return self.for_each(scratch, &mut |t| checked(&t.map(make), 0)),
         };
-        read.map_err(|stop| told(&self.path, scratch, stop))
+        read.map_err(|stop| error_of(&self.path, scratch, stop))
     }
 
-    /// As [`MeshFile::for_each`], with what each triangle carries, if that was asked for.
+    /// Calls `each` with every triangle and its look, if looks were asked for.
     ///
     /// # Errors
-    /// As [`MeshFile::for_each`].
+    /// The file is wrong, or `each` fails.
     pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
         let mut in_units = |t: &[[f64; 3]; 3], look: &Look| {
             if self.unit_mm == 1.0 {
@@ -269,57 +285,24 @@ impl MeshFile {
             }
         };
         let read = match &self.kind {
-            // Faces whose vertices carry nothing are read faster.
-            Kind::Ply(_) if self.has_looks() == [false; 2] => {
-                return self.for_each(scratch, &mut |t| each(t, &Look::NONE));
-            }
-            Kind::Ply(open) => open.for_each_look(each),
+            // Faces of vertices without looks are read faster.
+            Kind::Ply(open) if self.summary.looks != [false; 2] => open.for_each_look(each),
             Kind::Obj(open) => open.for_each_look(each),
             Kind::Gltf(open) => open.for_each(&mut in_units),
             Kind::ThreeMf(open) => open.for_each(&mut in_units),
             _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
         };
-        read.map_err(|stop| told(&self.path, scratch, stop))
-    }
-
-    /// What triangles' materials are.
-    pub(super) fn materials(&self) -> &[Material] {
-        match &self.kind {
-            Kind::Obj(open) => open.materials(),
-            Kind::Gltf(open) => open.materials(),
-            Kind::ThreeMf(open) => open.materials(),
-            _ => &[],
-        }
-    }
-
-    /// Parts that it has, at least one.
-    pub(super) fn parts(&self) -> u64 {
-        match &self.kind {
-            Kind::Obj(open) => open.parts(),
-            Kind::Gltf(open) => open.parts(),
-            Kind::ThreeMf(open) => open.parts(),
-            _ => 1,
-        }
-    }
-
-    /// Has it colours, and normals of vertices? Asked of a mesh that was opened with looks.
-    pub(super) fn has_looks(&self) -> [bool; 2] {
-        match &self.kind {
-            Kind::Ply(open) => [open.has_colors(), open.looks().normals.is_some()],
-            Kind::Obj(open) => open.has_looks(),
-            Kind::Gltf(open) => open.has_looks(),
-            Kind::ThreeMf(open) => [open.has_colors(), false],
-            _ => [false; 2],
-        }
+        read.map_err(|stop| error_of(&self.path, scratch, stop))
     }
 }
 
-fn told(path: &Path, scratch: &Path, stop: Stop) -> SourceError {
+fn error_of(path: &Path, scratch: &Path, stop: Stop) -> SourceError {
     match stop {
         Stop::Mesh(fault) => {
             SourceError::Unusable { path: path.to_path_buf(), fault: Fault::MeshFile(fault) }
         }
         Stop::Read(cause) => SourceError::Unreadable { path: path.to_path_buf(), cause },
         Stop::Scratch(cause) => SourceError::Scratch { path: scratch.to_path_buf(), cause },
+        Stop::Caller(error) => error,
     }
 }

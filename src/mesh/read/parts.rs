@@ -23,12 +23,12 @@ impl Parts {
     /// Memory that it may hold.
     pub(super) const BYTES: u64 = (MAX_CHANGES * 16 + MAX_PARTS * 32) as u64;
 
-    /// What follows belongs to an object, which is in no group yet.
+    /// Begins an object, without a group yet.
     pub(super) fn object(&mut self, name: &[u8]) {
         self.names = [hash(name), 0];
     }
 
-    /// What follows belongs to a group of the same object.
+    /// Begins a group of the same object.
     pub(super) fn group(&mut self, name: &[u8]) {
         self.names[1] = hash(name);
     }
@@ -50,7 +50,6 @@ impl Parts {
         }
     }
 
-    /// Number of parts.
     pub(super) fn count(&self) -> u64 {
         self.numbers.len().max(1) as u64
     }

@@ -4,7 +4,7 @@
 
 use std::fs::File;
 
-use super::limits::Limits;
+use super::Limits;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words};
 use super::text::{Faces, Fan};
@@ -12,10 +12,8 @@ use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
 
-/// Longest header, in bytes.
 const MAX_HEADER: u64 = 64 << 10;
 
-/// An open PLY file.
 #[derive(Debug)]
 pub(super) enum Ply {
     /// Faces are read from the file itself.
@@ -112,7 +110,7 @@ fn number(word: &[u8]) -> Option<Number> {
     })
 }
 
-/// What a header says, and where it ends.
+/// A header, and where it ends.
 struct Header {
     form: Form,
     elements: Vec<Element>,
@@ -205,7 +203,7 @@ impl Header {
 pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
     let header = Header::read(&file)?;
     match header.form {
-        // Of text the header holds nothing that its length could contradict.
+        // The length of a text contradicts nothing in its header.
         Form::Text => Ok(()),
         form => Binary::open(file, bytes, header, form == Form::Big).map(drop),
     }
@@ -225,7 +223,10 @@ impl Ply {
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
-        self.for_each_of(&|p| p, &mut |t, triangle| finite(t, triangle).and_then(|()| each(t)))
+        self.for_each_of(&|p| p, &mut |t, triangle| {
+            finite(t, triangle)?;
+            each(t)
+        })
     }
 
     /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.
@@ -240,21 +241,13 @@ impl Ply {
         }
     }
 
-    /// What vertices carry.
-    pub(super) fn looks(&self) -> &VertexLooks {
-        match self {
-            Self::Binary(binary) => &binary.looks,
-            Self::Text(faces) => faces.looks(),
-        }
-    }
-
-    /// Have vertices or faces colours?
-    pub(super) fn has_colors(&self) -> bool {
-        let of_faces = match self {
-            Self::Binary(binary) => binary.face_colors.is_some(),
-            Self::Text(faces) => faces.looks().of_triangles.is_some(),
+    /// Have vertices or faces colours, and vertices normals?
+    pub(super) fn has_looks(&self) -> [bool; 2] {
+        let (looks, of_faces) = match self {
+            Self::Binary(binary) => (&binary.looks, binary.face_colors.is_some()),
+            Self::Text(faces) => (faces.looks(), faces.looks().of_triangles.is_some()),
         };
-        of_faces || self.looks().colors.is_some()
+        [of_faces || looks.colors.is_some(), looks.normals.is_some()]
     }
 
     /// Calls `each` with every triangle and what it carries.
@@ -362,10 +355,9 @@ impl Binary {
     ) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::of(&self.vertices, PAGES, make);
-        let big = self.vertices.big;
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
-        let usual = !big
+        let usual = !self.vertices.big
             && matches!(self.properties[..], [Property { length: Some(n), value, .. }]
                 if n.bytes() == 1 && value.bytes() == 4);
         for face in 0..self.faces {
@@ -378,79 +370,69 @@ impl Binary {
                 each(&t, triangles)?;
                 continue;
             }
-            for (at, property) in self.properties.iter().enumerate() {
-                let Some(length) = property.length else {
-                    stream.skip(property.value.bytes());
-                    continue;
-                };
-                let count = whole(&mut stream, length, big)?;
-                let count = u64::try_from(count)
-                    .map_err(|_| MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count })?;
-                if at != self.corners {
-                    stream.skip(property.value.bytes().saturating_mul(count));
-                    continue;
-                }
-                let (mut first, mut last) = (make([0.0; 3]), make([0.0; 3]));
-                for corner in 0..count {
-                    let index = whole(&mut stream, property.value, big)?;
-                    let point = pages.get(u64::try_from(index).unwrap_or(u64::MAX), face)?;
-                    if corner == 0 {
-                        first = point;
-                    } else if corner > 1 {
-                        triangles += 1;
-                        each(&[first, last, point], triangles)?;
-                    }
-                    last = point;
+            self.face(&mut stream, face, &mut |at| pages.get(at.into(), face), &mut |t| {
+                triangles += 1;
+                each(&t, triangles)
+            })?;
+        }
+        Ok(())
+    }
+
+    /// Reads a face: `vertex` makes something of the number of every vertex, `each` takes the triangles.
+    fn face<V: Copy>(
+        &self,
+        stream: &mut Stream<'_>,
+        face: u64,
+        vertex: &mut impl FnMut(u32) -> Result<V, Stop>,
+        each: &mut impl FnMut([V; 3]) -> Result<(), Stop>,
+    ) -> Result<(), Stop> {
+        let big = self.vertices.big;
+        let bad = |_| MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count };
+        for (at, property) in self.properties.iter().enumerate() {
+            let Some(length) = property.length else {
+                stream.skip(property.value.bytes());
+                continue;
+            };
+            let count = u64::try_from(whole(stream, length, big)?).map_err(bad)?;
+            if at != self.corners {
+                stream.skip(property.value.bytes().saturating_mul(count));
+                continue;
+            }
+            let mut fan = Fan::new();
+            for _ in 0..count {
+                let index = u32::try_from(whole(stream, property.value, big)?).map_err(bad)?;
+                if let Some(t) = fan.next(vertex(index)?) {
+                    each(t)?;
                 }
             }
         }
         Ok(())
     }
-}
 
-impl Binary {
     /// The triangles, with what their vertices carry.
     fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::new(&self.vertices, PAGES);
         let mut looks = self.looks.open();
-        let big = self.vertices.big;
         let mut triangles = 0;
         // The colour of a face may stand behind its corners, whose number has no bound: another stream runs ahead.
         let mut ahead = self.face_colors.map(|scale| (Stream::new(&self.file, self.offset), scale));
         for face in 0..self.faces {
-            let color = match &mut ahead {
-                Some((stream, scale)) => Some(light(self.face_color(stream)?.map(|c| c * *scale))),
-                None => None,
-            };
-            let bad = || MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count };
-            for (at, property) in self.properties.iter().enumerate() {
-                let Some(length) = property.length else {
-                    stream.skip(property.value.bytes());
-                    continue;
-                };
-                let count = u64::try_from(whole(&mut stream, length, big)?).map_err(|_| bad())?;
-                if at != self.corners {
-                    stream.skip(property.value.bytes().saturating_mul(count));
-                    continue;
-                }
-                let mut fan = Fan::new();
-                for _ in 0..count {
-                    let index = whole(&mut stream, property.value, big)?;
-                    let Some(corners) = fan.next(u32::try_from(index).map_err(|_| bad())?) else { continue };
-                    triangles += 1;
-                    let mut t = [[0.0; 3]; 3];
-                    for (out, corner) in t.iter_mut().zip(corners) {
-                        *out = pages.get(corner.into(), face)?;
-                    }
-                    if !t.iter().flatten().all(|c| c.is_finite()) {
-                        return Err(MeshFault::NotFinite { triangle: triangles }.into());
-                    }
-                    let mut look = looks.look(corners, face)?;
-                    look.colors = look.colors.or(color.map(|color| [color; 3]));
-                    each(&t, &look)?;
-                }
+            let mut color = None;
+            if let Some((stream, scale)) = &mut ahead {
+                color = Some(light(self.face_color(stream)?.map(|c| c * *scale)));
             }
+            self.face(&mut stream, face, &mut Ok, &mut |corners| {
+                triangles += 1;
+                let mut t = [[0.0; 3]; 3];
+                for (out, corner) in t.iter_mut().zip(corners) {
+                    *out = pages.get(corner.into(), face)?;
+                }
+                finite(&t, triangles)?;
+                let mut look = looks.look(corners, face)?;
+                look.colors = look.colors.or(color.map(|color| [color; 3]));
+                each(&t, &look)
+            })?;
         }
         Ok(())
     }
@@ -492,25 +474,19 @@ fn real(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<f64, Stop>
 /// The next whole number.
 #[inline]
 fn whole(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<i64, Stop> {
-    Ok(match number.bytes() {
-        1 => {
-            let [b] = stream.take()?;
-            if number == Number::I8 { b.cast_signed().into() } else { b.into() }
-        }
-        2 => {
-            let mut b: [u8; 2] = stream.take()?;
-            if big {
-                b.reverse();
-            }
-            if number == Number::I16 { i16::from_le_bytes(b).into() } else { u16::from_le_bytes(b).into() }
-        }
-        _ => {
-            let mut b: [u8; 4] = stream.take()?;
-            if big {
-                b.reverse();
-            }
-            if number == Number::I32 { i32::from_le_bytes(b).into() } else { u32::from_le_bytes(b).into() }
-        }
+    macro_rules! take {
+        ($t:ty) => {{
+            let bytes = stream.take()?;
+            if big { <$t>::from_be_bytes(bytes) } else { <$t>::from_le_bytes(bytes) }.into()
+        }};
+    }
+    Ok(match number {
+        Number::I8 => take!(i8),
+        Number::U8 => take!(u8),
+        Number::I16 => take!(i16),
+        Number::U16 => take!(u16),
+        Number::I32 => take!(i32),
+        _ => take!(u32),
     })
 }
 
@@ -523,7 +499,10 @@ fn read_text(
     let mut words = Words::new(file, header.end);
     let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
     let (mut colors, mut normals, mut of_triangles) = (None, None, None);
-    let mut seen = false;
+    let spool = |fields: Option<[(usize, Number); 3]>| {
+        fields.map(|fields| Ok::<_, Stop>((Spool::new(scratch)?, color_scale(fields)))).transpose()
+    };
+    let mut has_vertices = false;
     for element in &header.elements {
         // Every value takes two bytes at least.
         let held = bytes / (2 * element.properties.len().max(1) as u64) + 1;
@@ -533,23 +512,19 @@ fn read_text(
         match element.kind {
             Kind::Vertex => {
                 coordinates(element)?;
-                if let (true, Some(fields)) = (looks, fields(element, COLOR)) {
-                    colors = Some((Spool::new(scratch)?, color_scale(fields)));
+                if looks {
+                    colors = spool(fields(element, COLOR))?.or(colors);
+                    normals = spool(fields(element, NORMAL))?.or(normals);
                 }
-                if looks && fields(element, NORMAL).is_some() {
-                    normals = Some(Spool::new(scratch)?);
-                }
-                seen = true;
+                has_vertices = true;
             }
             Kind::Face => {
                 let lists = |p: &Property| p.name == Name::Corners && p.length.is_some();
-                if !seen || !element.properties.iter().any(lists) {
+                if !has_vertices || !element.properties.iter().any(lists) {
                     return Err(MeshFault::NoFaces.into());
                 }
                 let own = fields(element, COLOR).filter(|_| colored && colors.is_none());
-                if let Some(fields) = own {
-                    of_triangles = Some((Spool::new(scratch)?, color_scale(fields)));
-                }
+                of_triangles = spool(own)?.or(of_triangles);
             }
             Kind::Other => {}
         }
@@ -580,7 +555,7 @@ fn read_text(
                     let index = u32::try_from(words.as_whole()?)
                         .map_err(|_| MeshFault::BadIndex { face: at + 1, vertices: vertices.count })?;
                     if let Some(t) = fan.next(index) {
-                        triangles.triangle(t)?;
+                        triangles.numbers(t)?;
                         added += 1;
                     }
                 }
@@ -592,21 +567,19 @@ fn read_text(
             }
             if element.kind == Kind::Vertex {
                 vertices.vertex(point)?;
-                if let Some((colors, _)) = &mut colors {
-                    colors.vertex(color)?;
-                }
-                if let Some(normals) = &mut normals {
-                    normals.vertex(normal)?;
+                for (spool, value) in [(&mut colors, color), (&mut normals, normal)] {
+                    if let Some((spool, _)) = spool {
+                        spool.vertex(value)?;
+                    }
                 }
             }
         }
         if element.kind == Kind::Face {
-            let read = |of: Option<(Spool, f64)>| match of {
-                Some((spool, scale)) => spool.into_vertices().map(|read| Some((read, scale))),
-                None => Ok(None),
+            let read = |of: Option<(Spool, f64)>| {
+                of.map(|(spool, scale)| Ok::<_, Stop>((spool.into_vertices()?, scale))).transpose()
             };
-            let (colors, of_triangles) = (read(colors)?, read(of_triangles)?);
-            let normals = normals.map(Spool::into_vertices).transpose()?;
+            let (colors, normals, of_triangles) = (read(colors)?, read(normals)?, read(of_triangles)?);
+            let normals = normals.map(|(vertices, _)| vertices);
             return Faces::of(vertices, triangles, VertexLooks { colors, normals, of_triangles });
         }
     }

@@ -2,7 +2,7 @@
 
 use std::fs::File;
 
-use super::stop::{Each, Stop};
+use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words};
 use crate::facts::MeshFault;
 
@@ -21,11 +21,16 @@ fn stated(head: &[u8]) -> Option<u64> {
     Some(u32::from_le_bytes(*count).into())
 }
 
-/// What is wrong with a file that is neither.
-pub(super) fn count_lies(head: &[u8], bytes: u64) -> MeshFault {
-    match stated(head) {
-        Some(stated) => MeshFault::CountLies { stated, held: bytes.saturating_sub(HEADER) / RECORD },
-        None => MeshFault::CutShort,
+/// Triangles of a binary file; `None` for text.
+pub(super) fn triangles(head: &[u8], bytes: u64) -> Result<Option<u64>, Stop> {
+    match (binary_triangles(head, bytes), stated(head)) {
+        (None, stated) if !is_text(head) => Err(stated
+            .map_or(MeshFault::CutShort, |stated| MeshFault::CountLies {
+                stated,
+                held: bytes.saturating_sub(HEADER) / RECORD,
+            })
+            .into()),
+        (triangles, _) => Ok(triangles),
     }
 }
 
@@ -42,9 +47,7 @@ pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) 
         let single =
             |k: usize| f64::from(f32::from_le_bytes(std::array::from_fn(|i| record[12 + 4 * k + i])));
         let t: [[f64; 3]; 3] = std::array::from_fn(|v| std::array::from_fn(|c| single(3 * v + c)));
-        if !t.iter().flatten().all(|c| c.is_finite()) {
-            return Err(MeshFault::NotFinite { triangle: at + 1 }.into());
-        }
+        finite(&t, at + 1)?;
         each(&t)?;
     }
     Ok(())

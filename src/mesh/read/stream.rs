@@ -14,23 +14,35 @@ pub(super) const HEAD: usize = 512;
 /// Longest word that means something; of longer ones the beginning is kept.
 const WORD: usize = 64;
 
-/// The first bytes of a file.
+/// Reads, again after a signal.
+pub(super) fn uninterrupted(mut read: impl FnMut() -> io::Result<usize>) -> io::Result<usize> {
+    loop {
+        match read() {
+            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
+            done => return done,
+        }
+    }
+}
+
 pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
     let mut head = vec![0; HEAD];
     let mut have = 0;
     while have < HEAD {
-        match file.read_at(&mut head[have..], have as u64) {
-            Ok(0) => break,
-            Ok(n) => have += n,
-            Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-            Err(e) => return Err(e),
+        match uninterrupted(|| file.read_at(&mut head[have..], have as u64))? {
+            0 => break,
+            n => have += n,
         }
     }
     head.truncate(have);
     Ok(head)
 }
 
-/// Bytes one after the other.
+/// Little-endian numbers of 32 bits.
+#[inline]
+pub(super) fn numbers<const N: usize>(bytes: &[u8]) -> [u32; N] {
+    std::array::from_fn(|k| bytes[4 * k..].first_chunk().map_or(0, |b| u32::from_le_bytes(*b)))
+}
+
 pub(super) struct Stream<'a> {
     file: &'a File,
     next: u64,
@@ -50,19 +62,13 @@ impl<'a> Stream<'a> {
         self.at = 0;
         let have = self.buffer.len();
         self.buffer.resize(BUFFER, 0);
-        let read = loop {
-            match self.file.read_at(&mut self.buffer[have..], self.next) {
-                Err(e) if e.kind() == io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
+        let read = uninterrupted(|| self.file.read_at(&mut self.buffer[have..], self.next));
         let read = read.inspect_err(|_| self.buffer.truncate(have))?;
         self.buffer.truncate(have + read);
         self.next += read as u64;
         Ok(read > 0)
     }
 
-    /// The next `N` bytes.
     #[inline]
     pub(super) fn take<const N: usize>(&mut self) -> Result<[u8; N], Stop> {
         loop {
@@ -106,13 +112,12 @@ impl<'a> Stream<'a> {
         Ok(Some(byte))
     }
 
-    /// Offset of the next byte.
     pub(super) fn offset(&self) -> u64 {
         self.next - (self.buffer.len() - self.at) as u64
     }
 }
 
-/// What stands in a text.
+/// A token of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Token {
     Word,
@@ -179,18 +184,16 @@ impl<'a> Words<'a> {
         &self.word[..self.length]
     }
 
-    /// What is wrong in this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
 
-    /// Reads on to the next line.
     pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
         while self.next()? == Token::Word {}
         Ok(())
     }
 
-    /// What is left of this line, at most so many bytes of it, without blanks around it.
+    /// The rest of this line, at most so many bytes, without blanks around it.
     pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
         let mut rest = Vec::new();
         while let Some(byte) = self.stream.byte()? {
@@ -206,7 +209,6 @@ impl<'a> Words<'a> {
         Ok(String::from_utf8_lossy(&rest).trim().to_owned())
     }
 
-    /// The last word as a number.
     #[inline]
     pub(super) fn as_number(&self) -> Result<f64, Stop> {
         let text = std::str::from_utf8(self.word()).map_err(|_| self.wrong())?;
@@ -249,14 +251,12 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// The next number in this line.
     #[inline]
     pub(super) fn number(&mut self) -> Result<f64, Stop> {
         self.must()?;
         self.as_number()
     }
 
-    /// Offset of what is read next.
     pub(super) fn offset(&self) -> u64 {
         self.stream.offset()
     }

@@ -1,10 +1,10 @@
-//! OFF, and what it has in common with other text: vertices and triangles wait in nameless files.
+//! OFF, and its common parts with other text formats: vertices and triangles wait in scratch files.
 
 use std::fs::File;
 use std::path::Path;
 
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
-use super::stream::{Stream, Words};
+use super::stream::{Stream, Words, numbers};
 use super::vertex_looks::VertexLooks;
 use super::vertices::{PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
@@ -19,27 +19,24 @@ pub(super) struct Faces {
 }
 
 /// Triangles that fan out from the first vertex of a face.
-pub(super) struct Fan {
-    first: u32,
-    last: u32,
-    seen: u64,
+pub(super) struct Fan<V = u32> {
+    first: Option<V>,
+    last: Option<V>,
 }
 
-impl Fan {
+impl<V: Copy> Fan<V> {
     pub(super) fn new() -> Self {
-        Self { first: 0, last: 0, seen: 0 }
+        Self { first: None, last: None }
     }
 
     /// The triangle that the next vertex adds.
     #[inline]
-    pub(super) fn next(&mut self, vertex: u32) -> Option<[u32; 3]> {
-        let triangle = (self.seen >= 2).then_some([self.first, self.last, vertex]);
-        if self.seen == 0 {
-            self.first = vertex;
-        }
-        self.last = vertex;
-        self.seen += 1;
-        triangle
+    pub(super) fn next(&mut self, vertex: V) -> Option<[V; 3]> {
+        let Some(first) = self.first else {
+            self.first = Some(vertex);
+            return None;
+        };
+        Some([first, self.last.replace(vertex)?, vertex])
     }
 }
 
@@ -85,7 +82,7 @@ impl Faces {
                 words.must()?;
                 let at = index(vertex_count, face, words.as_whole()?)?;
                 if let Some(t) = fan.next(at) {
-                    triangles.triangle(t)?;
+                    triangles.numbers(t)?;
                 }
             }
             words.skip_line()?;
@@ -106,32 +103,20 @@ impl Faces {
     /// Calls `each` with every triangle and what its vertices carry.
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut looks = self.looks.open();
-        let mut corners = Stream::new(&self.triangles, 0);
-        let mut face = 0;
         // Triangles come in the order in which they were written.
-        let mut stopped = None;
-        let done = self.for_each(&mut |t| {
-            let carried = corners.take::<12>().and_then(|record| {
-                let mut at = [0; 3];
-                for (out, bytes) in at.iter_mut().zip(record.as_chunks::<4>().0) {
-                    *out = u32::from_le_bytes(*bytes);
-                }
-                face += 1;
-                looks.look_of(face - 1, at, face)
-            });
-            match carried {
-                Ok(look) => each(t, &look),
-                Err(stop) => {
-                    stopped = Some(stop);
-                    Err(MeshFault::CutShort)
-                }
-            }
-        });
-        stopped.map_or(done, Err)
+        let mut corners = Stream::new(&self.triangles, 0);
+        self.for_each_of(&|p| p, &mut |t, triangle| {
+            finite(t, triangle)?;
+            let record: [u8; 12] = corners.take()?;
+            each(t, &looks.look_of(triangle - 1, numbers(&record), triangle)?)
+        })
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
-        self.for_each_of(&|p| p, &mut |t, triangle| finite(t, triangle).and_then(|()| each(t)))
+        self.for_each_of(&|p| p, &mut |t, triangle| {
+            finite(t, triangle)?;
+            each(t)
+        })
     }
 
     /// Calls `each` with what is made of the vertices of every triangle, and its number, counted from 1.

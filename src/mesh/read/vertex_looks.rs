@@ -4,7 +4,6 @@ use super::look::{Look, linear};
 use super::stop::Stop;
 use super::vertices::{FEW_PAGES, Pages, Vertices};
 
-/// What vertices carry.
 #[derive(Debug, Default)]
 pub(super) struct VertexLooks {
     /// sRGB, and by what it becomes 0 to 1.
@@ -15,15 +14,15 @@ pub(super) struct VertexLooks {
 }
 
 /// The same, while triangles are read.
-pub(super) struct Open<'a> {
+pub(super) struct LookReader<'a> {
     colors: Option<(Pages<'a>, f64)>,
     normals: Option<Pages<'a>>,
     of_triangles: Option<(Pages<'a>, f64)>,
 }
 
 impl VertexLooks {
-    pub(super) fn open(&self) -> Open<'_> {
-        Open {
+    pub(super) fn open(&self) -> LookReader<'_> {
+        LookReader {
             colors: paged(self.colors.as_ref()),
             normals: self.normals.as_ref().map(|of| Pages::new(of, FEW_PAGES)),
             of_triangles: paged(self.of_triangles.as_ref()),
@@ -45,8 +44,8 @@ pub(super) fn light(stored: [f64; 3]) -> [f32; 3] {
     single(stored).map(|c| if c.is_finite() { linear(c.clamp(0.0, 1.0)) } else { 0.0 })
 }
 
-impl Open<'_> {
-    /// What a triangle carries, by the numbers of its vertices.
+impl LookReader<'_> {
+    /// The look of a triangle, by the numbers of its vertices.
     pub(super) fn look(&mut self, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
         let mut look = Look::NONE;
         if let Some((pages, scale)) = &mut self.colors {
@@ -66,7 +65,7 @@ impl Open<'_> {
         Ok(look)
     }
 
-    /// As [`Open::look`], of a triangle with a number of its own from 0.
+    /// As [`LookReader::look`], of a triangle with a number of its own from 0.
     pub(super) fn look_of(&mut self, triangle: u64, corners: [u32; 3], face: u64) -> Result<Look, Stop> {
         let mut look = self.look(corners, face)?;
         if let Some((pages, scale)) = &mut self.of_triangles {

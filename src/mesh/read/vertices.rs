@@ -12,12 +12,10 @@ use crate::platform::FileExt;
 /// fall upon each other.
 const PAGE: u64 = 128;
 pub(super) const PAGES: u64 = 61;
-/// Pages of what is beside the coordinates.
+/// Pages of colours, normals and places.
 pub(super) const FEW_PAGES: u64 = 17;
-/// Longest record of a vertex.
 pub(super) const MAX_RECORD: u64 = 256;
 
-/// How a number is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Number {
     I8,
@@ -73,7 +71,7 @@ pub(super) struct Vertices {
     pub(super) count: u64,
 }
 
-/// Vertices of formats of text on their way into a nameless file.
+/// Vertices of text formats on their way into a scratch file.
 pub(super) struct Spool {
     file: File,
     buffer: Vec<u8>,
@@ -85,39 +83,29 @@ impl Spool {
     const BUFFER: usize = 32 << 10;
 
     pub(super) fn new(folder: &Path) -> Result<Self, Stop> {
-        let file = crate::scratch::nameless(folder).map_err(Stop::Scratch)?;
+        let file = crate::scratch::unnamed(folder).map_err(Stop::Scratch)?;
         Ok(Self { file, buffer: Vec::with_capacity(Self::BUFFER), count: 0 })
     }
 
-    /// Appends a record.
     #[inline]
-    pub(super) fn put<const N: usize>(&mut self, record: [u8; N]) -> Result<(), Stop> {
-        if self.buffer.len() + N > Self::BUFFER {
+    fn put(&mut self, record: &[u8]) -> Result<(), Stop> {
+        if self.buffer.len() + record.len() > Self::BUFFER {
             self.flush().map_err(Stop::Scratch)?;
         }
-        self.buffer.extend_from_slice(&record);
+        self.buffer.extend_from_slice(record);
         self.count += 1;
         Ok(())
     }
 
-    /// Appends a vertex.
     #[inline]
     pub(super) fn vertex(&mut self, v: [f64; 3]) -> Result<(), Stop> {
-        let mut record = [0; 24];
-        for (out, c) in record.as_chunks_mut::<8>().0.iter_mut().zip(v) {
-            *out = c.to_le_bytes();
-        }
-        self.put(record)
+        self.put(v.map(f64::to_le_bytes).as_flattened())
     }
 
-    /// Appends a triangle.
+    /// Appends a triangle, or the numbers that it carries.
     #[inline]
-    pub(super) fn triangle(&mut self, t: [u32; 3]) -> Result<(), Stop> {
-        let mut record = [0; 12];
-        for (out, v) in record.as_chunks_mut::<4>().0.iter_mut().zip(t) {
-            *out = v.to_le_bytes();
-        }
-        self.put(record)
+    pub(super) fn numbers<const N: usize>(&mut self, record: [u32; N]) -> Result<(), Stop> {
+        self.put(record.map(u32::to_le_bytes).as_flattened())
     }
 
     fn flush(&mut self) -> io::Result<()> {
@@ -132,7 +120,6 @@ impl Spool {
         Ok((self.file, self.count))
     }
 
-    /// What was written, as vertices.
     pub(super) fn into_vertices(self) -> Result<Vertices, Stop> {
         let (file, count) = self.finish()?;
         let fields = [(0, Number::F64), (8, Number::F64), (16, Number::F64)];
@@ -159,7 +146,7 @@ impl<'a> Pages<'a> {
 }
 
 impl<'a, P: Copy> Pages<'a, P> {
-    /// As [`Pages::new`], of what is made of vertices.
+    /// With so many pages, of values made of vertices.
     pub(super) fn of(vertices: &'a Vertices, pages: u64, make: &'a dyn Fn([f64; 3]) -> P) -> Self {
         let places = usize::try_from(pages).unwrap_or(1);
         let page = usize::try_from(PAGE).unwrap_or(1);

@@ -6,6 +6,7 @@
 use std::io::Read;
 
 use super::stop::Stop;
+use super::stream::uninterrupted;
 use super::zip::reading;
 use crate::facts::{Feature, MeshFault};
 
@@ -16,7 +17,6 @@ const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
 const MAX_DEPTH: u32 = 64;
 
-/// What comes next.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
     /// An element begins; `empty` ones end at once, without an event of their own.
@@ -24,13 +24,10 @@ pub(super) enum Event {
         /// Does it end at once?
         empty: bool,
     },
-    /// An element ends.
     End,
-    /// The text ends.
     Done,
 }
 
-/// A reader of a text.
 pub(super) struct Xml<R> {
     input: R,
     buffer: Vec<u8>,
@@ -65,7 +62,6 @@ impl<R: Read> Xml<R> {
         }
     }
 
-    /// What is wrong in this line.
     pub(super) fn wrong(&self) -> Stop {
         MeshFault::BadText { line: self.line }.into()
     }
@@ -85,13 +81,7 @@ impl<R: Read> Xml<R> {
     fn fill(&mut self) -> Result<bool, Stop> {
         self.buffer.resize(BUFFER, 0);
         self.at = 0;
-        let read = loop {
-            match self.input.read(&mut self.buffer) {
-                Err(e) if e.kind() == std::io::ErrorKind::Interrupted => {}
-                read => break read,
-            }
-        };
-        let read = read.map_err(reading)?;
+        let read = uninterrupted(|| self.input.read(&mut self.buffer)).map_err(reading)?;
         self.buffer.truncate(read);
         if !std::mem::replace(&mut self.begun, true)
             && [&b"\xff\xfe"[..], b"\xfe\xff", b"<\0", b"\0<"]
@@ -256,7 +246,6 @@ impl<R: Read> Xml<R> {
         Ok(Some(known.iter().fold(text.to_owned(), |text, (name, sign)| text.replace(name, sign))))
     }
 
-    /// A number.
     #[inline]
     pub(super) fn number(&self, name: &[u8]) -> Result<f64, Stop> {
         let text = self.raw(name).and_then(|raw| std::str::from_utf8(raw).ok());

@@ -28,7 +28,6 @@ const MAX_TIMES: u64 = 100;
 /// Bytes read at a time.
 const INPUT: usize = 32 << 10;
 
-/// An archive.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Archive {
     list: u64,
@@ -37,7 +36,6 @@ pub(super) struct Archive {
     bytes: u64,
 }
 
-/// Where a member is.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Member {
     offset: u64,
@@ -136,7 +134,7 @@ impl Member {
     /// Its content as a stream.
     ///
     /// # Errors
-    /// As [`Member::checked_bytes`].
+    /// Its size is far more than its own bytes, as for [`Member::checked_bytes`].
     pub(super) fn open<'a>(&self, file: &'a File) -> Result<Content<'a>, Stop> {
         self.checked_bytes()?;
         Ok(Content {
@@ -230,7 +228,7 @@ impl Read for Content<'_> {
     }
 }
 
-/// What a failure to read a member means.
+/// The fault of a failure to read a member.
 pub(super) fn reading(cause: io::Error) -> Stop {
     match cause.kind() {
         io::ErrorKind::InvalidData => MeshFault::BadArchive.into(),

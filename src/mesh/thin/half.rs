@@ -17,7 +17,6 @@ const SURE: f64 = 1e-6;
 /// A crossing in the slice that was asked for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Crossing {
-    /// Axis of the row.
     pub(super) axis: usize,
     /// Voxel in which it lies.
     pub(super) x: i32,
@@ -35,8 +34,8 @@ pub(super) struct Window {
     pub(super) y: (i32, i32),
 }
 
-/// A triangle seen along an axis.
-struct Seen {
+/// A triangle projection along an axis.
+struct Projection {
     axis: usize,
     /// The other two axes.
     p: usize,
@@ -49,11 +48,11 @@ struct Seen {
     normal: [i64; 3],
 }
 
-impl Seen {
+impl Projection {
     /// `None` for a triangle that the axis lies in.
     fn new(t: &Triangle, normal: [i64; 3], axis: usize) -> Option<Self> {
         let (p, q) = [(1, 2), (0, 2), (0, 1)][axis];
-        // What is left of three axes is turned the other way round for the second.
+        // The other two axes are in reverse order for the second.
         let area = if axis == 1 { -normal[1] } else { normal[axis] };
         let corners = std::array::from_fn(|k| std::array::from_fn(|a| i64::from(t[3 * k + a])));
         (area != 0).then(|| Self { axis, p, q, corners, area: area.abs(), sign: area.signum(), normal })
@@ -140,28 +139,28 @@ pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl F
         i32::try_from(at >> 1).ok().filter(|voxel| (from..=to).contains(voxel))
     };
     if first_centre(low) <= z && z <= last_centre(high) {
-        if let Some(seen) = Seen::new(t, normal, 0) {
+        if let Some(projection) = Projection::new(t, normal, 0) {
             let along = normal[0] > 0;
-            seen.line(z, rows, &mut |y, half| {
+            projection.line(z, rows, &mut |y, half| {
                 if let Some(x) = wanted(half, window.x) {
                     each(Crossing { axis: 0, x, y, upper: half & 1 == 1, along });
                 }
             });
         }
-        if let Some(seen) = Seen::new(t, normal, 1) {
+        if let Some(projection) = Projection::new(t, normal, 1) {
             let along = normal[1] > 0;
-            seen.line(z, columns, &mut |x, half| {
+            projection.line(z, columns, &mut |x, half| {
                 if let Some(y) = wanted(half, window.y) {
                     each(Crossing { axis: 1, x, y, upper: half & 1 == 1, along });
                 }
             });
         }
     }
-    if let Some(seen) = Seen::new(t, normal, 2) {
+    if let Some(projection) = Projection::new(t, normal, 2) {
         let (along, slab) = (normal[2] > 0, Slab::new(t, normal, z));
         for y in rows.0..=rows.1 {
             let (from, to) = slab.columns(y);
-            seen.line(y, (columns.0.max(from), columns.1.min(to)), &mut |x, half| {
+            projection.line(y, (columns.0.max(from), columns.1.min(to)), &mut |x, half| {
                 if half >> 1 == i64::from(z) {
                     each(Crossing { axis: 2, x, y, upper: half & 1 == 1, along });
                 }
@@ -225,7 +224,7 @@ mod tests {
                         (corner(b, p) - corner(a, p)) * (cq - corner(a, q))
                             - (corner(b, q) - corner(a, q)) * (cp - corner(a, p))
                     };
-                    // Of 2^110 at most: one scale is taken out where products of three are needed.
+                    // At most 2^110: one scale is taken out where products of three are needed.
                     let w = [side(1, 2), side(2, 0), side(0, 1)];
                     let along = w.iter().all(|w| *w > 0);
                     if !along && !w.iter().all(|w| *w < 0) {

@@ -16,24 +16,26 @@
 mod half;
 mod planes;
 
-use super::bins::{BlockBuffers, Held, held};
+use super::bins::{BinTriangle, BlockBuffers, held};
 use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
-use super::solid::MeshSolid;
-use crate::builder::{Cover, Found, ItemForm, OccupancyRows, SkinSlice, Solid, SolidWorker, Tile, VoxelBox};
+use super::solid::{MeshSolid, row_words};
+use crate::builder::{
+    Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+};
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
 use crate::geom::Dims;
-use planes::{BEFORE, Noted, Planes, ROWS};
+use planes::{BEFORE, Mark, Planes, ROWS};
 
-/// Slices at hand: the one that is described, those around it, and three ahead.
+/// Slices in memory: the one that is described, those around it, and three ahead.
 const SLICES: usize = 6;
 /// Slices of a bin.
 const BIN: i32 = 32;
 /// Slices beyond a run whose triangles a bin holds.
 const BEYOND: i32 = 2;
 
-/// What becomes of voxels that a mesh crosses.
+/// How voxels that a mesh crosses count.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Thin {
     /// They alone are inside.
@@ -48,11 +50,7 @@ pub(super) struct ThinSolid {
     pub(super) thin: Thin,
 }
 
-fn row_words(tile: &Tile) -> usize {
-    tile.columns.div_ceil(64) as usize + 2
-}
-
-/// Memory of a worker beside that of its mesh and of its resident triangles.
+/// Memory of a worker without that of its mesh and of its resident triangles.
 pub(super) fn fixed_bytes(tile: &Tile) -> u64 {
     let words = row_words(tile);
     SLICES as u64 * Planes::bytes(words)
@@ -66,7 +64,7 @@ impl Solid for ThinSolid {
         self.mesh.dims()
     }
 
-    fn metadata(&self, found: &Found) -> Metadata {
+    fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.mesh.metadata(found)
     }
 
@@ -78,7 +76,7 @@ impl Solid for ThinSolid {
         self.mesh.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, found: &Found) -> Option<ItemForm> {
+    fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
         self.mesh.form(channel, found)
     }
 
@@ -103,13 +101,12 @@ impl Solid for ThinSolid {
     }
 }
 
-/// One thread's view of it.
 pub(super) struct ThinWorker<'a> {
     solid: &'a ThinSolid,
     /// Describes the skin.
     mesh: Box<dyn SolidWorker + 'a>,
     column: VoxelBox,
-    /// Slices whose triangles are at hand, or are read again for every slice.
+    /// Slices whose triangles are loaded, or are read again for every slice.
     run: (i32, i32),
     streamed: bool,
     resident: Resident,
@@ -137,7 +134,7 @@ impl ThinWorker<'_> {
         u32::try_from(slice).unwrap_or(0).min(last)
     }
 
-    /// Has the triangles of a slice at hand.
+    /// Loads the triangles of a slice.
     fn seek(&mut self, slice: i32) -> Result<(), SourceError> {
         if (self.run.0..self.run.1).contains(&slice) {
             return Ok(());
@@ -151,13 +148,9 @@ impl ThinWorker<'_> {
         let [left, _] = self.corner();
         loop {
             // All that there are, as one brick.
-            self.resident.clear(slice, left + 64, 0..1);
-            let mut fits = true;
             let Self { resident, buffers, solid, column, .. } = self;
-            solid.mesh.bins.for_each_block(column.y.start, bin, buffers, &mut |block| {
-                fits = resident.take(block, slice, end);
-                fits
-            })?;
+            let (bins, at) = (&solid.mesh.bins, (column.y.start, bin));
+            let fits = resident.load(bins, at, slice..end, left + 64, 0..1, buffers)?;
             self.streamed = !fits && end == slice + 1;
             if fits || self.streamed {
                 break;
@@ -171,7 +164,7 @@ impl ThinWorker<'_> {
         Ok(())
     }
 
-    /// Has the bits of a slice at hand.
+    /// Finds the bits of a slice.
     fn reach(&mut self, slice: i32) -> Result<(), SourceError> {
         if self.slices[slot(slice)].slice == slice {
             return Ok(());
@@ -183,11 +176,11 @@ impl ThinWorker<'_> {
         let planes = &mut slices[slot(slice)];
         planes.clear(slice);
         let (walls, what) = match solid.thin {
-            Thin::Walls => (true, Noted::Halves),
-            Thin::Surface => (false, Noted::Directions),
+            Thin::Walls => (true, Mark::Halves),
+            Thin::Surface => (false, Mark::Directions),
         };
         let bottom = top + i32::try_from(ROWS).unwrap_or(0);
-        let mut cross = |t: &Held<'_>| {
+        let mut cross = |t: &BinTriangle<'_>| {
             cross_slice(&t.triangle(), slice, top, bottom, &mut |row, column, sign| {
                 let row = usize::try_from(row - top).unwrap_or(usize::MAX);
                 crossings.add(row, column - i64::from(left), sign);
@@ -267,7 +260,7 @@ impl SolidWorker for ThinWorker<'_> {
         self.mesh.start(column)
     }
 
-    /// What bounds the triangles of a bin bounds the voxels that they cross.
+    /// The bounds of a bin's triangles are those of the voxels that they cross.
     fn cover(&mut self, region: &VoxelBox) -> Cover {
         self.mesh.cover(region)
     }

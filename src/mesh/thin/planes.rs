@@ -1,4 +1,4 @@
-//! What is known of the voxels of one slice of a tile: bits of crossings, and those that follow.
+//! The voxels of one slice of a tile: bits of crossings, and those that follow.
 
 use super::super::lattice::Triangle;
 use super::half::{Window, crossings};
@@ -8,16 +8,16 @@ pub(super) const ROWS: usize = 36;
 /// Rows before a tile's first.
 pub(super) const BEFORE: i32 = 2;
 
-/// What of a voxel is noted.
+/// Which bits of a crossed voxel are kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Noted {
+pub(super) enum Mark {
     /// The directions of the triangles that cross it, along every axis.
     Directions,
     /// In which half it is crossed, along every axis.
     Halves,
 }
 
-/// Six bits for every voxel of a slice: two an axis, as [`Noted`]; and the bits of the solid.
+/// Six bits for every voxel of a slice: two an axis, as [`Mark`]; and the bits of the solid.
 #[derive(Debug)]
 pub(super) struct Planes {
     /// The slice; no slice of a grid at first.
@@ -28,7 +28,6 @@ pub(super) struct Planes {
 }
 
 impl Planes {
-    /// No slice.
     pub(super) const NO_SLICE: i32 = i32::MIN;
 
     /// Memory of one whose rows are so many words long.
@@ -48,14 +47,14 @@ impl Planes {
     }
 
     /// Notes where a triangle crosses the slice; `left` and `top` are the voxel of the first bit.
-    pub(super) fn note(&mut self, t: &Triangle, [left, top]: [i32; 2], what: Noted) {
+    pub(super) fn note(&mut self, t: &Triangle, [left, top]: [i32; 2], what: Mark) {
         let last = |from: i32, count: usize| from + i32::try_from(count).unwrap_or(i32::MAX / 2) - 1;
         let window = Window { x: (left, last(left, 64 * self.words)), y: (top, last(top, ROWS)) };
         let Self { noted, words, slice, .. } = self;
         crossings(t, *slice, &window, &mut |c| {
             let bit = usize::try_from(c.x - left).unwrap_or(0);
             let row = usize::try_from(c.y - top).unwrap_or(0);
-            let which = 2 * c.axis + usize::from(if what == Noted::Halves { c.upper } else { c.along });
+            let which = 2 * c.axis + usize::from(if what == Mark::Halves { c.upper } else { c.along });
             noted[which][row * *words + bit / 64] |= 1 << (bit % 64);
         });
     }
@@ -64,7 +63,6 @@ impl Planes {
         self.noted[which].get(row * self.words + word).copied().unwrap_or(0)
     }
 
-    /// Voxels that are crossed.
     pub(super) fn crossed(&self, row: usize, word: usize) -> u64 {
         (0..6).fold(0, |all, which| all | self.word(which, row, word))
     }
@@ -93,7 +91,7 @@ impl Planes {
 
     /// Voxels of the solid, and those of walls between two centres that are both outside: of the voxels of those
     /// centres the one in which the wall begins, seen from lower coordinates. `below` and `above` are the slices
-    /// beside this one, `row` neither the first nor the last.
+    /// next to this one, `row` neither the first nor the last.
     pub(super) fn united(&self, below: &Self, above: &Self, row: usize, word: usize) -> u64 {
         let inside = self.inside(row, word);
         let lower = |axis: usize| self.word(2 * axis, row, word);

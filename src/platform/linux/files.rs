@@ -19,7 +19,7 @@ pub(crate) use std::os::unix::fs::symlink;
 #[cfg(test)]
 pub(crate) use rustix::io::Errno;
 
-/// Which file it is, whatever its name: the device and its number there.
+/// Identity of a file regardless of its name: the device and its number there.
 pub(crate) fn file_id(meta: &Metadata) -> (u64, u64) {
     (meta.dev(), meta.ino())
 }
@@ -29,7 +29,7 @@ pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
     (meta.mtime(), meta.mtime_nsec())
 }
 
-/// What the owner, the group and the others may do with a new file, before the process's mask.
+/// Permissions of a new file for the owner, the group and others, before the process's mask.
 pub(crate) fn new_file_permissions() -> Permissions {
     Permissions::from_mode(0o666)
 }
@@ -92,7 +92,6 @@ pub(crate) fn is_too_many_open(cause: &io::Error) -> bool {
     [Errno::MFILE, Errno::NFILE].iter().any(|errno| code == Some(errno.raw_os_error()))
 }
 
-/// Makes a pipe with a name.
 #[cfg(test)]
 pub(crate) fn make_pipe(path: &Path) {
     rustix::fs::mknodat(CWD, path, rustix::fs::FileType::Fifo, Mode::from_raw_mode(0o600), 0).unwrap();

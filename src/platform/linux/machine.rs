@@ -3,7 +3,6 @@
 use std::fs;
 use std::path::Path;
 
-/// Name of the processor.
 pub(crate) fn processor() -> Option<String> {
     value("/proc/cpuinfo", "model name")
 }
@@ -14,7 +13,6 @@ pub(crate) fn memory_mib() -> Option<u64> {
     memory.split(' ').next()?.parse::<u64>().ok().map(|kib| kib / 1024)
 }
 
-/// Release of the system.
 pub(crate) fn system_release() -> String {
     read("/proc/sys/kernel/osrelease")
 }
@@ -24,7 +22,6 @@ pub(crate) fn has_ended(process: &str) -> bool {
     Path::new("/proc/self").exists() && !Path::new("/proc").join(process).exists()
 }
 
-/// What follows a key in a file of the system.
 fn value(path: &str, key: &str) -> Option<String> {
     let text = read(path);
     let line = text.lines().find_map(|line| line.strip_prefix(key))?;

@@ -1,4 +1,4 @@
-//! What the operating system accounts to this process.
+//! Memory that the operating system accounts to this process.
 
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
 /// system does not tell.

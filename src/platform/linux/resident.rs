@@ -1,6 +1,6 @@
 //! Resident memory that a process can do without, given back to the system.
 //!
-//! Two things stay resident that nobody needs: buffers that the C library's allocator keeps after they are
+//! Two things stay resident without need: buffers that the C library's allocator keeps after they are
 //! freed, and pages of the program's own code that have run once. In a process of a few MiB both weigh.
 #![expect(unsafe_code, reason = "a setting of the C library, and advice on mappings of files")]
 
@@ -91,7 +91,7 @@ unsafe extern "C" fn let_code_go(
             // takes no object off its list meanwhile: no other thread can have unmapped it and mapped something
             // of its own there since the kernel was asked, as it could with any other file. It is a private
             // mapping of a file without write permission and without a page that differs from the file (the
-            // kernel has just told so), so that reading it again, by this thread or any other, finds the same
+            // kernel has just reported so), so that reading it again, by this thread or any other, finds the same
             // bytes. Code is not written while it runs.
             unsafe {
                 libc::madvise(std::ptr::without_provenance_mut(*start), *len, libc::MADV_DONTNEED);
@@ -101,7 +101,6 @@ unsafe extern "C" fn let_code_go(
     0
 }
 
-/// Addresses of one mapping.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Mapping {
     start: usize,
@@ -193,7 +192,7 @@ Anonymous:             0 kB
         use std::io::Write as _;
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(&vec![7; 1 << 20]).unwrap();
-        // SAFETY: the file has no name, and nobody else writes it.
+        // SAFETY: the file has no name, and no one else writes it.
         let map = unsafe { memmap2::MmapOptions::new().map_copy_read_only(&file).unwrap() };
         assert!(map.iter().all(|b| *b == 7));
         let before = crate::budget::mapped_rss_bytes(&map);

@@ -31,27 +31,24 @@ impl<'a> DiscreteRays<'a> {
         asked: u64,
         mut each: impl FnMut(usize, Trace),
     ) {
-        let is_asked = |pixel: usize| asked >> pixel & 1 == 1;
         let (columns, rows) = (tile.limits.0.min(TILE), tile.limits.1.min(TILE));
         for row in 0..rows {
             let y = tile.corner.1 + row;
-            let centre = |column: usize| ((tile.corner.0 + column) as f64 + 0.5, y as f64 + 0.5);
-            let Some(frame) = &self.frame else {
-                for column in (0..columns).filter(|column| is_asked(row * TILE + column)) {
-                    let (x, y) = centre(column);
-                    each(row * TILE + column, self.trace(view, x, y, tile.lod_edge_log2));
-                }
-                continue;
-            };
             #[expect(clippy::cast_possible_truncation, reason = "at most the picture's sides")]
-            let lines = frame.row(tile.corner.0 as u32, y as u32);
-            for (column, line) in (0..columns).zip(lines) {
-                if !is_asked(row * TILE + column) {
+            let mut lines = self.frame.as_ref().map(|frame| frame.row(tile.corner.0 as u32, y as u32));
+            for column in 0..columns {
+                let line = lines.as_mut().and_then(Row::next);
+                if asked >> (row * TILE + column) & 1 == 0 {
                     continue;
                 }
-                let (x, y) = centre(column);
+                let (x, y) = ((tile.corner.0 + column) as f64 + 0.5, y as f64 + 0.5);
                 let ray = || self.sight.ray(x, y);
-                each(row * TILE + column, first_hit(view, &line, tile.lod_edge_log2, Order::default(), ray));
+                let lod = tile.lod_edge_log2;
+                let trace = match line {
+                    Some(line) => first_hit(view, &line, lod, Order::default(), ray),
+                    None => self.trace(view, x, y, lod),
+                };
+                each(row * TILE + column, trace);
             }
         }
     }
@@ -73,21 +70,21 @@ pub struct ParallelFrame {
     /// One with the axis and the slope of all.
     line: Line,
     rise: Point,
-    floor: Plane<2>,
+    floor: PixelAffine<2>,
     /// Where the rays start, u, v and w, if some start within the grid.
-    start: Option<Plane<3>>,
+    start: Option<PixelAffine<3>>,
 }
 
 /// Coordinates as affine functions of the pixel, in units of 2^-[`POINT_BITS`] cell: of the first pixel, their change along
 /// a row, and from row to row.
 #[derive(Clone, Copy, Debug)]
-struct Plane<const N: usize> {
+struct PixelAffine<const N: usize> {
     first: [f64; N],
     across: [f64; N],
     down: [f64; N],
 }
 
-impl<const N: usize> Plane<N> {
+impl<const N: usize> PixelAffine<N> {
     fn of(vectors: [[f64; 3]; 3], map: impl Fn([f64; 3], bool) -> [f64; N]) -> Self {
         let [first, across, down] = vectors;
         Self { first: map(first, true), across: map(across, false), down: map(down, false) }
@@ -137,11 +134,11 @@ impl ParallelFrame {
         };
         // Where the line through a pixel's origin meets w = 0.
         #[expect(clippy::cast_precision_loss, reason = "a slope times 2^depth, of 40 bits behind the point")]
-        let floor = Plane::of(pencil.origin, |vector, is_point| {
+        let floor = PixelAffine::of(pencil.origin, |vector, is_point| {
             let [u, v, w] = in_frame(vector, is_point);
             [u - rise[0] as f64 / side / unit * w, v - rise[1] as f64 / side / unit * w]
         });
-        let start = Plane::of(pencil.origin, in_frame);
+        let start = PixelAffine::of(pencil.origin, in_frame);
         let farthest = FARTHEST.max(2.0 * side) * unit;
         let (width, height) = (f64::from(width), f64::from(height));
         let mut starts_within = false;

@@ -6,7 +6,7 @@ use crate::render::ray::{FRACTION_BITS, MAX_DEPTH, Ray};
 /// grid a point is off by at most 2^-25 cell.
 pub const POINT_BITS: u32 = 40;
 
-// A coordinate lies within the grid or a grid's side beside it, the sum of two must fit.
+// A coordinate lies at most a grid's side outside the grid, and the sum of two must fit.
 const _: () = assert!(MAX_DEPTH + 2 + POINT_BITS < 63);
 
 /// The axis along which a ray runs fastest (the paper, 3.2), and the way back from the walk's frame.

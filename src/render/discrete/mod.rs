@@ -14,10 +14,10 @@
 //! | [`frame`] | rays of a parallel projection by increments |
 //!
 //! The exact mode ([`crate::render::traverse`]) is what pictures use. This one visits every voxel that the line
-//! pierces and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is told by
+//! intersects and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is reported by
 //! `oct report`.
 //!
-//! What the paper has wrong or leaves open (E1 to E7 in the notes to this project), and what is done here:
+//! Errors and gaps of the paper (E1 to E7 in the notes to this project), and the choice here:
 //!
 //! | | the paper | here |
 //! |---|---|---|

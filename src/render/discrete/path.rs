@@ -139,17 +139,10 @@ impl Table {
     /// Entries.
     pub const ENTRIES: usize = 1 << 14;
 
-    /// Computes the table.
-    pub fn new() -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "the eight bits of an infobyte")]
-        let entry = |index: usize| Visits::of((index >> 6) as u8 & path_of_bits(index & 63)).0;
-        Self((0..Self::ENTRIES).map(entry).collect())
-    }
-
     /// The table of this process, made when it is first asked for.
     pub fn shared() -> &'static Self {
         static SHARED: std::sync::OnceLock<Table> = std::sync::OnceLock::new();
-        SHARED.get_or_init(Self::new)
+        SHARED.get_or_init(Self::default)
     }
 
     /// Number of the entry for these halves and an infobyte in the walk's frame.
@@ -167,8 +160,11 @@ impl Table {
 }
 
 impl Default for Table {
+    /// Computes the table.
     fn default() -> Self {
-        Self::new()
+        #[expect(clippy::cast_possible_truncation, reason = "the eight bits of an infobyte")]
+        let entry = |index: usize| Visits::of((index >> 6) as u8 & path_of_bits(index & 63)).0;
+        Self((0..Self::ENTRIES).map(entry).collect())
     }
 }
 
@@ -200,7 +196,7 @@ mod tests {
 
     #[test]
     fn the_table_is_the_direct_evaluation_in_all_entries() {
-        let table = Table::new();
+        let table = Table::default();
         let mut seen = 0;
         for infobyte in 0..=255_u8 {
             for bits in 0..64 {

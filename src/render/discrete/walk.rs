@@ -25,7 +25,7 @@ const _: () = assert!((MAX_DEPTH as usize) < LEVELS);
 
 /// A box whose children are being visited.
 #[derive(Clone, Copy)]
-struct Open {
+struct OpenBox {
     node: NodeIndex,
     infobyte: u8,
     /// Children still to be visited.
@@ -39,7 +39,7 @@ struct Open {
 /// First skin voxel on the discrete ray of a line; with `lod_edge_log2` = k > 0, first node with an edge of 2^k or less.
 ///
 /// The line must have been made for the depth of this view. [`Trace::steps`] counts the boxes whose children were looked
-/// at. `ray` tells where along the ray the hit is, and is asked only then; with `None` there is no hit.
+/// at. `ray` is asked for the place of a hit along it only; with `None` there is no hit.
 ///
 /// Cost: a box, some twenty additions, shifts and comparisons of whole numbers; one infobyte, and one rank if a child is
 /// visited. Any view is safe: the walk ends within [`step_limit`] steps.
@@ -106,7 +106,7 @@ fn walk<V: NodeView>(
         }
         let infobyte = view.infobyte(node);
         let pending = visits(path & infobyte_in_frame(infobyte, line.axis), u, v);
-        Open { node, infobyte, pending, low, floor, middle, ceiling }
+        OpenBox { node, infobyte, pending, low, floor, middle, ceiling }
     };
     let mut level = depth - 1;
     let mut path = [open(NodeIndex::ROOT, [0; 3], level, line.floor, line.ceiling); LEVELS];

@@ -1,7 +1,7 @@
-//! The rays of a tile as one beam: what holds for all of them, and what tells them apart.
+//! The rays of a tile as one beam: their common part, and their differences.
 //!
-//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: how far p is beside
-//! the ray in the projection onto a and b. A square of edge 1 around p is pierced by the ray's line if and
+//! For a pair of axes (a, b) and a point p let `e = (p_a - o_a) d_b - (p_b - o_b) d_a`: how far p is from
+//! the ray in the projection onto a and b. A square of edge 1 around p is intersected by the ray's line if and
 //! only if `|e| <= (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the
 //! pixel, so its extremes are those of four corners.
 
@@ -27,7 +27,7 @@ const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
 const COLUMN: [f32; SINGLES] = [0., 1., 2., 3., 4., 5., 6., 7., 0., 1., 2., 3., 4., 5., 6., 7.];
 const ROW: [f32; SINGLES] = [0., 0., 0., 0., 0., 0., 0., 0., 1., 1., 1., 1., 1., 1., 1., 1.];
 
-/// What does not depend on the box that a beam is compared with. Mirrored coordinates, in edges of the
+/// The part that is the same for all boxes that a beam is compared with. Mirrored coordinates, in edges of the
 /// finest boxes; directions are scaled to at most 1.
 pub(super) struct Beam<L: Lanes> {
     pub(super) lanes: L,
@@ -38,17 +38,17 @@ pub(super) struct Beam<L: Lanes> {
     direction: [[f64; 3]; 3],
     /// For each pair, what a moving origin adds to the change of e with x and y.
     shift: [[f64; 2]; 3],
-    /// For each pair: cells of a plane are pierced by some ray only if `-max e <= upper` and
+    /// For each pair: cells of a plane are intersected by some ray only if `-max e <= upper` and
     /// `lower <= -min e`, e being that of the plane's middle.
     upper: [L::F; 3],
     lower: [L::F; 3],
     /// Lowest origin of the rays, by axis, if some box may lie behind a ray.
     behind: Option<[f64; 3]>,
-    /// Greatest |e| of a brick's middle at which a ray may pierce the brick, by pair.
+    /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
 }
 
-/// What tells a tile's rays apart.
+/// The differences of a tile's rays.
 pub(super) struct Rays {
     /// Direction by axis, then half the width of a cell's projection by pair.
     direction: [[f32; RAYS]; 3],
@@ -196,10 +196,10 @@ impl<L: Lanes> Beam<L> {
         })
     }
 
-    /// Of the 4 x 4 x 4 boxes with an edge of `2^edge` from `low` on, those that some ray may pierce.
+    /// Those of the 4 x 4 x 4 boxes with an edge of `2^edge` from `low` on that some ray may intersect.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    pub(super) fn pierced(&self, low: [u32; 3], edge: u32) -> u64 {
+    pub(super) fn intersected(&self, low: [u32; 3], edge: u32) -> u64 {
         let l = self.lanes;
         let half = f64::from(2_u32.wrapping_shl(edge));
         let per_edge = 2.0 / half;
@@ -223,8 +223,8 @@ impl<L: Lanes> Beam<L> {
         boxes
     }
 
-    /// Which of the rays `live` may pierce the brick of finest boxes at `low`; what
-    /// [`Beam::pierced_by`] then tells is about this brick.
+    /// Which of the rays `live` may intersect the brick of finest boxes at `low`; what
+    /// [`Beam::intersected_by`] then gives is about this brick.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
     pub(super) fn meets(&self, rays: &mut Rays, low: [u32; 3], live: u64) -> u64 {
@@ -250,9 +250,9 @@ impl<L: Lanes> Beam<L> {
         bits & live
     }
 
-    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may pierce.
+    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect.
     #[inline(always)]
-    pub(super) fn pierced_by(&self, rays: &Rays, ray: usize, low: [u32; 3]) -> u64 {
+    pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3]) -> u64 {
         let l = self.lanes;
         let ray = ray % RAYS;
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));

@@ -3,7 +3,7 @@
 //! For surfaces that are not solid: each box that a ray may pass through is looked at once, with the ray's own
 //! integers as doubles. What is certain from that is taken; the rest is decided by integers, one ray alone.
 
-use crate::render::lanes::{DOUBLES, Lanes, Truths, each3};
+use crate::render::lanes::{DOUBLES, Lanes, Truths, each3, larger, smaller};
 use crate::render::ray::FRACTION_BITS;
 use crate::render::sight::Sight;
 use crate::render::surface::{Approach, Glance};
@@ -27,15 +27,15 @@ pub(super) struct ExactRays {
 }
 
 /// A box that a ray surely passes through.
-pub(super) struct Pierced {
+pub(super) struct BoxEntry {
     pub(super) glance: Glance,
     /// Axis of the face that it enters by.
     pub(super) axis: usize,
 }
 
 /// Does a ray pass through a box?
-pub(super) enum Way {
-    Through(Pierced),
+pub(super) enum Passing {
+    Through(BoxEntry),
     Past,
     Unsure,
 }
@@ -84,7 +84,7 @@ impl ExactRays {
                 origin[a] = far - origin[a];
                 direction[a] = zero - direction[a];
             }
-            // A direction against the mirror is none that was estimated.
+            // No direction against the mirror was estimated.
             valid = valid & l.d_le(zero, direction[a]);
             slanted = slanted & l.d_lt(zero, direction[a]);
         }
@@ -98,7 +98,7 @@ impl ExactRays {
         self.slanted |= u64::from((valid & slanted).bits() & 0xff) << (TILE * row);
     }
 
-    /// A ray and the box of the finest level at the mirrored cell `low`; `None` for a ray that is none of these.
+    /// A ray and the box of the finest level at the mirrored cell `low`; `None` for a ray that was not estimated.
     #[inline(always)]
     pub(super) fn approach(
         &self,
@@ -122,12 +122,12 @@ impl ExactRays {
 
     /// The way of a ray through the box of edge `2^unit` at the mirrored cell `low`.
     #[inline]
-    pub(super) fn way(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
+    pub(super) fn way(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Passing {
         let ray = ray % RAYS;
         if self.slanted >> ray & 1 == 0 {
             return self.way_along_axes(ray, box_number, low, unit, mirror);
         }
-        // Without a branch until all is known: which face is crossed last is anybody's guess.
+        // Without a branch until all is known: the last face crossed cannot be predicted.
         let one_cell = f64::from(1_u32 << FRACTION_BITS);
         let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
         let direction = each3!(A => self.direction[A][ray]);
@@ -140,7 +140,7 @@ impl ExactRays {
         let leave = smaller(smaller(out[0], out[1]), out[2]);
         // Whole numbers: a box is behind the ray when one of its far planes is.
         if (enter > leave + SAME_TIME) | (leave <= 0.0) {
-            return Way::Past;
+            return Passing::Past;
         }
         // Ties, and rays that start in the box, are for the integers.
         if (enter + SAME_TIME < leave) & (before + SAME_TIME < enter) & (enter > SAME_TIME) {
@@ -148,17 +148,17 @@ impl ExactRays {
             let from_middle = each3!(A => -n[A] - 0.5 * edge);
             let approach = Approach { box_number, mirror, from_middle, direction };
             let glance = Glance { approach, enter, leave };
-            return Way::Through(Pierced { glance, axis });
+            return Passing::Through(BoxEntry { glance, axis });
         }
-        Way::Unsure
+        Passing::Unsure
     }
 
     /// [`ExactRays::way`] of rays that may stand still along an axis.
     #[inline(never)]
-    fn way_along_axes(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Way {
+    fn way_along_axes(&self, ray: usize, box_number: u64, low: [u32; 3], unit: u32, mirror: u32) -> Passing {
         let ray = ray % RAYS;
         if self.valid >> ray & 1 == 0 {
-            return Way::Unsure;
+            return Passing::Unsure;
         }
         let one_cell = f64::from(1_u32 << FRACTION_BITS);
         let edge = f64::from(1_u32.wrapping_shl(unit)) * one_cell;
@@ -168,9 +168,9 @@ impl ExactRays {
         let mut direction = [0.0; 3];
         for a in 0..3 {
             let (d, n) = (self.direction[a][ray], f64::from(low[a]) * one_cell - self.origin[a][ray]);
-            // Whole numbers: behind the ray, or beside one that does not move along the axis.
+            // Whole numbers: behind the ray, or off one that does not move along the axis.
             if n <= -edge || (d == 0.0 && n > 0.0) {
-                return Way::Past;
+                return Passing::Past;
             }
             (from_middle[a], direction[a]) = (-n - 0.5 * edge, d);
             if d > 0.0 {
@@ -186,15 +186,15 @@ impl ExactRays {
             }
         }
         if enter > leave + SAME_TIME {
-            return Way::Past;
+            return Passing::Past;
         }
         // Ties, and rays that start in the box, are for the integers.
         if enter + SAME_TIME < leave && before + SAME_TIME < enter && enter > SAME_TIME {
             let approach = Approach { box_number, mirror, from_middle, direction };
             let glance = Glance { approach, enter, leave };
-            return Way::Through(Pierced { glance, axis });
+            return Passing::Through(BoxEntry { glance, axis });
         }
-        Way::Unsure
+        Passing::Unsure
     }
 
     /// Parameter of a ray after `distance / component`, as [`crate::render::ray::Ray::t_after`].
@@ -212,17 +212,6 @@ impl ExactRays {
     }
 }
 
-#[inline(always)]
-fn larger(a: f64, b: f64) -> f64 {
-    if a > b { a } else { b }
-}
-
-#[inline(always)]
-fn smaller(a: f64, b: f64) -> f64 {
-    if a < b { a } else { b }
-}
-
-/// The lanes of a row.
 #[inline(always)]
 fn lanes_of(values: &mut [f64; RAYS], row: usize) -> &mut [f64; DOUBLES] {
     &mut values.as_chunks_mut().0[row]

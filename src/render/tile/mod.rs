@@ -4,7 +4,7 @@
 //! Sight --Pencil--> Beam: nodes, two levels at a time, over-estimated for all 64 rays at once
 //!   |                 |  brick of 4 x 4 x 4 finest boxes
 //!   |                 v
-//!   |               which rays come near it; for each, which boxes its line pierces
+//!   |               which rays come near it; for each, which boxes its line intersects
 //!   |                 |  lowest occupied one: a candidate
 //!   '-----Row-------> prove: eight exact rays decide in integers --> TileHits
 //!                     |  not proved, or no beam: one ray alone (`single`)
@@ -12,9 +12,9 @@
 //!
 //! 1. **Two levels at once.** `occupancy` gives the 4 x 4 x 4 boxes below a node as 64 bits.
 //! 2. **Order for free.** In mirrored coordinates no ray runs backwards, so Morton order is front to back for
-//!    all of them, and the first hit is the lowest set bit of pierced and occupied.
-//! 3. **Pierced boxes by three projections.** Three intervals on a line have a point in common if every two
-//!    have; so a line pierces a box if and only if it does so in the projections onto xy, xz and yz. Each is
+//!    all of them, and the first hit is the lowest set bit of intersected and occupied.
+//! 3. **BoxEntry boxes by three projections.** Three intervals on a line have a point in common if every two
+//!    have; so a line intersects a box if and only if it does so in the projections onto xy, xz and yz. Each is
 //!    a plane of 16 cells: one comparison of 16 lanes, extruded along the third axis to 64 bits.
 //! 4. **Estimates are wide, the decision is exact.** Nodes are estimated for the whole beam with singles that
 //!    start from doubles in the node; a slack of 2^-12 box (more where a pixel covers many boxes) covers their
@@ -24,7 +24,7 @@
 //! 6. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!
-//! The volume's box needs no test: a beam descends into occupied boxes only, so air beside a flat volume
+//! The volume's box needs no test: a beam descends into occupied boxes only, so air around a flat volume
 //! costs nothing.
 //!
 //! # What was tried
@@ -96,7 +96,7 @@ impl Tile {
     }
 }
 
-/// What a tile's rays hit.
+/// The hits of a tile's rays.
 #[derive(Clone, Debug)]
 pub struct TileHits {
     /// Rays that hit, as bits.
@@ -137,7 +137,7 @@ impl TileHits {
         self.steps = [0; RAYS];
     }
 
-    /// What follows is in coordinates mirrored like this, about boxes with an edge of `2^edge_log2`.
+    /// From here on coordinates are mirrored like this, and boxes have an edge of `2^edge_log2`.
     fn mirrored(&mut self, mirror: u32, last: u32, edge_log2: u32) {
         (self.mirror, self.last, self.edge_log2) = (mirror, last, edge_log2);
     }
@@ -162,7 +162,7 @@ impl TileHits {
         }
     }
 
-    /// The hit of a ray in the coordinates that [`TileHits::mirrored`] told; `axis` is that of the face.
+    /// The hit of a ray in the coordinates of [`TileHits::mirrored`]; `axis` is that of the face.
     #[inline(always)]
     fn set_mirrored(&mut self, ray: usize, number: u64, low: [u32; 3], axis: Option<usize>, t: f64) {
         let ray = ray % RAYS;
@@ -248,7 +248,7 @@ impl Tracer {
 
     /// First hits of a tile's rays: those of [`super::traverse::first_hit_sealed`], for every form.
     ///
-    /// The view must be as deep as the sight's grid. Any view is safe, whatever it answers.
+    /// The view must be as deep as the sight's grid. Any view is safe, right or wrong.
     #[inline]
     pub fn trace<S: Surface>(
         &mut self,
@@ -260,7 +260,7 @@ impl Tracer {
         self.trace_some(view, surface, sight, tile, u64::MAX)
     }
 
-    /// As [`Tracer::trace`], of those rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
+    /// [`Tracer::trace`] for the rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
     #[inline]
     pub fn trace_some<S: Surface>(
         &mut self,

@@ -1,6 +1,6 @@
 //! A row of candidates decided exactly: rays as integers, eight at a time.
 //!
-//! The conditions are those of `pierce`, the results those of [`Passage::entry_hit`].
+//! The conditions are those of `mirrored_ray`, the results those of [`Passage::entry_hit`].
 //!
 //! [`Passage::entry_hit`]: crate::render::surface::Passage::entry_hit
 
@@ -53,7 +53,7 @@ pub(super) fn entries<L: Lanes>(
     let mut proved = row.valid;
     for a in 0..3 {
         let ahead = l.d_lt(l.d(-edge), distance[a]);
-        // A direction against the mirror is none that was estimated.
+        // No direction against the mirror was estimated.
         let along = l.d_le(zero, direction[a]) & (moves[a] | !positive[a]);
         proved = proved & ahead & along;
     }

@@ -3,15 +3,15 @@
 use crate::load::{ModelView, NodeView};
 use crate::render::form::LanesKernel;
 use crate::render::lanes::{DOUBLES, Lanes, each3};
+use crate::render::mirrored_ray::MirroredRay;
 use crate::render::occupancy::{Brick, place};
-use crate::render::pierce::MirroredRay;
 use crate::render::ray::{MAX_DEPTH, Ray};
 use crate::render::sight::Sight;
-use crate::render::single::{self, BRICK_LEVELS, Open, top_edge};
-use crate::render::surface::{Looked, Surface};
+use crate::render::single::{self, BRICK_LEVELS, OpenBrick, top_edge};
+use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
-use super::exact::{ExactRays, Way};
+use super::exact::{ExactRays, Passing};
 use super::prove::entries;
 use super::{Tile, TileHits};
 
@@ -68,22 +68,18 @@ impl<S: Surface> Walk<'_, '_, S> {
         let levels = depth - unit;
         let top = top_edge(levels);
         let mut edge = top;
-        let brick = if levels.is_multiple_of(2) {
-            Brick::of(l, self.view, 0, beam.mirror)
-        } else {
-            Brick::above_root(self.view, beam.mirror)
-        };
+        let brick = Brick::top(l, self.view, levels, beam.mirror);
         let mut live = live;
         let mut candidates = 0_u64;
         let low = [0; 3];
-        let mut open = Open { brick, pending: 0, first: 0, low };
+        let mut open = OpenBrick { brick, pending: 0, first: 0, low };
         let mut waiting = [open; BRICK_LEVELS];
         let mut bricks = 0_u32;
         if top == 0 {
             let near = beam.meets(self.rays, low, live);
             candidates = self.rays_of_brick(beam, &brick, low, near, &mut live, unit);
         } else {
-            open.pending = brick.boxes & beam.pierced(low, edge);
+            open.pending = brick.boxes & beam.intersected(low, edge);
             open.first = brick.first(self.view);
         }
         'walk: loop {
@@ -117,8 +113,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             waiting[edge as usize / 2 % BRICK_LEVELS] = open;
             edge = edge.wrapping_sub(2);
             let brick = Brick::of(l, self.view, number, beam.mirror);
-            let pending = brick.boxes & beam.pierced(low, edge);
-            open = Open { brick, pending, first: if pending == 0 { 0 } else { brick.first(self.view) }, low };
+            open = OpenBrick::new(self.view, brick, beam.intersected(low, edge), low);
         }
         let left = if bricks > MAX_BRICKS { live } else { 0 };
         if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }
@@ -144,7 +139,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let mut boxes = brick.boxes & beam.pierced_by(self.rays, ray, low);
+            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low);
             if boxes == 0 {
                 continue;
             }
@@ -185,14 +180,14 @@ impl<S: Surface> Walk<'_, '_, S> {
         if unit == 0
             && let Some(approach) = self.exact.approach(ray, number, low, mirror)
         {
-            match self.surface.foretell(self.view, &approach) {
-                Looked::Past => return false,
-                Looked::Within { distance, component } => {
+            match self.surface.predict(self.view, &approach) {
+                Estimate::Past => return false,
+                Estimate::Within { distance, component } => {
                     let t = self.exact.t_after(ray, distance, component);
                     self.hits.set_mirrored(ray, number, low, None, t);
                     return true;
                 }
-                Looked::Entry | Looked::Unsure => {}
+                Estimate::Entry | Estimate::Unsure => {}
             }
         }
         self.look_again(ray, number, low, unit, mirror)
@@ -201,23 +196,24 @@ impl<S: Surface> Walk<'_, '_, S> {
     /// Looks at a box by the times at which a ray passes through it.
     #[inline(never)]
     fn look_again(&mut self, ray: usize, number: u64, low: [u32; 3], unit: u32, mirror: u32) -> bool {
-        let pierced = match self.exact.way(ray, number, low, unit, mirror) {
-            Way::Past => return false,
-            Way::Unsure => return self.meet(ray, number, low, unit),
-            Way::Through(pierced) => pierced,
+        let intersected = match self.exact.way(ray, number, low, unit, mirror) {
+            Passing::Past => return false,
+            Passing::Unsure => return self.meet(ray, number, low, unit),
+            Passing::Through(intersected) => intersected,
         };
         // Boxes above the finest level are not the surface's to be looked at.
-        let looked = if unit == 0 { self.surface.look(self.view, &pierced.glance) } else { Looked::Unsure };
+        let looked =
+            if unit == 0 { self.surface.look(self.view, &intersected.glance) } else { Estimate::Unsure };
         match looked {
-            Looked::Past => false,
-            Looked::Unsure => self.meet(ray, number, low, unit),
-            Looked::Entry => {
-                let (distance, component) = self.exact.entry(ray, pierced.axis, low);
+            Estimate::Past => false,
+            Estimate::Unsure => self.meet(ray, number, low, unit),
+            Estimate::Entry => {
+                let (distance, component) = self.exact.entry(ray, intersected.axis, low);
                 let t = self.exact.t_after(ray, distance, component);
-                self.hits.set_mirrored(ray, number, low, Some(pierced.axis), t);
+                self.hits.set_mirrored(ray, number, low, Some(intersected.axis), t);
                 true
             }
-            Looked::Within { distance, component } => {
+            Estimate::Within { distance, component } => {
                 let t = self.exact.t_after(ray, distance, component);
                 self.hits.set_mirrored(ray, number, low, None, t);
                 true

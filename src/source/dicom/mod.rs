@@ -15,13 +15,13 @@ mod series;
 
 pub use crate::facts::dicom::{Obstacle, ScanError, TransferSyntax};
 pub use image::describe::{Access, Image};
-pub use image::pixels::{Padding, PixelLayout, StatedPadding};
+pub use image::pixels::{Padding, PaddingAttributes, PixelLayout};
 pub use image::unroll::{FrameSink, unroll};
 pub use parse::frames::{FrameGeometry, Origin, visit};
-pub use parse::header::{DicomHeader, Encoding, PixelData, PixelElement, Places};
+pub use parse::header::{DicomHeader, ElementOffsets, Encoding, PixelData, PixelElement};
 pub use parse::private::Private;
 pub use parse::scan::scan;
 pub use parse::window::ReadAt;
 pub(crate) use series::findings::open_series;
-pub(crate) use series::survey::{Recognised, recognise};
+pub(crate) use series::survey::{Recognition, recognise};
 pub use series::volume::DicomVolume;

@@ -86,7 +86,7 @@ impl Placement {
         let [mut b, mut c, mut d] = self.quaternion;
         let rest = 1.0 - (b * b + c * c + d * d);
         let a = if rest < 1e-7 {
-            // A half turn, as far as single precision tells: (b, c, d) is made a unit vector.
+            // A half turn, within single precision: (b, c, d) is made a unit vector.
             let norm = 1.0 / (b * b + c * c + d * d).sqrt();
             (b, c, d) = (b * norm, c * norm, d * norm);
             0.0

@@ -170,7 +170,7 @@ fn signs(space: &str) -> ([f64; 3], bool) {
     }
 }
 
-/// `(1,0,0) none (0,1,0)`: one vector for each axis; vectors of no numbers are none.
+/// `(1,0,0) none (0,1,0)`: one vector for each axis; a word in place of numbers means no vector.
 fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
     let mut found = Vec::new();
     let mut rest = text.trim();

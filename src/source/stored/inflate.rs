@@ -6,7 +6,6 @@ use std::io::{self, BufRead, BufReader, Read};
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
 
-use crate::budget::costs;
 use crate::platform::FileExt;
 
 /// Bytes of a file that are read at once.
@@ -148,7 +147,7 @@ impl<R: BufRead> Bzip2<R> {
     }
 }
 
-/// Bytes at the head of a bzip2 stream that tell the size of its blocks.
+/// Bytes at the head of a bzip2 stream that state the size of its blocks.
 pub(super) const BZIP2_HEAD: usize = 4;
 
 /// Size of a stream's blocks in units of 100,000 bytes.
@@ -159,9 +158,12 @@ pub(super) fn bzip2_level(head: &[u8; BZIP2_HEAD]) -> Option<u8> {
     }
 }
 
+/// The state of a bzip2 decoder without its block, which is 2.5 times as long as its level says.
+const BZIP2: u64 = 128 << 10;
+
 /// Bytes that decoding such blocks holds: 2.5 times a block, and tables.
 pub(super) fn bzip2_memory(level: u8) -> u64 {
-    250_000 * u64::from(level) + costs::BZIP2
+    250_000 * u64::from(level) + BZIP2
 }
 
 fn invalid(cause: impl ToString) -> io::Error {

@@ -7,20 +7,22 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
-use crate::budget::costs;
 use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing};
 use crate::platform::FileExt;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, SourceError, VolumeInfo};
+use crate::volume::{Endian, Result, SourceError, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
 
-/// What the buffers and the window of the inflater take: input, stored samples, delivered samples (twice as
+/// The state of an inflater without its input and output buffers: its window, twice, and tables.
+const INFLATER: u64 = 64 << 10;
+
+/// Bytes of the buffers and of the inflater's window: input, stored samples, delivered samples (twice as
 /// long where halves grow), and the inflater's window with its tables.
-const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + costs::INFLATER;
+const MEMORY_BYTES: u64 = (INPUT_BYTES + 2 * PIECE_BYTES) as u64 + INFLATER;
 
 /// How samples are packed in a file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +99,7 @@ impl Encoding {
 
 /// Streams with one slice after another: all slices in one, or the same number in each of several.
 ///
-/// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), whatever the size of the volume.
+/// Unrolling holds 160 KiB (for bzip2 up to 2.3 MiB more, by its blocks), for volumes of any size.
 #[derive(Debug)]
 pub(in crate::source) struct Linear {
     pub(in crate::source) files: Arc<FileSet>,
@@ -129,7 +131,7 @@ impl Linear {
         slice_bytes: u64,
         target: &Target<'_>,
         buffer: &mut [u8],
-    ) -> Result<Option<Note>, SourceError> {
+    ) -> Result<Option<Note>> {
         let mut stream = self.encoding.open(file, self.skip, self.samples);
         let packing = self.encoding.packing();
         let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
@@ -214,7 +216,7 @@ impl Unroll for Linear {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         let dims = info.dims;
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
         let mut buffer = vec![0; PIECE_BYTES / self.samples.bytes() * self.samples.delivered().bytes()];

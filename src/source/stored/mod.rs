@@ -3,15 +3,15 @@
 //! | part | what it is |
 //! |---|---|
 //! | [`Samples`] | how a sample is stored, and what it is delivered as |
-//! | [`Placed`] | slices at known offsets of files, read by position straight into the caller's buffer |
+//! | [`DirectSamples`] | slices at known offsets of files, read by position straight into the caller's buffer |
 //! | [`Unroll`] | a recipe that writes a volume once from front to back into a [`Spool`] |
 //! | [`Linear`] | the recipe of gzip, zlib, bzip2 and text: a stream with one slice after another |
 //! | [`StoredVolume`] | a volume of either kind |
 
+mod direct;
 mod inflate;
 mod linear;
 mod open;
-mod placed;
 mod samples;
 mod text;
 
@@ -19,11 +19,11 @@ use std::fmt;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
+pub(super) use direct::{DirectSamples, SliceOffsets};
 use inflate::INPUT_BYTES;
 pub(super) use inflate::{Section, section};
 pub(super) use linear::{Encoding, Linear};
-pub(super) use open::{Skip, Stored, regular};
-pub(super) use placed::{Placed, Places};
+pub(super) use open::{Skip, StoredLayout, regular};
 pub(super) use samples::Samples;
 
 use super::files::FileList;
@@ -32,7 +32,7 @@ use crate::facts::samples::ReadFault;
 use crate::progress::Progress;
 use crate::volume::Spool;
 use crate::volume::check_request;
-use crate::volume::{Preparation, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+use crate::volume::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
 
 /// Writes a volume that can only be read from front to back.
 pub(super) trait Unroll: Send + Sync {
@@ -47,8 +47,8 @@ pub(super) trait Unroll: Send + Sync {
         self.files().path(0)
     }
 
-    /// Writes every sample of the volume into `target`; gives back what came to light.
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError>;
+    /// Writes every sample of the volume into `target`; returns notes on what it found.
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>>;
 }
 
 /// Where a recipe writes to.
@@ -59,7 +59,7 @@ pub(super) struct Target<'a> {
 
 impl Target<'_> {
     /// Writes samples (native order, as delivered) at a byte offset of the volume.
-    pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result<(), SourceError> {
+    pub(super) fn write(&self, samples: &[u8], offset: u64) -> Result {
         self.spool.write(samples, offset)?;
         Ok(self.progress.step(samples.len() as u64)?)
     }
@@ -80,14 +80,14 @@ pub(super) struct StoredVolume {
 
 /// The two ways to the samples.
 enum Data {
-    Placed(Placed),
+    Direct(DirectSamples),
     Sequential { recipe: Box<dyn Unroll>, spool: Option<Spool> },
 }
 
 impl StoredVolume {
     /// A volume that is read by position.
-    pub(super) fn placed(info: VolumeInfo, placed: Placed) -> Self {
-        Self { info, data: Data::Placed(placed) }
+    pub(super) fn direct(info: VolumeInfo, samples: DirectSamples) -> Self {
+        Self { info, data: Data::Direct(samples) }
     }
 
     /// A volume that is unrolled first.
@@ -99,7 +99,7 @@ impl StoredVolume {
 impl fmt::Debug for StoredVolume {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let unrolled = match &self.data {
-            Data::Placed(_) => None,
+            Data::Direct(_) => None,
             Data::Sequential { spool, .. } => Some(spool.is_some()),
         };
         f.debug_struct("StoredVolume").field("info", &self.info).field("unrolled", &unrolled).finish()
@@ -113,7 +113,7 @@ impl VolumeSource for StoredVolume {
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
         match &self.data {
-            Data::Placed(placed) => placed.files.list().for_each(each),
+            Data::Direct(samples) => samples.files.list().for_each(each),
             Data::Sequential { recipe, .. } => recipe.files().for_each(each),
         }
     }
@@ -128,7 +128,7 @@ impl VolumeSource for StoredVolume {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let needed_bytes = self.preparation().memory_bytes;
         let Data::Sequential { recipe, spool } = &mut self.data else { return Ok(()) };
         if spool.is_some() {
@@ -144,15 +144,9 @@ impl VolumeSource for StoredVolume {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         match &self.data {
-            Data::Placed(placed) => placed.read_rows(&self.info, z, rows, cols, out),
+            Data::Direct(samples) => samples.read_rows(&self.info, z, rows, cols, out),
             Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
                 .and_then(|()| match spool {
                     Some(spool) => spool.read_rows(z, &rows, &cols, out),
@@ -169,9 +163,9 @@ impl VolumeSource for StoredVolume {
         cols: Range<u32>,
         pitch: usize,
         out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    ) -> Result {
         match &self.data {
-            Data::Placed(placed) => placed.read_pitched(&self.info, z, rows, cols, pitch, out),
+            Data::Direct(samples) => samples.read_pitched(&self.info, z, rows, cols, pitch, out),
             Data::Sequential { .. } => row_by_row(self, z, rows, cols, pitch, out),
         }
     }

@@ -4,14 +4,14 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::{Encoding, Linear, Placed, Places, Samples, StoredVolume};
+use super::{DirectSamples, Encoding, Linear, Samples, SliceOffsets, StoredVolume};
 use crate::facts::Note;
 use crate::facts::samples::StoredFault;
 use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
 const MAX_VOLUMES: u64 = 2048;
@@ -25,9 +25,9 @@ pub(in crate::source) enum Skip {
     AllButSamples,
 }
 
-/// What a header says of the samples, in one or several files.
+/// Layout of samples in one or several files, as a header states it.
 #[derive(Debug)]
-pub(in crate::source) struct Stored {
+pub(in crate::source) struct StoredLayout {
     /// The file to name where the header is wrong; its last part becomes the volume's name.
     pub(in crate::source) header: PathBuf,
     /// Name of the format.
@@ -52,17 +52,17 @@ pub(in crate::source) struct Stored {
     pub(in crate::source) rescale: Rescale,
     /// Voxel index to LPS mm.
     pub(in crate::source) affine: Affine,
-    /// What is to be known of all volumes.
+    /// Notes on all volumes.
     pub(in crate::source) notes: Vec<Note>,
 }
 
-impl Stored {
+impl StoredLayout {
     /// The volumes; nothing is read of the samples yet.
     ///
     /// # Errors
     /// [`SourceError::Unusable`] where the header contradicts itself or the files;
     /// [`SourceError::Unreadable`] where the system refuses.
-    pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>, SourceError> {
+    pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>> {
         let wrong = |fault: StoredFault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
         let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
@@ -117,8 +117,11 @@ impl Stored {
             let first_slice = index * u64::from(dims.nz());
             let (files, samples, endian) = (Arc::clone(&files), self.samples, self.endian);
             if self.encoding == Encoding::Raw {
-                let places = Places::Even { slices_per_file, skip, first_slice };
-                return Box::new(StoredVolume::placed(info, Placed { files, places, samples, endian }));
+                let offsets = SliceOffsets::Even { slices_per_file, skip, first_slice };
+                return Box::new(StoredVolume::direct(
+                    info,
+                    DirectSamples { files, offsets, samples, endian },
+                ));
             }
             let (encoding, skip_unpacked) = (self.encoding, self.skip_unpacked);
             Box::new(StoredVolume::sequential(
@@ -139,7 +142,7 @@ impl Stored {
     }
 
     /// Holds the size of every file against its share; gives back where the samples begin.
-    fn check_files(&mut self, share: u64) -> Result<u64, SourceError> {
+    fn check_files(&mut self, share: u64) -> Result<u64> {
         let mut common = None;
         let mut longer = 0_u64;
         for index in 0..self.files.len() {
@@ -176,7 +179,7 @@ impl Stored {
 }
 
 /// Length of a regular file: no device, pipe or folder is opened because a header names it.
-pub(in crate::source) fn regular(path: &Path) -> Result<u64, SourceError> {
+pub(in crate::source) fn regular(path: &Path) -> Result<u64> {
     let meta =
         fs::metadata(path).map_err(|cause| SourceError::Unreadable { path: path.to_path_buf(), cause })?;
     if !meta.is_file() {

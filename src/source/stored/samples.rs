@@ -26,7 +26,7 @@ impl Samples {
         }
     }
 
-    /// What is delivered.
+    /// Type of the delivered samples.
     pub(in crate::source) fn delivered(self) -> ScalarType {
         match self {
             Self::Plain(scalar) => scalar,
@@ -35,7 +35,7 @@ impl Samples {
         }
     }
 
-    /// What is to be known where the delivered type is another.
+    /// A note where the delivered type is another.
     pub(in crate::source) fn note(self) -> Option<Note> {
         matches!(self, Self::I64 | Self::U64).then_some(Note::LongIntegers)
     }

@@ -24,12 +24,12 @@ use super::files::{FileList, FileSet};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
-use super::stored::{Placed, Places, Samples, StoredVolume, Target, Unroll};
+use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
 use crate::facts::samples::Damage;
 use crate::facts::tiff::{TiffFault, TiffShape};
 use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Endian, Rescale, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;
@@ -54,7 +54,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
     [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"].iter().any(|magic| head.starts_with(*magic))
 }
 
-/// Does a file have several pages, as far as that can be told?
+/// Does a file have several pages, as far as that can be seen?
 pub(super) fn is_whole(path: &Path) -> bool {
     let mut pages = Stack::default();
     match pages.add(path, 0) {
@@ -64,13 +64,13 @@ pub(super) fn is_whole(path: &Path) -> bool {
 }
 
 /// Opens pictures: files with one page each make a volume together, and each with several pages is a volume
-/// of its own, whatever becomes of the others.
+/// of its own, independent of the others.
 pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let mut whole = Vec::new();
     let mut stack = Stack::default();
     let mut files = Vec::new();
     let mut refused: Option<SourceError> = None;
-    // Too damaged to tell whether they have several pages.
+    // Too damaged to see whether they have several pages.
     let mut unclear = Vec::new();
     for index in 0..list.len() {
         let path = list.path(index);
@@ -128,7 +128,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     whole
 }
 
-/// Has a file that cannot be used several pages? `None` if that cannot be told, either.
+/// Has a file that cannot be used several pages? `None` if that cannot be seen, either.
 fn several_pages(path: &Path) -> Option<bool> {
     super::stored::regular(path).ok()?;
     let opened = File::open(path).ok()?;
@@ -157,7 +157,7 @@ fn several_pages(path: &Path) -> Option<bool> {
     (pages == 1).then_some(false)
 }
 
-/// What all slices of a volume share.
+/// Shared by all slices of a volume.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Shape {
     size: [u32; 2],
@@ -193,7 +193,7 @@ struct Stack {
 
 impl Stack {
     /// Adds the pages of a file.
-    fn add(&mut self, path: &Path, file: u32) -> Result<(), SourceError> {
+    fn add(&mut self, path: &Path, file: u32) -> Result {
         super::stored::regular(path)?;
         let added = File::open(path).and_then(|opened| self.add_pages(&opened, file));
         added.map_err(|cause| unreadable(path, cause))
@@ -313,7 +313,7 @@ impl Stack {
         Ok(())
     }
 
-    fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>, SourceError> {
+    fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>> {
         let path = list.path(0);
         let refuse = |fault: TiffFault| unusable(&path, fault);
         let shape = self.shape.ok_or_else(|| refuse(TiffFault::NoSlice))?;
@@ -368,8 +368,9 @@ impl Stack {
             .map(|p| p.pixels.filter(|_| p.endian == endian).map(|at| (p.file, at)))
             .collect();
         if let Some(places) = places {
-            let placed = Placed { files, places: Places::Each(places), samples: shape.samples, endian };
-            return Ok(Box::new(StoredVolume::placed(info, placed)));
+            let placed =
+                DirectSamples { files, offsets: SliceOffsets::Each(places), samples: shape.samples, endian };
+            return Ok(Box::new(StoredVolume::direct(info, placed)));
         }
         let pages = self.pages.iter().map(|p| (p.file, p.offset)).collect();
         let recipe = Pages { files, pages, memory_bytes: self.memory_bytes };
@@ -414,7 +415,7 @@ impl Unroll for Pages {
         self.files.list()
     }
 
-    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>, SourceError> {
+    fn unroll(&self, info: &VolumeInfo, target: &Target<'_>) -> Result<Vec<Note>> {
         for (z, (file, offset)) in (0..).zip(&self.pages) {
             let index = *file as usize;
             let mut result = Ok(());

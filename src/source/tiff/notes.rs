@@ -1,9 +1,9 @@
-//! What ImageJ and OME write into the description of a TIFF file.
+//! Fields that ImageJ and OME write into the description of a TIFF file.
 
 use crate::facts::tiff::TiffFault;
 use crate::source::header::unit_mm;
 
-/// What a description says.
+/// The fields of a description.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Notes {
     /// Pictures that ImageJ wrote side by side behind one directory.

@@ -6,14 +6,16 @@ use weezl::decode::Decoder;
 use weezl::{BitOrder, LzwStatus};
 
 use super::directory::{Directory, Entry, Tiff, damaged};
-use crate::budget::costs;
 use crate::facts::tiff::TiffFault;
 use crate::geom::Dims;
 use crate::source::stored::{Samples, Section, Target, section};
-use crate::volume::{Endian, ScalarType, SourceError};
+use crate::volume::{Endian, Result, ScalarType};
 
 /// Bytes that are written to the spool at once, if rows are shorter.
 const BATCH_BYTES: usize = 64 << 10;
+
+/// The decoder of a compressed TIFF page: an inflater's window or a table of LZW codes, and the directory.
+const TIFF_DECODER: u64 = 160 << 10;
 
 /// The machine's own byte order.
 const NATIVE: Endian = if cfg!(target_endian = "little") { Endian::Little } else { Endian::Big };
@@ -161,7 +163,7 @@ impl Raster {
     /// Bytes held while a page is unrolled.
     pub(super) fn memory_bytes(&self) -> u64 {
         let row = u64::from(self.chunk[0]) * self.samples.delivered().bytes() as u64;
-        costs::TIFF_DECODER + row.max(BATCH_BYTES as u64) + row
+        TIFF_DECODER + row.max(BATCH_BYTES as u64) + row
     }
 
     /// Offset of the pixels where they lie as they are, row after row.
@@ -201,12 +203,7 @@ impl Raster {
     }
 
     /// Unpacks the page into slice `z`.
-    pub(super) fn unroll(
-        &self,
-        tiff: &Tiff<'_>,
-        z: u32,
-        target: &Target<'_>,
-    ) -> Result<Result<(), SourceError>, io::Error> {
+    pub(super) fn unroll(&self, tiff: &Tiff<'_>, z: u32, target: &Target<'_>) -> Result<Result, io::Error> {
         let (stored, delivered) = (self.samples.bytes(), self.samples.delivered().bytes());
         let chunk_row = self.chunk[0] as usize;
         let row_bytes = chunk_row * delivered;

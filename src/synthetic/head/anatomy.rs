@@ -1,5 +1,5 @@
 //! Recipes of the synthetic head, in millimetres: x to the patient's left, y to the back, z up, the
-//! origin in the middle of the cube. Drawn from general proportions of an adult head; nobody's scan.
+//! origin in the middle of the cube. Drawn from general proportions of an adult head; not a scan.
 
 use super::shape::Join::{Add, Cut};
 use super::shape::Solid::{Capsule, Ellipsoid};
@@ -113,7 +113,7 @@ pub(super) const BRAIN_CORE: &[Step] = &[
     (Add(1.0), Ellipsoid([0.0, 15.0, 35.0], [44.0, 60.0, 42.0])),
 ];
 
-/// Two rows of teeth: each stands for its mirror image too.
+/// Two rows of teeth: each represents its mirror image too.
 pub(super) const TEETH: &[Step] = &[
     (Add(0.6), Ellipsoid([4.4, -76.5, -60.0], [4.1, 3.2, 7.5])),
     (Add(0.6), Ellipsoid([12.2, -74.2, -59.5], [3.5, 3.2, 7.0])),

@@ -2,7 +2,7 @@
 //!
 //! All lengths are millimetres, all arithmetic is IEEE single `+ - * / sqrt` in a fixed order, and
 //! what a shape does to a column depends on that column's position alone, never on the columns read
-//! with it. Shapes are mirrored: they see `|x|`, so one entry at x > 0 stands for both sides.
+//! with it. Shapes are mirrored: they see `|x|`, so one entry at x > 0 describes both sides.
 
 use std::ops::Range;
 
@@ -31,7 +31,7 @@ impl Join {
         }
     }
 
-    /// What the join does deep inside the solid.
+    /// The effect of the join deep inside the solid.
     fn fill(self, out: &mut [f32]) {
         out.fill(match self {
             Self::Add(_) => -FAR,
@@ -43,7 +43,7 @@ impl Join {
 /// One step of a recipe; a recipe is fastest when its widest seams come first.
 pub(super) type Step = (Join, Solid);
 
-/// Distance that stands for "far from everything".
+/// Distance that means "far from everything".
 pub(super) const FAR: f32 = 1.0e6;
 
 /// Distances beyond this cannot change a sample: ramps are under 1.5 voxels wide and a voxel of the

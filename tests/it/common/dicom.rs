@@ -58,6 +58,34 @@ impl Writer {
         Self { bytes: Vec::new(), syntax }
     }
 
+    /// A sequence of undefined or defined length around items made by `fill`.
+    pub(crate) fn sequence(&mut self, tag: u32, defined: bool, items: &[&dyn Fn(&mut Self)]) {
+        let mut inner = Self::bare(self.syntax);
+        for item in items {
+            let mut content = Self::bare(self.syntax);
+            item(&mut content);
+            if defined {
+                inner.element(0xfffe_e000, "", &content.bytes);
+            } else {
+                inner.head(0xfffe_e000, "", u32::MAX);
+                inner.bytes.extend(content.bytes);
+                inner.head(0xfffe_e00d, "", 0);
+            }
+        }
+        if defined {
+            self.element(tag, "SQ", &inner.bytes);
+        } else {
+            self.head(tag, "SQ", u32::MAX);
+            self.bytes.extend(inner.bytes);
+            self.head(0xfffe_e0dd, "", 0);
+        }
+    }
+
+    /// A sequence of one item.
+    pub(crate) fn nest(&mut self, tag: u32, defined: bool, item: impl Fn(&mut Self)) {
+        self.sequence(tag, defined, &[&item]);
+    }
+
     pub(crate) fn u16(&mut self, v: u16) {
         self.bytes.extend(if self.syntax == Syntax::ExplicitBe { v.to_be_bytes() } else { v.to_le_bytes() });
     }

@@ -141,35 +141,6 @@ pub(crate) fn deflated(file: &[u8], zlib: bool) -> Vec<u8> {
     out
 }
 
-/// A sequence of undefined or defined length around items made by `fill`.
-pub(crate) fn sequence(
-    w: &mut Writer,
-    syntax: Syntax,
-    tag: u32,
-    defined: bool,
-    items: &[&dyn Fn(&mut Writer)],
-) {
-    let mut inner = Writer::bare(syntax);
-    for item in items {
-        let mut content = Writer::bare(syntax);
-        item(&mut content);
-        if defined {
-            inner.element(0xfffe_e000, "", &content.bytes);
-        } else {
-            inner.head(0xfffe_e000, "", u32::MAX);
-            inner.bytes.extend(content.bytes);
-            inner.head(0xfffe_e00d, "", 0);
-        }
-    }
-    if defined {
-        w.element(tag, "SQ", &inner.bytes);
-    } else {
-        w.head(tag, "SQ", u32::MAX);
-        w.bytes.extend(inner.bytes);
-        w.head(0xfffe_e0dd, "", 0);
-    }
-}
-
 /// Frames as they are delivered, of any file.
 #[derive(Default)]
 pub(crate) struct Collected {

@@ -34,6 +34,12 @@ impl Body {
         Self::new(&vertices, &faces)
     }
 
+    /// A corner of the space.
+    pub(crate) fn tetrahedron(side: f64) -> Self {
+        let corners = [[0.0; 3], [side, 0.0, 0.0], [0.0, side, 0.0], [0.0, 0.0, side]];
+        Self::new(&corners, &[[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
+    }
+
     /// An octahedron.
     pub(crate) fn octahedron(center: [f64; 3], radius: f64) -> Self {
         let vertices: Vec<[f64; 3]> = (0..6)

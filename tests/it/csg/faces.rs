@@ -1,8 +1,7 @@
 //! Normals where faces meet.
 
-use infobyte::load::Model;
-
 use super::{build_to, exact, options, parsed, skin_of};
+use crate::prelude::*;
 
 /// Taken from one face only, normals of edge voxels would change from voxel to voxel: edges would look dotted.
 #[test]

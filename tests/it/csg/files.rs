@@ -1,15 +1,8 @@
 //! Leaves that are read from files: volumes and meshes.
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-use infobyte::builder::{BuildOptions, Silent};
-use infobyte::clean::CleanOptions;
-use infobyte::csg::CsgOptions;
+use crate::prelude::*;
 use infobyte::jobs::build::{BuildJob, BuildSummary, GridOptions, convert as convert_inputs};
-use infobyte::load::{Model, verify};
-use infobyte::mesh::GridChoice;
-use infobyte::source::{OpenOptions, SubjectKind};
+use infobyte::source::SubjectKind;
 
 use super::{GRID, STEPS, dot, exact, options, skin, skin_of};
 

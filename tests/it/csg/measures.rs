@@ -6,8 +6,8 @@ use infobyte::format::SurfaceKind;
 use infobyte::jobs::measure::measure;
 use infobyte::load::Model;
 
-use super::random::Random;
 use super::{build_to, exact, options, parsed};
+use crate::common::random::Random;
 
 /// A body's text, volume and area; `size` is about its diameter.
 fn body(random: &mut Random, kind: u32, size: f64) -> (String, f64, f64) {

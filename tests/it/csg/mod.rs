@@ -7,23 +7,13 @@
 mod faces;
 mod files;
 mod measures;
-use crate::common::models::{exact_grid, finest, share as options};
-use crate::common::random;
-use crate::common::vectors::{cross, dot, sub};
+use crate::common::models::share as options;
+use crate::common::vectors::sub;
+use crate::prelude::*;
 mod text;
 
-use std::collections::BTreeSet;
-use std::path::{Path, PathBuf};
-
-use infobyte::budget::MemoryCap;
-use infobyte::builder::{BuildError, BuildOptions, BuildReport, Connectivity, Silent};
-use infobyte::csg::{CsgInput, CsgOptions, Faces, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
-use infobyte::facts::{CsgFault, Fault, OffsetFault, SourceError};
-use infobyte::format::{Channel, normal};
-use infobyte::geom::{Affine, Dims};
-use infobyte::load::{Model, verify};
-use infobyte::mesh::GridChoice;
-use random::Random;
+use infobyte::csg::Faces;
+use infobyte::facts::OffsetFault;
 
 const STEPS: f64 = 4096.0;
 

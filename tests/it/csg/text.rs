@@ -1,15 +1,7 @@
 //! The text of trees: a dump, damage, and what is refused with its line.
 
-use std::path::Path;
-
-use infobyte::builder::BuildError;
-use infobyte::csg::{CsgOptions, parse_tree};
-use infobyte::facts::{CsgFault, Fault, SourceError};
-use infobyte::load::{Model, verify};
-use infobyte::mesh::GridChoice;
-
 use super::{build_to, exact, options, parsed};
-use crate::common::random::Random;
+use crate::prelude::*;
 
 const SAMPLE: &str = include_str!("../../../fixtures/csg/bracket.csg");
 
@@ -67,18 +59,7 @@ fn refused(text: &str) -> CsgFault {
 
 #[test]
 fn what_is_not_supported_is_named_with_its_line() {
-    for module in [
-        "hull",
-        "minkowski",
-        "projection",
-        "text",
-        "surface",
-        "rotate_extrude",
-        "offset",
-        "resize",
-        "roof",
-        "x",
-    ] {
+    for module in "hull minkowski projection text surface rotate_extrude offset resize roof x".split(' ') {
         let fault = refused(&format!("group() {{\n\n\t{module}(a = 1) {{ cube(); }}\n}}"));
         assert_eq!(fault, CsgFault::Unsupported { line: 3, module: module.to_owned() });
     }

@@ -3,17 +3,11 @@
 //! values, or frames wrong places.
 
 use crate::common::frames;
-use std::path::Path;
+use crate::prelude::*;
 
-use infobyte::budget::Budget;
-use infobyte::source::dicom::{Access, Image, Obstacle, Origin, StatedPadding, unroll};
-use infobyte::volume::{ScalarType, SourceError};
+use infobyte::source::dicom::{Image, Origin, PaddingAttributes};
 
-use crate::common::dicom::{Syntax, Writer};
-use crate::common::frames::{
-    Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, geometry_of, header_of, image,
-    native, rle, rle16, sequence, words,
-};
+use crate::common::frames::geometry_of;
 
 fn bytes16(values: &[u16]) -> Vec<u8> {
     values.iter().flat_map(|v| v.to_le_bytes()).collect()
@@ -45,93 +39,49 @@ fn enhanced(syntax: Syntax, defined: bool, frames: u32, per_frame: u32) -> Vec<u
     image(&mut w, Spec { frames: &frames.to_string(), ..Spec::default() });
     // Of the file itself, and of a sequence that is no functional group of place: neither may win.
     w.text(0x0020_0032, "DS", "9\\9\\9");
-    sequence(
-        &mut w,
-        syntax,
-        0x5200_9229,
-        defined,
-        &[&|w| {
-            sequence(w, syntax, 0x0008_1140, defined, &[&|w| w.text(0x0020_0032, "DS", "7\\7\\7")]);
-            sequence(w, syntax, 0x0020_9116, defined, &[&|w| w.text(0x0020_0037, "DS", "0\\1\\0\\0\\0\\-1")]);
-            sequence(
-                w,
-                syntax,
-                0x0028_9110,
-                defined,
-                &[&|w| {
-                    w.text(0x0018_0050, "DS", "3");
-                    w.text(0x0028_0030, "DS", "0.75\\0.5");
-                }],
-            );
-            sequence(
-                w,
-                syntax,
-                0x0028_9145,
-                defined,
-                &[&|w| {
-                    w.text(0x0028_1052, "DS", "-1024");
-                    w.text(0x0028_1053, "DS", "1");
-                }],
-            );
-        }],
-    );
+    w.nest(0x5200_9229, defined, |w| {
+        w.nest(0x0008_1140, defined, |w| w.text(0x0020_0032, "DS", "7\\7\\7"));
+        w.nest(0x0020_9116, defined, |w| w.text(0x0020_0037, "DS", "0\\1\\0\\0\\0\\-1"));
+        w.nest(0x0028_9110, defined, |w| {
+            w.text(0x0018_0050, "DS", "3");
+            w.text(0x0028_0030, "DS", "0.75\\0.5");
+        });
+        w.nest(0x0028_9145, defined, |w| {
+            w.text(0x0028_1052, "DS", "-1024");
+            w.text(0x0028_1053, "DS", "1");
+        });
+    });
     type Item = Box<dyn Fn(&mut Writer)>;
     let items: Vec<Item> = (0..per_frame)
         .map(|i| {
             let item = move |w: &mut Writer| {
-                sequence(
-                    w,
-                    syntax,
-                    0x0020_9111,
-                    defined,
-                    &[&|w| {
-                        w.text(0x0020_9056, "SH", if i % 2 == 0 { "A" } else { "B" });
-                        ul(w, 0x0020_9057, i / 2 + 1);
-                        ul(w, 0x0020_9128, i + 5);
-                        w.us(0x0020_9156, 2);
-                    }],
-                );
-                sequence(
-                    w,
-                    syntax,
+                w.nest(0x0020_9111, defined, |w| {
+                    w.text(0x0020_9056, "SH", if i % 2 == 0 { "A" } else { "B" });
+                    ul(w, 0x0020_9057, i / 2 + 1);
+                    ul(w, 0x0020_9128, i + 5);
+                    w.us(0x0020_9156, 2);
+                });
+                w.sequence(
                     0x0020_9113,
                     defined,
                     &[&|w| w.text(0x0020_0032, "DS", &format!("{i}.5\\-1\\2")), &|w| {
                         w.text(0x0020_0032, "DS", "8\\8\\8")
                     }],
                 );
-                sequence(
-                    w,
-                    syntax,
-                    0x0018_9114,
-                    defined,
-                    &[&|w| fd(w, syntax, 0x0018_9082, f64::from(i) + 0.25)],
-                );
-                sequence(
-                    w,
-                    syntax,
-                    0x0018_9226,
-                    defined,
-                    &[&|w| w.text(0x0008_9007, "CS", "ORIGINAL\\PRIMARY\\M")],
-                );
+                w.nest(0x0018_9114, defined, |w| fd(w, syntax, 0x0018_9082, f64::from(i) + 0.25));
+                w.nest(0x0018_9226, defined, |w| w.text(0x0008_9007, "CS", "ORIGINAL\\PRIMARY\\M"));
                 if i == 1 {
-                    sequence(
-                        w,
-                        syntax,
-                        0x0028_9145,
-                        defined,
-                        &[&|w| {
-                            w.text(0x0028_1052, "DS", "5");
-                            w.text(0x0028_1053, "DS", "2.5");
-                        }],
-                    );
+                    w.nest(0x0028_9145, defined, |w| {
+                        w.text(0x0028_1052, "DS", "5");
+                        w.text(0x0028_1053, "DS", "2.5");
+                    });
                 }
             };
             Box::new(item) as Item
         })
         .collect();
     let items: Vec<&dyn Fn(&mut Writer)> = items.iter().map(|item| &**item).collect();
-    sequence(&mut w, syntax, 0x5200_9230, defined, &items);
+    w.sequence(0x5200_9230, defined, &items);
     w.element(0x7fe0_0010, "OW", &vec![0; 8 * frames as usize]);
     w.bytes
 }
@@ -244,7 +194,7 @@ fn behaviour_13_padding_becomes_background_before_rescale() {
     let unrolled = |file: &[u8]| {
         let header = header_of(file);
         let image = Image::of(&header).unwrap();
-        let padding = image.layout.padding(StatedPadding::Integer(0xf830, None), -1000.0, 1.0, -24.0);
+        let padding = image.layout.padding(PaddingAttributes::Integer(0xf830, None), -1000.0, 1.0, -24.0);
         let mut collected = Collected { padding, ..Collected::default() };
         unroll(file, Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut collected).unwrap();
         words(&collected.frames[0])
@@ -255,7 +205,7 @@ fn behaviour_13_padding_becomes_background_before_rescale() {
     let plain = native(Syntax::ExplicitLe, spec, &bytes16(&values));
     assert_eq!(unrolled(&deflated(&plain, false)), expected);
     let image = Image::of(&header_of(&plain)).unwrap();
-    let padding = image.layout.padding(StatedPadding::Integer(0xf830, None), -1000.0, 1.0, -24.0);
+    let padding = image.layout.padding(PaddingAttributes::Integer(0xf830, None), -1000.0, 1.0, -24.0);
     let mut cells = bytes16(&values);
     image.layout.decode_padded(&mut cells, padding);
     assert_eq!(words(&cells), expected);
@@ -378,17 +328,11 @@ fn values_go_through_the_modality_lut() {
             let mut w = Writer::with_meta(syntax, syntax.uid());
             image(&mut w, Spec { size: [5, 1], bits: [16, 12, 11], signed: true, ..Spec::default() });
             w.text(0x0028_1053, "DS", "3");
-            sequence(
-                &mut w,
-                syntax,
-                0x0028_3000,
-                defined,
-                &[&|w| {
-                    us_list(w, 0x0028_3002, &[4, (-2_i16).cast_unsigned(), 16]);
-                    w.head(0x0028_3006, "OW", 8);
-                    [100, 200, 60_000, 400].into_iter().for_each(|v| w.u16(v));
-                }],
-            );
+            w.nest(0x0028_3000, defined, |w| {
+                us_list(w, 0x0028_3002, &[4, (-2_i16).cast_unsigned(), 16]);
+                w.head(0x0028_3006, "OW", 8);
+                [100, 200, 60_000, 400].into_iter().for_each(|v| w.u16(v));
+            });
             w.head(0x7fe0_0010, "OW", 10);
             [-5, -2, 0, 1, 9].into_iter().for_each(|v: i16| w.u16(v.cast_unsigned() & 0x0fff));
             let image = Image::of(&header_of(&w.bytes)).unwrap();
@@ -452,15 +396,9 @@ fn behaviour_16_groups_written_as_unknown() {
     let mut inner = Writer::bare(Syntax::ImplicitLe);
     for z in ["1", "4"] {
         let mut item = Writer::bare(Syntax::ImplicitLe);
-        sequence(
-            &mut item,
-            Syntax::ImplicitLe,
-            0x0020_9113,
-            true,
-            &[&|w| {
-                w.text(0x0020_0032, "DS", &format!("0\\0\\{z}"));
-            }],
-        );
+        item.nest(0x0020_9113, true, |w| {
+            w.text(0x0020_0032, "DS", &format!("0\\0\\{z}"));
+        });
         inner.element(0xfffe_e000, "", &item.bytes);
     }
     w.element(0x5200_9230, "UN", &inner.bytes);
@@ -513,16 +451,10 @@ fn behaviour_17_legacy_frames_by_spacing_grid_or_detector() {
     // Nuclear medicine states its place with the detector.
     let frames = file(&|w| {
         w.text(0x0018_0088, "DS", "-2");
-        sequence(
-            w,
-            Syntax::ExplicitLe,
-            0x0054_0022,
-            false,
-            &[&|w| {
-                w.text(0x0020_0032, "DS", "5\\5\\5");
-                w.text(0x0020_0037, "DS", "1\\0\\0\\0\\1\\0");
-            }],
-        );
+        w.nest(0x0054_0022, false, |w| {
+            w.text(0x0020_0032, "DS", "5\\5\\5");
+            w.text(0x0020_0037, "DS", "1\\0\\0\\0\\1\\0");
+        });
     })
     .unwrap();
     assert_eq!(places(&frames), [[5.0, 5.0, 5.0], [5.0, 5.0, 3.0], [5.0, 5.0, 1.0]]);

@@ -2,16 +2,8 @@
 //! volume, in which order, with which spacing, and what happens where slices are missing, doubled or
 //! damaged. If one fails, a volume gets the wrong geometry or is lost without a word.
 
-use crate::common::dicom;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::facts::sentences;
-use infobyte::source::{Finding, GapPolicy, OpenOptions};
-use infobyte::volume::{ScalarType, SourceError, VolumeSource};
-
-use crate::common::dicom::{Elements, firsts};
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const ACQUISITION: u32 = 0x0020_0012;

@@ -2,20 +2,9 @@
 //! data): by hash where decoding leaves nothing to choose, by smallest, largest and mean value where it does
 //! (JPEG's cosine transform). If this fails, a model is built from wrong numbers.
 
-use std::fs::{self, File};
-use std::os::unix::fs::FileExt;
-use std::path::Path;
-
-use infobyte::budget::Budget;
-use infobyte::source::dicom::{
-    Access, DicomHeader, FrameGeometry, FrameSink, Image, Obstacle, ScanError, scan, unroll, visit,
-};
-use infobyte::volume::{Endian, ScalarType, SourceError};
+use crate::prelude::*;
+use infobyte::source::dicom::{FrameGeometry, Image};
 use sha2::{Digest, Sha256};
-
-use crate::common::data::real_data;
-use crate::common::frames::{Collected, words};
-use crate::common::random::Random;
 
 /// Hash and extent of all samples of a file.
 struct Summary {

@@ -1,23 +1,13 @@
 //! Fragments find their frames whatever the offset tables say, ten thousand frames cost no more memory than
 //! ten, and no bytes make the reader of frames panic, loop, or allocate more than a few rows and tables.
 
-use std::fs::File;
+use crate::prelude::*;
 use std::io::Write as _;
-use std::os::unix::fs::FileExt;
-use std::path::Path;
 
-use infobyte::budget::Budget;
 use infobyte::facts::Instead;
-use infobyte::source::dicom::{Access, FrameSink, Image, scan, unroll, visit};
-use infobyte::volume::SourceError;
+use infobyte::source::dicom::Image;
 
-use crate::common::counting::measured;
-use crate::common::dicom::{Syntax, Writer};
-use crate::common::frames::{
-    Collected, ENCAPSULATED, JPEG, MEMORY, RLE, Spec, deflated, deflated_parts, encapsulated, frames_of,
-    header_of, image, native, pixel_items, rle, rle16, sequence,
-};
-use crate::common::random::Random;
+use crate::common::frames::{ENCAPSULATED, deflated_parts, pixel_items};
 
 /// Runs something and returns the most bytes that it held at a time.
 fn peak_of<T>(run: impl FnOnce() -> T) -> (T, usize) {
@@ -168,16 +158,10 @@ fn many(frames: u32, syntax: Option<Syntax>) -> Vec<u8> {
     w.head(0x5200_9230, "SQ", u32::MAX);
     for i in 0..frames {
         w.head(0xfffe_e000, "", u32::MAX);
-        sequence(
-            &mut w,
-            native,
-            0x0020_9113,
-            true,
-            &[&|w| {
-                w.text(0x0020_0032, "DS", &format!("0\\0\\{i}"));
-            }],
-        );
-        sequence(&mut w, native, 0x0020_9111, false, &[&|w| w.text(0x0020_9056, "SH", "1")]);
+        w.nest(0x0020_9113, true, |w| {
+            w.text(0x0020_0032, "DS", &format!("0\\0\\{i}"));
+        });
+        w.nest(0x0020_9111, false, |w| w.text(0x0020_9056, "SH", "1"));
         w.head(0xfffe_e00d, "", 0);
     }
     w.head(0xfffe_e0dd, "", 0);
@@ -344,17 +328,11 @@ fn kinds() -> Vec<Vec<u8>> {
     let lut = {
         let mut w = Writer::with_meta(Syntax::ExplicitBe, Syntax::ExplicitBe.uid());
         image(&mut w, Spec { size: [4, 1], ..Spec::default() });
-        sequence(
-            &mut w,
-            Syntax::ExplicitBe,
-            0x0028_3000,
-            false,
-            &[&|w| {
-                w.head(0x0028_3002, "US", 6);
-                [3, 0, 16].into_iter().for_each(|v| w.u16(v));
-                w.element(0x0028_3006, "OW", &[1; 6]);
-            }],
-        );
+        w.nest(0x0028_3000, false, |w| {
+            w.head(0x0028_3002, "US", 6);
+            [3, 0, 16].into_iter().for_each(|v| w.u16(v));
+            w.element(0x0028_3006, "OW", &[1; 6]);
+        });
         w.element(0x7fe0_0010, "OW", &[0; 8]);
         w.bytes
     };

@@ -2,13 +2,9 @@
 //! strings: damaged, truncated and lying files yield a sentence. And a sound series of a thousand
 //! slices is held in a few hundred KiB.
 
-use infobyte::catalogue::open_unprepared as open;
-use infobyte::source::OpenOptions;
-use infobyte::source::dicom::{Access, DicomHeader, Image as Judged, ScanError, scan};
-
-use crate::common::counting::{Taken, measured};
-use crate::common::dicom::{Image, Syntax, Writer};
-use crate::common::random::Random;
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
+use infobyte::source::dicom::Image as Judged;
 
 /// Scans, and holds every scan to a total of 64 KiB of allocations.
 fn bounded(bytes: &[u8]) -> Result<DicomHeader, ScanError> {

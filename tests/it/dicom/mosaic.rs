@@ -2,21 +2,12 @@
 //! put it, every picture is a volume of its own, and what does not fit together is refused in a sentence.
 //! If one fails, a functional study is mirrored, shifted or mixed up without a word.
 
-use std::fs;
+use crate::prelude::*;
 use std::ops::Deref;
-use std::path::Path;
 
-use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::facts::sentences;
-use infobyte::progress::Silent;
-use infobyte::source::{Finding, OpenOptions};
-use infobyte::volume::{SourceError, VolumeSource, Workspace};
+use infobyte::discovery::open_unprepared as open;
 
-use tempfile::TempDir;
-
-use crate::common::dicom::{Elements, csa, mosaic};
-use crate::common::frames::{RLE, deflated, rle16};
+use crate::common::dicom::csa;
 
 const TILE: [u16; 2] = [4, 3];
 const FLAT: &str = "1\\0\\0\\0\\1\\0";

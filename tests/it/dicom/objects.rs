@@ -2,14 +2,7 @@
 //! multi-frame images in any order. If one of these fails, frames that are no neighbours get stacked, or a
 //! volume is mirrored, moved or scaled wrongly, without a word.
 
-use std::fs;
-
-use infobyte::catalogue::Catalogue;
-use infobyte::facts::sentences;
-use infobyte::source::{Finding, OpenOptions};
-use infobyte::volume::VolumeSource;
-
-use crate::common::dicom::{Elements, Syntax, Writer, firsts};
+use crate::prelude::*;
 
 const IMAGE_TYPE: u32 = 0x0008_0008;
 const CLASS: u32 = 0x0008_0016;

@@ -2,20 +2,11 @@
 //! values, and which are refused and why. The figures are those of an independent reader (see README.md and
 //! EXPECTED.tsv beside the data).
 
+use crate::prelude::*;
 use std::fmt::Write as _;
-use std::fs::{self, File};
-use std::os::unix::fs::FileExt;
-use std::path::{Path, PathBuf};
 
-use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::facts::sentences;
-use infobyte::progress::Silent;
-use infobyte::source::dicom::{Access, Image, ScanError, scan};
-use infobyte::source::{Finding, GapPolicy, OpenOptions};
-use infobyte::volume::{ScalarType, VolumeSource, Workspace};
-
-use crate::common::data::real_data;
+use infobyte::discovery::open_unprepared as open;
+use infobyte::source::dicom::Image;
 
 fn findings(path: PathBuf, gaps: GapPolicy) -> Vec<Finding> {
     let options = OpenOptions { gaps, ..OpenOptions::default() };

@@ -1,17 +1,8 @@
 //! A series is the volume that its positions describe, whatever the files are called and however they
 //! are encoded: the samples delivered equal those of a raw volume, block by block.
 
-use std::fs;
-use std::path::PathBuf;
-
-use infobyte::catalogue::open_unprepared as open;
-use infobyte::facts::sentences;
-use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{OpenOptions, RawOptions, RawVolume};
-use infobyte::volume::{Endian, ScalarType, VolumeSource};
-
-use crate::common::dicom::{Image, Syntax};
-use crate::common::random::Random;
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
 fn read(source: &dyn VolumeSource, z: u32, rows: (u32, u32), cols: (u32, u32)) -> Vec<u8> {
     let samples = (rows.1 - rows.0) as usize * (cols.1 - cols.0) as usize;

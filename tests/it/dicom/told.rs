@@ -2,14 +2,8 @@
 //! named beside the gap that they leave, slices that were made are counted, and floating-point padding is replaced. If one fails, a model has wrong
 //! values, or a user looks for a file that is there.
 
-use std::fs;
-
-use infobyte::catalogue::open_unprepared as open;
-use infobyte::facts::sentences;
-use infobyte::source::{GapPolicy, OpenOptions};
-use infobyte::volume::{SourceError, VolumeSource};
-
-use crate::common::dicom::Elements;
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
 /// Opens images written as 1.dcm, 2.dcm, ...; the folder lives as long as the volume.
 fn opened(

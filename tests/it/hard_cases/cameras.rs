@@ -1,8 +1,8 @@
 //! Where a picture may be taken from.
 
-use infobyte::geom::Affine;
-use infobyte::render::{CameraFault, Projection, RenderError, ViewPoint};
-use infobyte::{Dims, RayCaster, RenderReport, RenderRequest, Threshold, Voxels};
+use crate::prelude::*;
+use infobyte::RenderReport;
+use infobyte::render::CameraFault;
 
 use super::{Built, build, hard_cases};
 

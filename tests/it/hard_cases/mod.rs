@@ -16,21 +16,13 @@
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "numbers here are made to fit")]
 
+use crate::prelude::*;
+
 mod cameras;
-use crate::common::models::finest;
-use crate::common::scenes;
-use crate::common::vectors::{dot, unit};
 mod places;
 mod rays;
 mod shapes;
 mod values;
-
-use std::collections::BTreeSet;
-
-use infobyte::builder::BuildError;
-use infobyte::load::{Model, NodeView, verify};
-use infobyte::volume::{Rescale, VolumeSource};
-use infobyte::{BuildOptions, BuildReport, Threshold};
 
 /// A case as the list tells it.
 pub(crate) struct Told {

@@ -1,10 +1,7 @@
 //! Affines: tiny, huge, oblique, mirrored, nearly flat.
 
-use infobyte::geom::Affine;
-use infobyte::render::{GridSpace, RenderError};
-use infobyte::{Dims, RayCaster, RenderRequest, Threshold, Voxels};
-
 use super::{Built, build, dot, hard_cases, unit};
+use crate::prelude::*;
 
 const SIDE: u32 = 24;
 const CENTRE: [f64; 3] = [11.7, 11.4, 11.6];

@@ -1,17 +1,6 @@
 //! What a ray may be, in every symmetry of the cube and in volumes of every kind; compared with the walk over plain
 //! bits, with the intersection of every voxel, and with the oracle that knows no rounding.
 
-use infobyte::render::form::Form;
-use infobyte::render::ray::Ray;
-use infobyte::render::reference;
-use infobyte::render::selfcheck::Mismatches;
-use infobyte::render::single;
-use infobyte::render::surface::Skin;
-use infobyte::render::traverse::{first_hit, first_hit_sealed, step_limit};
-
-use crate::common::oracle::ExactRay;
-use crate::common::scenes::{Scene, Symmetry, in_ball, noise};
-
 /// One hard ray in a grid of 16 cells a side, and the voxel that it must hit first when all are skin.
 pub(crate) struct Hard {
     name: &'static str,
@@ -31,6 +20,8 @@ pub(crate) struct Bug {
     pub(crate) shipped: &'static str,
     rays: &'static [Hard],
 }
+
+use crate::prelude::*;
 
 const fn ray(name: &'static str, origin: [f64; 3], direction: [f64; 3], first: Option<[u32; 3]>) -> Hard {
     limited(name, origin, direction, 0.0, first)

@@ -1,15 +1,9 @@
 //! What a volume may hold.
 
-use infobyte::load::NodeView;
-use infobyte::render::ray::Ray;
+use crate::prelude::*;
 use infobyte::render::selfcheck::Random;
-use infobyte::render::traverse::first_hit_sealed;
-use infobyte::synthetic::analytic;
-use infobyte::volume::VolumeSource;
-use infobyte::{Dims, Threshold, Voxels};
 
 use super::{build, dot, hard_cases, skin, unit};
-use crate::common::long;
 
 fn voxels(dims: [u32; 3], inside: impl Fn([u32; 3]) -> bool) -> Voxels<u8> {
     let [x, y, z] = dims;

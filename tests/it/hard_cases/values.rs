@@ -1,8 +1,7 @@
 //! Samples and thresholds.
 
-use infobyte::builder::BuildError;
-use infobyte::volume::{Rescale, Scalar};
-use infobyte::{Dims, Threshold, Voxels};
+use crate::prelude::*;
+use infobyte::volume::Scalar;
 
 use super::{Rescaled, build, dot, hard_cases, skin, unit};
 

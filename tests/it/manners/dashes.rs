@@ -1,15 +1,11 @@
 //! `-` is standard input or output where that makes sense, and never a file of that name; a file is not written
 //! under a name that says it is something else.
 
-use std::fs;
+use crate::prelude::*;
 use std::io::Write;
-use std::path::Path;
-use std::process::{Command, Output, Stdio};
-
-use serde_json::Value;
+use std::process::Output;
 
 use super::{ball, built, raw};
-use crate::common::command::{binary, names, oct, shell, text};
 
 /// Runs `oct` in a folder with bytes on standard input.
 fn fed(folder: &Path, args: &[&str], input: &[u8]) -> Output {

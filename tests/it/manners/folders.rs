@@ -1,13 +1,5 @@
 //! What `scan` prints, `batch` does; what `batch` takes; and what both tell.
 
-use std::fs;
-use std::path::Path;
-
-use serde_json::{Value, json};
-
-use crate::common::command::{names, oct, text};
-use crate::common::dicom::Image;
-
 /// A DICOM series of a ball, its radius in voxels.
 pub(crate) fn series(folder: &Path, uid: &str, modality: &str, radius: f64) {
     fs::create_dir_all(folder).unwrap();
@@ -53,6 +45,8 @@ pub(crate) fn mixed(top: &Path) {
     fs::write(top.join("readme.txt"), "nothing").unwrap();
     fs::write(top.join("empty"), "").unwrap();
 }
+
+use crate::prelude::*;
 
 fn batch(top: &Path, out: &Path, extra: &[&str]) -> Value {
     let run = oct(&[&["batch", &text(top), "--out", &text(out), "--json"], extra].concat());

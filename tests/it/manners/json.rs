@@ -1,14 +1,8 @@
 //! Every report that is printed is what its schema says, and every schema is that of a report.
 
-use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
-use std::path::Path;
-
-use serde_json::Value;
-
 use super::{ball, built, raw};
-use crate::common::command::{oct, text};
 use crate::common::schema::faults;
+use crate::prelude::*;
 
 /// Every schema by its name.
 fn schemas() -> BTreeMap<String, Value> {

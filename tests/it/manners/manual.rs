@@ -1,8 +1,6 @@
 //! Completions, manual pages and examples come from the command line itself, so none can be forgotten.
 
-use std::fs;
-
-use crate::common::command::{names, oct, shell, text};
+use crate::prelude::*;
 
 /// Every command, as `oct --help` lists them.
 fn commands() -> Vec<String> {

@@ -1,9 +1,7 @@
 //! What `info` measures, against bodies whose measures are known.
 
-use serde_json::{Value, json};
-
 use super::{ball, built};
-use crate::common::command::{oct, text};
+use crate::prelude::*;
 
 fn info(model: &std::path::Path, extra: &[&str]) -> Value {
     oct(&[&["info", "--json", &text(model)], extra].concat()).json()
@@ -102,20 +100,13 @@ fn numbers_for_people_have_the_digits_that_mean_something() {
     let model = text(&folder.path().join("m.oct"));
     let source = folder.path().join("m.raw");
     super::raw(&source, [20, 20, 20], ball(20, 7.0));
-    let run = oct(&[
-        "build",
-        &text(&source),
-        "-o",
-        &model,
-        "--dims",
-        "20x20x20",
-        "--dtype",
-        "u16",
-        "--iso",
-        "471.43565323565247",
-        "--spacing",
-        "0.48828125x0.48828125x1.3333333333333333",
-    ]);
+    let spacing = "0.48828125x0.48828125x1.3333333333333333";
+    let sized = ["--dims", "20x20x20", "--dtype", "u16", "--spacing", spacing];
+    let run = command::build(
+        &[&source],
+        Path::new(&model),
+        &[&sized[..], &["--iso", "471.43565323565247"]].concat(),
+    );
     let table = oct(&["info", &model]).stdout;
     for text in [&run.stdout, &table] {
         assert!(text.contains("471.436") && !text.contains("471.4356"), "{text}");

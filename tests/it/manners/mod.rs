@@ -12,8 +12,7 @@
 //! | `manual` | completions, manual pages, examples |
 //! | `sentences` | messages that once did not help |
 
-use crate::common::command;
-use crate::common::volume::write_raw;
+use crate::prelude::*;
 
 mod dashes;
 mod folders;
@@ -22,10 +21,6 @@ mod manual;
 mod measures;
 mod pictures;
 mod sentences;
-
-use std::path::{Path, PathBuf};
-
-use command::{oct, text};
 
 /// Writes a raw volume of unsigned 16-bit samples.
 fn raw(path: &Path, dims: [u32; 3], value: impl Fn([u32; 3]) -> u16) {

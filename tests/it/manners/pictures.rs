@@ -1,11 +1,9 @@
 //! Pictures that misled: sheets one voxel thick in dark and light bands, single slices nearly black.
 
-use std::fs::File;
+use crate::prelude::*;
 use std::io::BufReader;
-use std::path::Path;
 
 use super::{ball, built, noise};
-use crate::common::command::{names, oct, text};
 
 /// Red of every opaque pixel whose neighbours are opaque, too.
 fn brightness(path: &Path) -> Vec<u8> {

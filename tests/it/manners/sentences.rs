@@ -1,22 +1,11 @@
 //! Messages that once did not help: each says what is wrong, and what to do.
 
-use std::fs;
-
-use infobyte::clean::CleanOptions;
-use infobyte::export::ExportForm;
-use infobyte::geom::{Dims, Orientation};
+use crate::prelude::*;
 use infobyte::jobs::batch::BatchRequest;
-use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::pack::StripRequest;
-use infobyte::mesh::{GridChoice, MeshOptions};
-use infobyte::source::{OpenOptions, RawOptions};
 use infobyte::text::Name;
-use infobyte::volume::{Endian, ScalarType};
-use infobyte::{BuildOptions, RenderRequest, ViewPoint};
-use serde_json::Value;
 
 use super::{ball, built, raw};
-use crate::common::command::{oct, shell, text};
 
 #[test]
 fn wrong_numbers_are_called_what_they_are() {

@@ -2,18 +2,10 @@
 //! sentence: no panic, no hang, no memory beyond what was allowed. If this fails, one bad file on a disk stops a
 //! whole batch.
 
-use std::fs;
-use std::path::{Path, PathBuf};
-use std::time::{Duration, Instant};
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
-use infobyte::budget::{Budget, current_rss_bytes, peak_rss_bytes};
-use infobyte::catalogue::open_unprepared as open;
-use infobyte::progress::Silent;
-use infobyte::source::OpenOptions;
-use infobyte::volume::{ScalarType, Workspace};
-
-use crate::common::formats::{Object, Tiff, bzip2, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use crate::common::random::Random;
+use crate::common::formats::bzip2;
 
 /// What unrolling may hold.
 const ALLOWED: u64 = 3 << 20;

@@ -1,23 +1,8 @@
 //! A volume is the same in whatever format it comes: every sample, the place of its corners, and so the model
 //! made of it. If this fails, what a lab sees depends on the program that wrote its files.
 
-use crate::common::volume;
-use std::fs;
-use std::path::{Path, PathBuf};
-
-use infobyte::budget::Budget;
-use infobyte::catalogue::{Catalogue, open_unprepared as open};
-use infobyte::facts::sentences;
-use infobyte::format::{Channel, SectionKind};
-use infobyte::load::Model;
-use infobyte::progress::Silent;
-use infobyte::source::{Finding, OpenOptions};
-use infobyte::volume::{ScalarType, SourceError, VolumeSource, Workspace};
-
-use crate::common::command::{oct, smallest_budget, text};
-use crate::common::data::real_data;
-use crate::common::formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
-use crate::common::random::Random;
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
 /// Opens and unrolls within 3 MiB.
 fn ready(inputs: &[PathBuf], scratch: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {

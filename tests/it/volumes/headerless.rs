@@ -1,16 +1,8 @@
 //! Headerless volumes: the bytes delivered are the bytes of the file, whichever way it is cut into
 //! files, whichever part is asked for; and every disagreement of sizes is refused by name.
 
-use std::fs;
-
-use infobyte::ExitKind;
-use infobyte::catalogue::open_unprepared as open;
-use infobyte::geom::{Dims, Orientation};
-use infobyte::source::{OpenOptions, RawOptions, RawVolume};
-use infobyte::volume::{Endian, ScalarType, SourceError, VolumeSource};
-
-use crate::common::data::real_data;
-use crate::common::random::Random;
+use crate::prelude::*;
+use infobyte::discovery::open_unprepared as open;
 
 fn options(dims: Dims, scalar: ScalarType, endian: Endian) -> RawOptions {
     RawOptions { dims, scalar, endian, spacing_mm: [0.5, 0.5, 2.0], skip: 0, orientation: Orientation::LPS }

@@ -2,15 +2,7 @@
 //! what a file does state is replaced only with a warning that tells both. If this fails, stacks of pictures are
 //! shown squeezed, or the geometry of a scanner is overwritten in silence.
 
-use std::fs;
-use std::path::Path;
-
-use infobyte::volume::ScalarType;
-use serde_json::{Value, json};
-
-use crate::common::command::{oct, text};
-use crate::common::dicom::Image;
-use crate::common::formats::{Object, Tiff, file, npy, nrrd, pngs};
+use crate::prelude::*;
 
 const STEP: [f64; 3] = [0.5, 0.25, 2.0];
 

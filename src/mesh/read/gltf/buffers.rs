@@ -1,12 +1,12 @@
-//! Bytes of a glTF file: its own, those of files beside it, and those written into its text.
+//! Bytes of a glTF file: its own, those of files next to it, and those written into its text.
 
 use std::fs::File;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::super::beside::{open_beside, unescaped};
-use super::super::limits::Limits;
+use super::super::Limits;
+use super::super::linked::{open_linked, unescaped};
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
@@ -19,7 +19,7 @@ const MAX_STRIDE: u64 = 252;
 
 /// A run of bytes of a file.
 #[derive(Clone, Debug)]
-pub(super) struct Run {
+pub(super) struct Section {
     pub(super) file: Arc<File>,
     pub(super) offset: u64,
     pub(super) bytes: u64,
@@ -28,43 +28,44 @@ pub(super) struct Run {
 /// Items in a file.
 #[derive(Clone, Debug)]
 pub(super) struct Items {
-    pub(super) run: Run,
+    pub(super) run: Section,
     pub(super) stride: u64,
     pub(super) count: u64,
     pub(super) number: Number,
     pub(super) shape: Shape,
-    /// What a stored number is multiplied with, where whole numbers stand for parts of 1.
+    /// The factor of a stored number, where whole numbers are parts of 1.
     pub(super) scale: f64,
 }
 
-/// The buffers, opened.
 pub(super) struct Buffers {
-    runs: Vec<Run>,
+    runs: Vec<Section>,
 }
 
 pub(super) fn out_of_range(part: Part) -> Stop {
     MeshFault::BadReference { part }.into()
 }
 
-/// An item of a list by its number.
 pub(super) fn item<T>(list: &[T], at: u32, part: Part) -> Result<&T, Stop> {
     list.get(at as usize).ok_or_else(|| out_of_range(part))
 }
 
-/// Where data from texts go.
-pub(super) struct Decoded<'a> {
-    scratch: &'a Path,
-    file: Option<(Arc<File>, u64)>,
+/// Finds the bytes that URIs lead to.
+pub(super) struct Resolver<'a> {
+    pub(super) path: &'a Path,
+    pub(super) own: Arc<File>,
+    /// The binary part of a binary file.
+    pub(super) binary: Option<Section>,
+    pub(super) limits: &'a Limits<'a>,
+    /// Every other file that the mesh is read from.
+    pub(super) files: Vec<PathBuf>,
+    /// A scratch file for data within the text, and its length.
+    pub(super) decoded: Option<(Arc<File>, u64)>,
 }
 
-impl<'a> Decoded<'a> {
-    pub(super) fn new(scratch: &'a Path) -> Self {
-        Self { scratch, file: None }
-    }
-
-    /// Decodes a `data:` string (RFC 2397, base64 only) into a nameless file.
-    fn put(&mut self, own: &File, at: Embedded) -> Result<Run, Stop> {
-        let mut stream = Stream::new(own, at.offset);
+impl Resolver<'_> {
+    /// Decodes a `data:` string (RFC 2397, base64 only) into the scratch file.
+    fn decode(&mut self, at: Embedded) -> Result<Section, Stop> {
+        let mut stream = Stream::new(&self.own, at.offset);
         let mut left = at.bytes;
         let mut head = Vec::new();
         loop {
@@ -81,9 +82,9 @@ impl<'a> Decoded<'a> {
         if !head.ends_with(b";base64") {
             return Err(MeshFault::Unsupported(Feature::DataUri).into());
         }
-        let (file, offset) = match self.file.take() {
+        let (file, offset) = match self.decoded.take() {
             Some(known) => known,
-            None => (Arc::new(crate::scratch::nameless(self.scratch).map_err(Stop::Scratch)?), 0),
+            None => (Arc::new(crate::scratch::unnamed(self.limits.scratch).map_err(Stop::Scratch)?), 0),
         };
         let mut out = std::io::BufWriter::with_capacity(32 << 10, &*file);
         let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);
@@ -95,7 +96,7 @@ impl<'a> Decoded<'a> {
                 b'0'..=b'9' => byte - b'0' + 52,
                 b'+' | b'-' => 62,
                 b'/' | b'_' => 63,
-                // Of a slash that the text escapes, and what fills the last group.
+                // An escape before a slash, and padding.
                 b'\\' | b'=' => continue,
                 _ => return Err(MeshFault::Unsupported(Feature::DataUri).into()),
             };
@@ -110,68 +111,45 @@ impl<'a> Decoded<'a> {
         }
         out.flush().map_err(Stop::Scratch)?;
         drop(out);
-        self.file = Some((file.clone(), offset + written));
-        Ok(Run { file, offset, bytes: written })
+        self.decoded = Some((file.clone(), offset + written));
+        Ok(Section { file, offset, bytes: written })
     }
-}
 
-/// What is needed to find bytes.
-pub(super) struct Place<'a> {
-    pub(super) path: &'a Path,
-    pub(super) own: Arc<File>,
-    /// The bytes behind the description of a binary file.
-    pub(super) binary: Option<Run>,
-    pub(super) limits: &'a Limits<'a>,
-    /// Every file that is read beside the mesh.
-    pub(super) beside: Vec<PathBuf>,
-}
-
-impl Place<'_> {
     /// The bytes that a URI leads to.
-    pub(super) fn of_uri(
-        &mut self,
-        uri: &str,
-        described: &Described,
-        decoded: &mut Decoded<'_>,
-    ) -> Result<Run, Stop> {
+    pub(super) fn section(&mut self, uri: &str, described: &Described) -> Result<Section, Stop> {
         if let Some(number) = uri.strip_prefix("data:") {
             let at = number.parse().ok().and_then(|at: usize| described.embedded.get(at));
             let at = at.ok_or_else(|| out_of_range(Part::Buffer))?;
-            return decoded.put(&self.own, *at);
+            return self.decode(*at);
         }
         if uri.contains("://") {
             return Err(MeshFault::Outside { name: uri.to_owned() }.into());
         }
-        let (file, path, bytes) = open_beside(self.path, &unescaped(uri), self.limits.follow_links)?;
-        self.beside.push(path);
-        Ok(Run { file: Arc::new(file), offset: 0, bytes })
+        let (file, path, bytes) = open_linked(self.path, &unescaped(uri), self.limits.follow_links)?;
+        self.files.push(path);
+        Ok(Section { file: Arc::new(file), offset: 0, bytes })
     }
 }
 
 impl Buffers {
-    pub(super) fn open(
-        described: &Described,
-        place: &mut Place<'_>,
-        decoded: &mut Decoded<'_>,
-    ) -> Result<Self, Stop> {
+    pub(super) fn open(described: &Described, resolver: &mut Resolver<'_>) -> Result<Self, Stop> {
         let mut runs = Vec::new();
         for (at, buffer) in described.root.buffers.iter().enumerate() {
             let run = match &buffer.uri {
-                Some(uri) => place.of_uri(uri, described, decoded)?,
-                None if at == 0 => place.binary.clone().ok_or_else(|| out_of_range(Part::Buffer))?,
+                Some(uri) => resolver.section(uri, described)?,
+                None if at == 0 => resolver.binary.clone().ok_or_else(|| out_of_range(Part::Buffer))?,
                 None => return Err(out_of_range(Part::Buffer)),
             };
             if run.bytes < buffer.byte_length {
                 let (stated, held) = (buffer.byte_length, run.bytes);
                 return Err(MeshFault::BufferLies { stated, held }.into());
             }
-            runs.push(Run { bytes: buffer.byte_length, ..run });
+            runs.push(Section { bytes: buffer.byte_length, ..run });
         }
         Ok(Self { runs })
     }
 
-    /// The bytes of a view.
-    pub(super) fn view(&self, described: &Described, at: u32) -> Result<(Run, Option<u64>), Stop> {
+    pub(super) fn view(&self, described: &Described, at: u32) -> Result<(Section, Option<u64>), Stop> {
         let view = item(&described.root.buffer_views, at, Part::View)?;
         if view.extensions.meshopt.is_some() {
             return Err(MeshFault::Unsupported(Feature::Meshopt).into());
@@ -181,11 +159,10 @@ impl Buffers {
         if end.is_none_or(|end| end > run.bytes) {
             return Err(out_of_range(Part::View));
         }
-        let run = Run { offset: run.offset + view.byte_offset, bytes: view.byte_length, ..run.clone() };
+        let run = Section { offset: run.offset + view.byte_offset, bytes: view.byte_length, ..run.clone() };
         Ok((run, view.byte_stride))
     }
 
-    /// The items of an accessor.
     pub(super) fn items(&self, described: &Described, at: u32) -> Result<Items, Stop> {
         let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
         if accessor.sparse.is_some() {
@@ -224,7 +201,7 @@ impl Buffers {
             let held = run.bytes.saturating_sub(accessor.byte_offset) / stride.max(1);
             return Err(MeshFault::CountLies { stated: accessor.count, held }.into());
         }
-        let run = Run { offset: run.offset + accessor.byte_offset, ..run };
+        let run = Section { offset: run.offset + accessor.byte_offset, ..run };
         let scale = if accessor.normalized { 1.0 / most } else { 1.0 };
         Ok(Items { run, stride, count: accessor.count, number, shape: accessor.shape, scale })
     }

@@ -1,4 +1,4 @@
-//! The description of a glTF file (Khronos glTF 2.0, section 5), as far as it tells of triangles and their looks.
+//! The description of a glTF file (Khronos glTF 2.0, section 5), as far as it concerns triangles and their looks.
 //!
 //! Data that are written into it stay where they are: of such a string only its place is kept.
 
@@ -7,7 +7,7 @@ use std::fs::File;
 use serde::Deserialize;
 use serde::de::IgnoredAny;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
 use crate::facts::MeshFault;
@@ -227,17 +227,16 @@ pub(super) struct Embedded {
 pub(super) struct Described {
     pub(super) root: Root,
     pub(super) embedded: Vec<Embedded>,
-    /// Memory that it takes, at most.
     pub(super) held_bytes: u64,
 }
 
 /// Reads a description of `bytes` bytes from `offset` on.
 ///
 /// # Errors
-/// It is no description of glTF 2, or takes more memory than there is.
+/// It does not describe glTF 2, or takes more memory than there is.
 pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) -> Result<Described, Stop> {
     let (text, embedded, held_bytes) = condensed(file, offset, bytes, limits)?;
-    // What is passed over nests as deep as the crate allows: 128 levels.
+    // Unknown parts nest as deep as the crate allows: 128 levels.
     let root: Root =
         serde_json::from_slice(&text).map_err(|e| MeshFault::BadText { line: e.line() as u64 })?;
     if root.asset.version.split('.').next() != Some("2") {

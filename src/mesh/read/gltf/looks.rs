@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
-use super::buffers::{Buffers, Decoded, Place, item, out_of_range};
+use super::buffers::{Buffers, Resolver, item, out_of_range};
 use super::json::{Described, TextureUse};
 use crate::facts::{Feature, MeshFault, Part};
 
@@ -21,8 +21,7 @@ pub(super) fn texcoord(described: &Described, material: u32) -> u32 {
 pub(super) fn materials(
     described: &Described,
     buffers: &Buffers,
-    place: &mut Place<'_>,
-    decoded: &mut Decoded<'_>,
+    resolver: &mut Resolver<'_>,
 ) -> Result<Vec<Material>, Stop> {
     let mut images: Vec<Option<Arc<Image>>> = vec![None; described.root.images.len()];
     let mut all = Vec::with_capacity(described.root.materials.len());
@@ -30,7 +29,7 @@ pub(super) fn materials(
         let surface = &material.pbr_metallic_roughness;
         let [r, g, b, _] = surface.base_color_factor.unwrap_or([1.0; 4]);
         let texture = match &surface.base_color_texture {
-            Some(used) => Some(texture(used, described, buffers, place, decoded, &mut images)?),
+            Some(used) => Some(texture(used, described, buffers, resolver, &mut images)?),
             None => None,
         };
         all.push(Material { color: [r, g, b].map(|c| c.clamp(0.0, 1.0)), texture });
@@ -42,8 +41,7 @@ fn texture(
     used: &TextureUse,
     described: &Described,
     buffers: &Buffers,
-    place: &mut Place<'_>,
-    decoded: &mut Decoded<'_>,
+    resolver: &mut Resolver<'_>,
     images: &mut [Option<Arc<Image>>],
 ) -> Result<Texture, Stop> {
     let texture = item(&described.root.textures, used.index, Part::Texture)?;
@@ -59,7 +57,7 @@ fn texture(
             let image = match (&stated.uri, stated.buffer_view) {
                 (_, Some(view)) => buffers.image(described, view, name)?,
                 (Some(uri), None) => {
-                    let run = place.of_uri(uri, described, decoded)?;
+                    let run = resolver.section(uri, described)?;
                     Image { name, file: run.file, offset: run.offset, bytes: run.bytes }
                 }
                 (None, None) => return Err(out_of_range(Part::Image)),

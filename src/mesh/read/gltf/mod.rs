@@ -1,4 +1,4 @@
-//! glTF 2.0 (Khronos), binary or as text with its buffers beside it or within.
+//! glTF 2.0 (Khronos), binary or as text with its buffers next to it or within.
 //!
 //! The description is held in memory, as much as there is room for; vertices and corners of triangles are read from
 //! the buffers where they lie. Nodes are walked anew in every pass. Metres with the y axis up become millimetres of
@@ -15,18 +15,19 @@ mod json;
 mod looks;
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
-use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
-use super::stop::{EachLook, Stop};
+use super::stop::{EachLook, Stop, finite};
 use super::stream::Stream;
 use super::text::Fan;
+use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
+use super::{Limits, Summary};
 use crate::facts::{Feature, MeshFault, Part};
 use crate::geom::Affine;
-use buffers::{Buffers, Decoded, Items, Place, Run, item, out_of_range};
+use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 
 /// Triangles of a file that may be much smaller than its model, and more for each of its bytes.
@@ -35,16 +36,11 @@ pub(super) const MAX_TRIANGLES_PER_BYTE: u64 = 4;
 /// From metres with y up to millimetres with z up.
 const UPRIGHT: [[f64; 4]; 3] = [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]];
 
-/// An open file.
 pub(super) struct Gltf {
     described: Described,
     buffers: Buffers,
-    materials: Vec<Material>,
-    beside: Vec<PathBuf>,
     with_looks: bool,
     with_colors: bool,
-    /// Nodes of the scene that have a mesh.
-    parts: u64,
 }
 
 impl std::fmt::Debug for Gltf {
@@ -53,7 +49,7 @@ impl std::fmt::Debug for Gltf {
     }
 }
 
-/// Does it begin as a binary file?
+/// Does it begin like a binary file?
 pub(super) fn is_binary(head: &[u8]) -> bool {
     head.starts_with(b"glTF")
 }
@@ -67,7 +63,7 @@ enum Mode {
 }
 
 /// A primitive with what it names.
-struct Prepared {
+struct PrimitiveItems {
     mode: Mode,
     positions: Items,
     indices: Option<Items>,
@@ -77,7 +73,7 @@ struct Prepared {
     material: u32,
 }
 
-impl Prepared {
+impl PrimitiveItems {
     fn corners(&self) -> u64 {
         self.indices.as_ref().map_or(self.positions.count, |i| i.count)
     }
@@ -143,58 +139,37 @@ fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
     Ok(())
 }
 
+pub(super) fn open(
+    file: File,
+    bytes: u64,
+    path: &Path,
+    limits: &Limits<'_>,
+) -> Result<(Gltf, Summary), Stop> {
+    let head = super::stream::head(&file).map_err(Stop::Read)?;
+    let (json, binary) = if is_binary(&head) { chunks(&file, bytes)? } else { ((0, bytes), None) };
+    let described = json::read(&file, json.0, json.1, limits)?;
+    check_extensions(&described.root.extensions_required, limits.colors)?;
+    let own = Arc::new(file);
+    let binary = binary.map(|(offset, bytes)| Section { file: own.clone(), offset, bytes });
+    let mut resolver = Resolver { path, own, binary, limits, files: Vec::new(), decoded: None };
+    let buffers = Buffers::open(&described, &mut resolver)?;
+    let materials =
+        if limits.colors { looks::materials(&described, &buffers, &mut resolver)? } else { Vec::new() };
+    let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
+    let held_bytes = described.held_bytes;
+    let open = Gltf { described, buffers, with_looks: limits.looks, with_colors: limits.colors };
+    let parts = open.check(all)?;
+    let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
+    let primitives = || open.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
+    let colored = primitives().any(|p| p.attributes.color.is_some());
+    let smooth = primitives().any(|p| p.attributes.normal.is_some());
+    let looks = [colored || !materials.iter().all(plain), smooth];
+    let files = resolver.files;
+    Ok((open, Summary { materials, files, missing: Vec::new(), held_bytes, parts, looks }))
+}
+
 impl Gltf {
-    pub(super) fn open(file: File, bytes: u64, path: &Path, limits: &Limits<'_>) -> Result<Self, Stop> {
-        let head = super::stream::head(&file).map_err(Stop::Read)?;
-        let (json, binary) = if is_binary(&head) { chunks(&file, bytes)? } else { ((0, bytes), None) };
-        let described = json::read(&file, json.0, json.1, limits)?;
-        check_extensions(&described.root.extensions_required, limits.colors)?;
-        let own = Arc::new(file);
-        let binary = binary.map(|(offset, bytes)| Run { file: own.clone(), offset, bytes });
-        let mut place = Place { path, own, binary, limits, beside: Vec::new() };
-        let mut decoded = Decoded::new(limits.scratch);
-        let buffers = Buffers::open(&described, &mut place, &mut decoded)?;
-        let materials = if limits.colors {
-            looks::materials(&described, &buffers, &mut place, &mut decoded)?
-        } else {
-            Vec::new()
-        };
-        let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
-        let mut open = Self {
-            described,
-            buffers,
-            materials,
-            beside: place.beside,
-            with_looks: limits.looks,
-            with_colors: limits.colors,
-            parts: 0,
-        };
-        open.parts = open.check(all)?;
-        Ok(open)
-    }
-
-    pub(super) fn materials(&self) -> &[Material] {
-        &self.materials
-    }
-
-    /// Has it colours, and normals of vertices?
-    pub(super) fn has_looks(&self) -> [bool; 2] {
-        let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
-        let primitives = || self.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
-        let colored = primitives().any(|p| p.attributes.color.is_some());
-        let smooth = primitives().any(|p| p.attributes.normal.is_some());
-        [colored || !self.materials.iter().all(plain), smooth]
-    }
-
-    pub(super) fn beside(&self) -> &[PathBuf] {
-        &self.beside
-    }
-
-    pub(super) fn held_bytes(&self) -> u64 {
-        self.described.held_bytes
-    }
-
-    /// Looks at every mesh once, counts triangles, and tells how many nodes have a mesh.
+    /// Checks every mesh once, counts triangles, and returns how many nodes have a mesh.
     fn check(&self, bytes: u64) -> Result<u64, Stop> {
         let most = MAX_TRIANGLES + bytes.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
@@ -208,7 +183,7 @@ impl Gltf {
         let mut seen = vec![false; self.described.root.nodes.len()];
         let (mut all, mut parts) = (0_u64, 0);
         self.walk(&Affine { rows: UPRIGHT }, &mut |node, at, _| {
-            // A node has one parent at most: so there is no circle.
+            // A node has one parent at most, so that nodes form no circle.
             if std::mem::replace(&mut seen[at], true) {
                 return Err(MeshFault::Recursion.into());
             }
@@ -222,11 +197,6 @@ impl Gltf {
             Ok(())
         })?;
         Ok(parts)
-    }
-
-    /// Parts that it has, at least one.
-    pub(super) fn parts(&self) -> u64 {
-        self.parts.max(1)
     }
 
     /// Calls `each` with every node of the scene and how it is placed.
@@ -261,8 +231,8 @@ impl Gltf {
         Ok(())
     }
 
-    /// What a primitive names; `None` if it is not made of triangles.
-    fn prepared(&self, primitive: &Primitive) -> Result<Option<Prepared>, Stop> {
+    /// The items of a primitive; `None` if it is not made of triangles.
+    fn prepared(&self, primitive: &Primitive) -> Result<Option<PrimitiveItems>, Stop> {
         let mode = match primitive.mode {
             None | Some(4) => Mode::Triangles,
             Some(5) => Mode::Strip,
@@ -286,7 +256,7 @@ impl Gltf {
         {
             return Err(out_of_range(Part::Accessor));
         }
-        let mut prepared = Prepared {
+        let mut prepared = PrimitiveItems {
             mode,
             positions,
             indices,
@@ -306,7 +276,7 @@ impl Gltf {
             prepared.normals = fitting(attributes.normal, &[Shape::Three])?;
             prepared.colors = fitting(attributes.color, &[Shape::Three, Shape::Four])?;
             if let Some(at) = primitive.material.filter(|_| self.with_colors) {
-                item(&self.materials, at, Part::Material)?;
+                item(&self.described.root.materials, at, Part::Material)?;
                 prepared.material = at;
                 let set = looks::texcoord(&self.described, at);
                 let set = [attributes.texcoord_0, attributes.texcoord_1].get(set as usize).copied().flatten();
@@ -379,7 +349,6 @@ impl Corners<'_> {
     }
 }
 
-/// An attribute by the number of its vertex.
 struct Attribute<'a> {
     pages: Pages<'a>,
     scale: f64,
@@ -393,7 +362,7 @@ impl Attribute<'_> {
 }
 
 fn primitive_triangles(
-    prepared: &Prepared,
+    prepared: &PrimitiveItems,
     placed: &Affine,
     faces: &mut u64,
     each: &mut EachLook<'_>,
@@ -402,10 +371,7 @@ fn primitive_triangles(
     let attributes = [&prepared.normals, &prepared.colors, &prepared.places];
     let mut stored = [None, None, None];
     for (out, items) in stored.iter_mut().zip(attributes) {
-        *out = match items {
-            Some(items) => Some((items.vertices()?, items.scale)),
-            None => None,
-        };
+        *out = items.as_ref().map(|items| Ok::<_, Stop>((items.vertices()?, items.scale))).transpose()?;
     }
     let [mut normals, mut colors, mut places] = stored.each_ref().map(|at| at.as_ref().map(attribute));
     let mut positions = Attribute { pages: Pages::new(&vertices, PAGES), scale: prepared.positions.scale };
@@ -413,7 +379,7 @@ fn primitive_triangles(
         Some(i) => Corners::Stored(Stream::new(&i.run.file, i.run.offset), i.number),
         None => Corners::Counted(0),
     };
-    // What is mirrored is turned around, as the standard asks (3.7.4).
+    // Mirrored triangles are turned around, as the standard asks (3.7.4).
     let mirrored = placed.determinant() < 0.0;
     let upright = cofactors(placed, mirrored);
     let mut emit = |mut t: [u32; 3]| -> Result<(), Stop> {
@@ -422,9 +388,7 @@ fn primitive_triangles(
         }
         let points = positions.corners(t, *faces)?.map(|p| placed.apply(p));
         *faces += 1;
-        if !points.iter().flatten().all(|c| c.is_finite()) {
-            return Err(MeshFault::NotFinite { triangle: *faces }.into());
-        }
+        finite(&points, *faces)?;
         let mut look = Look { material: prepared.material, ..Look::NONE };
         if let Some(normals) = &mut normals {
             look.normals = Some(normals.corners(t, *faces)?.map(|n| single(upright.apply_vector(n))));
@@ -433,12 +397,9 @@ fn primitive_triangles(
             look.colors = Some(colors.corners(t, *faces)?.map(single));
         }
         if let Some(places) = &mut places {
-            look.places = Some(places.corners(t, *faces)?.map(|p| {
-                let [u, v, _] = single(p);
-                [u, v]
-            }));
+            look.places = Some(places.corners(t, *faces)?.map(single).map(|[u, v, _]| [u, v]));
         }
-        Ok(each(&points, &look)?)
+        each(&points, &look)
     };
     let whole = |at: u64| u32::try_from(at).unwrap_or(u32::MAX);
     match prepared.mode {
@@ -475,12 +436,7 @@ fn attribute((vertices, scale): &(super::vertices::Vertices, f64)) -> Attribute<
     Attribute { pages: Pages::new(vertices, FEW_PAGES), scale: *scale }
 }
 
-#[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
-fn single(v: [f64; 3]) -> [f32; 3] {
-    v.map(|c| c as f32)
-}
-
-/// What turns normals when points are placed: the cofactors, the other way round where these mirror.
+/// The transform of normals when points are placed: the cofactors, negative for a mirror.
 pub(super) fn cofactors(placed: &Affine, mirrored: bool) -> Affine {
     let m = &placed.rows;
     let sign = if mirrored { -1.0 } else { 1.0 };

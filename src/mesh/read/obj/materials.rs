@@ -1,45 +1,33 @@
 //! MTL: the materials of OBJ. A colour (`Kd`, sRGB) times a texture (`map_Kd`).
 //!
-//! Files that are not there are left out, as every viewer leaves them out: they are often not handed on. It is told.
+//! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::super::beside::open_beside;
-use super::super::limits::Limits;
+use super::super::linked::open_linked;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
 use super::super::stream::{Token, Words};
 use super::super::vertex_looks::light;
+use super::super::{Limits, Summary};
 use super::NONE;
 use crate::facts::MeshFault;
 
-/// Memory of a material beside its name, about.
+/// Memory of a material without its name, about.
 const EACH_BYTES: u64 = 256;
 
 /// Most names of missing files that are kept.
 const MAX_MISSING: usize = 16;
 
-/// Materials that were read.
-pub(super) struct Done {
-    pub(super) all: Vec<Material>,
-    /// The files that they are read from.
-    pub(super) beside: Vec<PathBuf>,
-    /// Names of files that are not there.
-    pub(super) missing: Vec<String>,
-    /// Memory that all of it takes.
-    pub(super) held_bytes: u64,
-}
-
-/// Materials by their names.
 pub(super) struct Materials<'a> {
     path: &'a Path,
     limits: &'a Limits<'a>,
     numbers: BTreeMap<String, u32>,
     all: Vec<Material>,
     images: BTreeMap<String, Arc<Image>>,
-    beside: Vec<PathBuf>,
+    files: Vec<PathBuf>,
     /// Names of files that are not there.
     missing: Vec<String>,
     held_bytes: u64,
@@ -48,8 +36,8 @@ pub(super) struct Materials<'a> {
 impl<'a> Materials<'a> {
     pub(super) fn new(path: &'a Path, limits: &'a Limits<'a>) -> Self {
         let (numbers, images) = (BTreeMap::new(), BTreeMap::new());
-        let (all, beside, missing) = (Vec::new(), Vec::new(), Vec::new());
-        Self { path, limits, numbers, all, images, beside, missing, held_bytes: 0 }
+        let (all, files, missing) = (Vec::new(), Vec::new(), Vec::new());
+        Self { path, limits, numbers, all, images, files, missing, held_bytes: 0 }
     }
 
     fn hold(&mut self, name: &str) -> Result<(), Stop> {
@@ -61,22 +49,22 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The number of a material, whether it was told of or not.
+    /// The number of a material; [`NONE`] for an unknown one.
     pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
         Ok(self.numbers.get(name).copied().unwrap_or(NONE))
     }
 
-    /// All of them, and what they are read from.
-    pub(super) fn done(self) -> Done {
-        let Self { all, beside, missing, held_bytes, .. } = self;
-        Done { all, beside, missing, held_bytes }
+    /// All of them, and the files of the mesh.
+    pub(super) fn summary(self) -> Summary {
+        let Self { all: materials, files, missing, held_bytes, .. } = self;
+        Summary { materials, files, missing, held_bytes, ..Summary::default() }
     }
 
-    /// A file beside the mesh; `None` if it is not there.
+    /// A file that the mesh names; `None` if it is missing.
     fn open(&mut self, name: &str) -> Result<Option<(std::fs::File, u64)>, Stop> {
-        match open_beside(self.path, &name.replace('\\', "/"), self.limits.follow_links) {
+        match open_linked(self.path, &name.replace('\\', "/"), self.limits.follow_links) {
             Ok((file, path, bytes)) => {
-                self.beside.push(path);
+                self.files.push(path);
                 Ok(Some((file, bytes)))
             }
             Err(Stop::Mesh(MeshFault::Missing { name, .. } | MeshFault::Outside { name })) => {
@@ -90,7 +78,6 @@ impl<'a> Materials<'a> {
         }
     }
 
-    /// Reads a file of materials.
     pub(super) fn read(&mut self, name: &str) -> Result<(), Stop> {
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
         let mut words = Words::new(&file, 0);

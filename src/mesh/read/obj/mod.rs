@@ -1,48 +1,42 @@
-//! OBJ: text, read once; vertices, triangles and what these carry wait in nameless files. Materials are those of MTL.
+//! OBJ: text, read once; vertices, triangles and their looks wait in scratch files. Materials are those of MTL.
 //!
-//! Of its many statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
+//! The statements `v`, `vt`, `vn`, `f`, `o`, `g`, `mtllib` and `usemtl` count; objects and groups are parts. The
 //! second coordinate of places runs up.
 
 mod materials;
 
 use std::fs::File;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use super::limits::Limits;
-use super::look::{Look, Material, NO_MATERIAL};
+use super::look::{Look, NO_MATERIAL};
 use super::parts::Parts;
 use super::stop::{Each, EachLook, Stop};
-use super::stream::{Stream, Token, Words};
+use super::stream::{Stream, Token, Words, numbers};
 use super::text::{Faces, Fan, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
+use super::{Limits, Summary};
 use crate::facts::MeshFault;
-use materials::{Done, Materials};
+use materials::Materials;
 
 /// Marks a corner without a place or a normal.
 const NONE: u32 = u32::MAX;
 /// Bytes of what a triangle carries: places, normals and colours of its corners, and its material.
 const CARRIED: usize = 40;
 
-/// An open file.
 #[derive(Debug)]
 pub(super) struct Obj {
     faces: Faces,
     carried: Option<Carried>,
-    materials: Vec<Material>,
-    beside: Vec<PathBuf>,
     parts: Parts,
-    missing: Vec<String>,
-    held_bytes: u64,
 }
 
-/// What triangles carry.
 #[derive(Debug)]
 struct Carried {
     triangles: File,
     places: Vertices,
     normals: Vertices,
-    /// Of every vertex, if one has a colour.
+    /// Colours of all vertices, if one has a colour.
     colors: Option<Vertices>,
 }
 
@@ -68,7 +62,7 @@ impl Spools {
 }
 
 /// The numbers left in a line, at most four.
-fn numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
+fn line_numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
     let (mut values, mut count) = ([0.0; 4], 0);
     while words.next()? == Token::Word {
         if let Some(out) = values.get_mut(count) {
@@ -79,104 +73,79 @@ fn numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
     Ok((values, count))
 }
 
+pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
+    let mut words = Words::new(file, 0);
+    let scratch = limits.scratch;
+    let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
+    let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
+    let mut materials = Materials::new(path, limits);
+    let mut material = NO_MATERIAL;
+    let mut parts = Parts::default();
+    let mut faces = 0;
+    let mut understood = false;
+    loop {
+        match words.next()? {
+            Token::End => break,
+            Token::LineEnd => continue,
+            Token::Word => {}
+        }
+        match (words.word(), &mut spools) {
+            (b"v", spools) => {
+                vertices.vertex([words.number()?, words.number()?, words.number()?])?;
+                if let Some(spools) = spools {
+                    let ([r, g, b, _], count) = line_numbers(&mut words)?;
+                    spools.colored |= count == 3;
+                    spools.colors.vertex(if count == 3 { [r, g, b] } else { [1.0; 3] })?;
+                } else {
+                    words.skip_line()?;
+                }
+                understood = true;
+            }
+            (b"vt", Some(spools)) => {
+                let ([u, v, ..], _) = line_numbers(&mut words)?;
+                spools.places.vertex([u, v, 0.0])?;
+            }
+            (b"vn", Some(spools)) => {
+                let ([x, y, z, _], _) = line_numbers(&mut words)?;
+                spools.normals.vertex([x, y, z])?;
+            }
+            (b"usemtl", Some(_)) if limits.colors => {
+                material = materials.number(&words.rest_of_line(1024)?)?
+            }
+            (b"mtllib", Some(_)) if limits.colors => materials.read(&words.rest_of_line(1024)?)?,
+            (b"o", _) => parts.object(words.rest_of_line(1024)?.as_bytes()),
+            (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
+            (b"f", spools) => {
+                parts.face(triangles.count);
+                face(&mut words, vertices.count, faces, material, &mut triangles, spools.as_mut())?;
+                faces += 1;
+            }
+            _ => words.skip_line()?,
+        }
+    }
+    if !understood {
+        return Err(MeshFault::Unknown.into());
+    }
+    let carried = match spools {
+        Some(spools) => Some(Carried {
+            triangles: spools.triangles.finish()?.0,
+            places: spools.places.into_vertices()?,
+            normals: spools.normals.into_vertices()?,
+            colors: if spools.colored { Some(spools.colors.into_vertices()?) } else { None },
+        }),
+        None => None,
+    };
+    let summary = materials.summary();
+    let looks = carried.as_ref().map_or([false; 2], |carried: &Carried| {
+        [carried.colors.is_some() || !summary.materials.is_empty(), carried.normals.count > 0]
+    });
+    let held_bytes = summary.held_bytes + Parts::BYTES;
+    let summary = Summary { held_bytes, parts: parts.count(), looks, ..summary };
+    let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
+    Ok((Obj { faces, carried, parts }, summary))
+}
+
 impl Obj {
-    pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0);
-        let scratch = limits.scratch;
-        let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
-        let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
-        let mut materials = Materials::new(path, limits);
-        let mut material = NO_MATERIAL;
-        let mut parts = Parts::default();
-        let mut faces = 0;
-        let mut understood = false;
-        loop {
-            match words.next()? {
-                Token::End => break,
-                Token::LineEnd => continue,
-                Token::Word => {}
-            }
-            match (words.word(), &mut spools) {
-                (b"v", spools) => {
-                    vertices.vertex([words.number()?, words.number()?, words.number()?])?;
-                    if let Some(spools) = spools {
-                        let ([r, g, b, _], count) = numbers(&mut words)?;
-                        spools.colored |= count == 3;
-                        spools.colors.vertex(if count == 3 { [r, g, b] } else { [1.0; 3] })?;
-                    } else {
-                        words.skip_line()?;
-                    }
-                    understood = true;
-                }
-                (b"vt", Some(spools)) => {
-                    let ([u, v, ..], _) = numbers(&mut words)?;
-                    spools.places.vertex([u, v, 0.0])?;
-                }
-                (b"vn", Some(spools)) => {
-                    let ([x, y, z, _], _) = numbers(&mut words)?;
-                    spools.normals.vertex([x, y, z])?;
-                }
-                (b"usemtl", Some(_)) if limits.colors => {
-                    material = materials.number(&words.rest_of_line(1024)?)?
-                }
-                (b"mtllib", Some(_)) if limits.colors => materials.read(&words.rest_of_line(1024)?)?,
-                (b"o", _) => parts.object(words.rest_of_line(1024)?.as_bytes()),
-                (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
-                (b"f", spools) => {
-                    parts.face(triangles.count);
-                    face(&mut words, vertices.count, faces, material, &mut triangles, spools.as_mut())?;
-                    faces += 1;
-                }
-                _ => words.skip_line()?,
-            }
-        }
-        if !understood {
-            return Err(MeshFault::Unknown.into());
-        }
-        let carried = match spools {
-            Some(spools) => Some(Carried {
-                triangles: spools.triangles.finish()?.0,
-                places: spools.places.into_vertices()?,
-                normals: spools.normals.into_vertices()?,
-                colors: if spools.colored { Some(spools.colors.into_vertices()?) } else { None },
-            }),
-            None => None,
-        };
-        let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
-        let Done { all, beside, missing, held_bytes } = materials.done();
-        let held_bytes = held_bytes + Parts::BYTES;
-        Ok(Self { faces, carried, materials: all, beside, parts, missing, held_bytes })
-    }
-
-    /// Parts that it has, at least one.
-    pub(super) fn parts(&self) -> u64 {
-        self.parts.count()
-    }
-
-    pub(super) fn materials(&self) -> &[Material] {
-        &self.materials
-    }
-
-    pub(super) fn beside(&self) -> &[PathBuf] {
-        &self.beside
-    }
-
-    /// Files that it names and that are not there.
-    pub(super) fn missing(&self) -> &[String] {
-        &self.missing
-    }
-
-    pub(super) fn held_bytes(&self) -> u64 {
-        self.held_bytes
-    }
-
-    /// Has it colours, and normals?
-    pub(super) fn has_looks(&self) -> [bool; 2] {
-        self.carried.as_ref().map_or([false; 2], |carried| {
-            [carried.colors.is_some() || !self.materials.is_empty(), carried.normals.count > 0]
-        })
-    }
-
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
         self.faces.for_each(each)
     }
@@ -187,27 +156,19 @@ impl Obj {
         let Some(carried) = &self.carried else {
             return self.for_each(&mut |t| each(t, &Look { part: part(), ..Look::NONE }));
         };
-        let mut open = Open {
+        let mut open = LookReader {
             stream: Stream::new(&carried.triangles, 0),
             places: Pages::new(&carried.places, FEW_PAGES),
             normals: Pages::new(&carried.normals, FEW_PAGES),
             colors: carried.colors.as_ref().map(|colors| Pages::new(colors, FEW_PAGES)),
             face: 0,
         };
-        let mut stopped = None;
-        let done = self.faces.for_each(&mut |t| match open.next() {
-            Ok(look) => each(t, &Look { part: part(), ..look }),
-            Err(stop) => {
-                stopped = Some(stop);
-                Err(MeshFault::CutShort)
-            }
-        });
-        stopped.map_or(done, Err)
+        self.faces.for_each(&mut |t| each(t, &Look { part: part(), ..open.next()? }))
     }
 }
 
-/// What triangles carry, one after the other.
-struct Open<'a> {
+/// Reads the looks of triangles, one after the other.
+struct LookReader<'a> {
     stream: Stream<'a>,
     places: Pages<'a>,
     normals: Pages<'a>,
@@ -215,14 +176,10 @@ struct Open<'a> {
     face: u64,
 }
 
-impl Open<'_> {
+impl LookReader<'_> {
     fn next(&mut self) -> Result<Look, Stop> {
         let record: [u8; CARRIED] = self.stream.take()?;
-        let mut numbers = [0; CARRIED / 4];
-        for (out, bytes) in numbers.iter_mut().zip(record.as_chunks::<4>().0) {
-            *out = u32::from_le_bytes(*bytes);
-        }
-        let [p0, p1, p2, n0, n1, n2, v0, v1, v2, material] = numbers;
+        let [p0, p1, p2, n0, n1, n2, v0, v1, v2, material] = numbers(&record);
         self.face += 1;
         let face = self.face;
         let three = |pages: &mut Pages<'_>, at: [u32; 3]| -> Result<Option<[[f64; 3]; 3]>, Stop> {
@@ -251,7 +208,6 @@ impl Open<'_> {
     }
 }
 
-/// Reads the corners of a face.
 fn face(
     words: &mut Words<'_>,
     vertices: u64,
@@ -272,30 +228,26 @@ fn face(
                 let at = part(parts.next(), vertices, number).map_err(|()| words.wrong())??;
                 let triangle = fan.next(at.ok_or_else(|| words.wrong())?);
                 if let Some(t) = triangle {
-                    triangles.triangle(t)?;
+                    triangles.numbers(t)?;
                 }
                 let Some(spools) = spools.as_mut() else { continue };
-                let mut beside = |count: u64| {
+                let mut other = |count: u64| {
                     let at = part(parts.next(), count, number).map_err(|()| words.wrong())??;
                     Ok::<_, Stop>(at.unwrap_or(NONE))
                 };
-                let places = of_places.next(beside(spools.places.count)?);
-                let normals = of_normals.next(beside(spools.normals.count)?);
+                let places = of_places.next(other(spools.places.count)?);
+                let normals = of_normals.next(other(spools.normals.count)?);
                 if let (Some(p), Some(n), Some(t)) = (places, normals, triangle) {
-                    let mut record = [0; CARRIED];
-                    let all = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], material];
-                    for (out, at) in record.as_chunks_mut::<4>().0.iter_mut().zip(all) {
-                        *out = at.to_le_bytes();
-                    }
-                    spools.triangles.put(record)?;
+                    let record = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], material];
+                    spools.triangles.numbers(record)?;
                 }
             }
         }
     }
 }
 
-/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` where nothing stands. It is no number, or
-/// none of those that came before.
+/// One part of a corner `7`, `7/1`, `7//3` or `-1`, counted from 0; `None` for an empty one. Refused: all but numbers,
+/// and numbers of vertices that do not exist yet.
 #[inline]
 fn part(word: Option<&[u8]>, count: u64, face: u64) -> Result<Result<Option<u32>, Stop>, ()> {
     let Some(word) = word.filter(|word| !word.is_empty()) else { return Ok(Ok(None)) };

@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::xml::{Event, Xml};
@@ -18,7 +18,6 @@ use crate::facts::{MeshFault, Part};
 const USUAL: &str = "3D/3dmodel.model";
 const RELATIONS: &str = "_rels/.rels";
 const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
-/// Most texts of an archive.
 const MAX_TEXTS: usize = 4096;
 
 /// The archive, and its root text.
@@ -41,7 +40,7 @@ pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member), Stop> {
     Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?))
 }
 
-/// Reads all texts of an archive; tells the memory that is held, and how much was inflated.
+/// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
 pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
     let (archive, first) = root(&file, bytes)?;
     let mut inflated = first.checked_bytes()?;
@@ -73,9 +72,9 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
     Ok((reader.finish(images)?, held_bytes, inflated))
 }
 
-/// An image in a nameless file.
+/// An image in a scratch file.
 fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) -> Result<Image, Stop> {
-    let out = crate::scratch::nameless(limits.scratch).map_err(Stop::Scratch)?;
+    let out = crate::scratch::unnamed(limits.scratch).map_err(Stop::Scratch)?;
     let mut content = member.open(file)?;
     let mut buffer = vec![0; 32 << 10];
     let mut bytes = 0;

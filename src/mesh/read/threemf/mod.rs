@@ -1,7 +1,7 @@
 //! 3MF (3MF Consortium, Core 1.3 with the production and materials extensions): an archive with a text of vertices
 //! and triangles.
 //!
-//! The text is read once as a stream; vertices, triangles and colours wait in nameless files, objects with their
+//! The text is read once as a stream; vertices, triangles and colours wait in scratch files, objects with their
 //! parts in memory. Objects are placed anew in every pass. Units of the file become millimetres; the z axis is up.
 //!
 //! | part | what it holds |
@@ -17,11 +17,12 @@ use std::fs::File;
 use std::path::Path;
 
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
-use super::limits::Limits;
 use super::look::{Look, Material, NO_MATERIAL};
-use super::stop::{EachLook, Stop};
-use super::stream::Stream;
+use super::stop::{EachLook, Stop, finite};
+use super::stream::{Stream, numbers};
+use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Vertices};
+use super::{Limits, Summary};
 use crate::facts::{MeshFault, Part};
 use crate::geom::Affine;
 
@@ -40,40 +41,35 @@ type EachMesh<'a> = dyn FnMut([u64; 4], &Affine) -> Result<(), Stop> + 'a;
 /// An object by its number, in the text of this number.
 type Key = (u32, u32);
 
-/// What an object is made of.
 #[derive(Clone, Debug)]
 enum Object {
     /// First vertex, vertices, first triangle, triangles.
     Mesh([u64; 4]),
-    Parts(Vec<Placed>),
+    Parts(Vec<Instance>),
 }
 
 /// An object in its place.
 #[derive(Clone, Copy, Debug)]
-struct Placed {
+struct Instance {
     key: Key,
     at: Affine,
 }
 
-/// What the texts of an archive hold.
+/// The content of the texts of an archive.
 #[derive(Debug)]
 struct Contents {
     vertices: Vertices,
     triangles: File,
     values: Vertices,
     objects: BTreeMap<Key, Object>,
-    items: Vec<Placed>,
+    items: Vec<Instance>,
     materials: Vec<Material>,
 }
 
-/// An open file.
 #[derive(Debug)]
 pub(super) struct ThreeMf {
     contents: Contents,
     looks: bool,
-    held_bytes: u64,
-    /// Meshes that are built.
-    parts: u64,
 }
 
 /// Looks at the list of the archive alone.
@@ -81,33 +77,17 @@ pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
     archive::root(file, bytes).map(drop)
 }
 
+pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(ThreeMf, Summary), Stop> {
+    let (mut contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
+    let materials = std::mem::take(&mut contents.materials);
+    let looks = [contents.values.count > 0 || !materials.is_empty(), false];
+    let open = ThreeMf { contents, looks: limits.colors };
+    let parts = open.check(inflated)?;
+    Ok((open, Summary { materials, held_bytes, parts, looks, ..Summary::default() }))
+}
+
 impl ThreeMf {
-    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
-        let (contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
-        let mut open = Self { contents, looks: limits.colors, held_bytes, parts: 0 };
-        open.parts = open.check(inflated)?;
-        Ok(open)
-    }
-
-    pub(super) fn materials(&self) -> &[Material] {
-        &self.contents.materials
-    }
-
-    /// Has it colours?
-    pub(super) fn has_colors(&self) -> bool {
-        self.contents.values.count > 0 || !self.contents.materials.is_empty()
-    }
-
-    pub(super) fn held_bytes(&self) -> u64 {
-        self.held_bytes
-    }
-
-    /// Parts that it has, at least one.
-    pub(super) fn parts(&self) -> u64 {
-        self.parts.max(1)
-    }
-
-    /// Counts triangles, however often objects hold the same ones, and tells how many meshes are built.
+    /// Counts triangles, however often objects hold the same ones; returns how many meshes are built.
     fn check(&self, inflated: u64) -> Result<u64, Stop> {
         let most = MAX_TRIANGLES + inflated.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let (mut all, mut parts) = (0_u64, 0);
@@ -125,7 +105,7 @@ impl ThreeMf {
         let mut steps = 0_u64;
         for item in &self.contents.items {
             // Parts of an object that are still to come, of each object on the way.
-            let mut way: Vec<(&[Placed], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
+            let mut way: Vec<(&[Instance], Affine)> = vec![(std::slice::from_ref(item), IDENTITY)];
             while let Some((left, parent)) = way.last_mut() {
                 let Some((first, rest)) = left.split_first() else {
                     way.pop();
@@ -170,13 +150,13 @@ impl ThreeMf {
             let mirrored = placed.determinant() < 0.0;
             for _ in 0..triangle_count {
                 let corners: [u8; RECORD] = stream.take()?;
-                let mut t = whole(&corners);
+                let mut t: [u32; 3] = numbers(&corners);
                 let mut look = Look { part, ..Look::NONE };
                 let mut of = [0; 3];
                 if self.looks {
                     let more: [u8; LOOKED - RECORD] = stream.take()?;
-                    of = whole(&more);
-                    look.material = u32::from_le_bytes([more[12], more[13], more[14], more[15]]);
+                    let values: [u32; 4] = numbers(&more);
+                    [of[0], of[1], of[2], look.material] = values;
                 }
                 if mirrored {
                     t.swap(1, 2);
@@ -190,16 +170,12 @@ impl ThreeMf {
                     *out = placed.apply(points.get(first + u64::from(corner), faces)?);
                 }
                 faces += 1;
-                if !at.iter().flatten().all(|c| c.is_finite()) {
-                    return Err(MeshFault::NotFinite { triangle: faces }.into());
-                }
+                finite(&at, faces)?;
                 let kind = std::mem::replace(&mut look.material, NO_MATERIAL);
                 if kind != PLAIN && self.looks {
                     let mut three = [[0.0_f32; 3]; 3];
                     for (out, value) in three.iter_mut().zip(of) {
-                        #[expect(clippy::cast_possible_truncation, reason = "looks are in single precision")]
-                        let value = looks.get(value.into(), faces)?.map(|c| c as f32);
-                        *out = value;
+                        *out = single(looks.get(value.into(), faces)?);
                     }
                     if kind == COLORED {
                         look.colors = Some(three);
@@ -216,10 +192,6 @@ impl ThreeMf {
 }
 
 const IDENTITY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
-
-fn whole(bytes: &[u8]) -> [u32; 3] {
-    std::array::from_fn(|k| bytes[4 * k..].first_chunk::<4>().map_or(0, |b| u32::from_le_bytes(*b)))
-}
 
 /// Is a path in an archive one of an image that is read?
 fn is_image(path: &Path) -> bool {

@@ -4,12 +4,12 @@ use std::collections::BTreeMap;
 use std::io::Read;
 use std::sync::Arc;
 
-use super::super::limits::Limits;
+use super::super::Limits;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap, linear};
 use super::super::stop::Stop;
 use super::super::vertices::Spool;
 use super::super::xml::{Event, Xml};
-use super::{COLORED, Contents, Key, Object, PLAIN, Placed};
+use super::{COLORED, Contents, Instance, Key, Object, PLAIN};
 use crate::facts::{Feature, MeshFault, Part};
 use crate::geom::Affine;
 
@@ -37,19 +37,19 @@ struct Group {
 }
 
 /// A texture as a text states it.
-struct Stated {
+struct TextureResource {
     path: String,
     wraps: [Wrap; 2],
 }
 
-/// What an object that is being read has for all its triangles: a group, and a value of it.
+/// The default of an object's triangles: a group, and a value of it.
 #[derive(Clone, Copy, Default)]
 struct Own {
     group: Option<u32>,
     value: u32,
 }
 
-/// Reads texts into nameless files.
+/// Reads texts into scratch files.
 pub(super) struct Reader<'a> {
     limits: &'a Limits<'a>,
     vertices: Spool,
@@ -57,9 +57,9 @@ pub(super) struct Reader<'a> {
     values: Spool,
     objects: BTreeMap<Key, Object>,
     groups: BTreeMap<Key, Group>,
-    textures: Vec<Stated>,
+    textures: Vec<TextureResource>,
     texture_of: BTreeMap<Key, u32>,
-    items: Vec<Placed>,
+    items: Vec<Instance>,
     /// Names of the texts, the root's first, which is empty.
     pub(super) texts: Vec<String>,
     pub(super) held_bytes: u64,
@@ -106,12 +106,10 @@ impl<'a> Reader<'a> {
         u32::try_from(at).map_err(|_| MeshFault::BadReference { part: Part::Text }.into())
     }
 
-    /// Paths of the images of all textures.
     pub(super) fn images(&self) -> impl Iterator<Item = &str> {
         self.textures.iter().map(|t| t.path.as_str())
     }
 
-    /// Reads one text.
     pub(super) fn text(&mut self, input: impl Read, number: u32) -> Result<(), Stop> {
         let mut xml = Xml::new(input);
         let mut unit = 1.0;
@@ -119,7 +117,7 @@ impl<'a> Reader<'a> {
         let mut group: Option<(u32, u32)> = None;
         let mut vertex_base = 0;
         let mut triangle_base = 0;
-        let mut parts: Vec<Placed> = Vec::new();
+        let mut parts: Vec<Instance> = Vec::new();
         let mut seen = false;
         loop {
             let event = xml.next()?;
@@ -222,7 +220,7 @@ impl<'a> Reader<'a> {
                     self.hold(OBJECT_BYTES + path.len() as u64)?;
                     let at = u32::try_from(self.textures.len()).unwrap_or(COLORED);
                     self.texture_of.insert((number, id), at);
-                    self.textures.push(Stated { path, wraps });
+                    self.textures.push(TextureResource { path, wraps });
                 }
                 _ => {}
             }
@@ -256,7 +254,7 @@ impl<'a> Reader<'a> {
             return Err(MeshFault::BadIndex { face: self.triangles.count + 1, vertices }.into());
         }
         if !self.limits.colors {
-            return self.triangles.triangle(t);
+            return self.triangles.numbers(t);
         }
         let id = xml.whole(b"pid")?.or(own.group);
         let first = xml.whole(b"p1")?;
@@ -271,17 +269,11 @@ impl<'a> Reader<'a> {
             values = three.map(|at| group.first + at);
             kind = group.kind;
         }
-        let mut record = [0; super::LOOKED];
-        let [a, b, c] = t;
-        let [p, q, r] = values;
-        for (out, n) in record.as_chunks_mut::<4>().0.iter_mut().zip([a, b, c, p, q, r, kind]) {
-            *out = n.to_le_bytes();
-        }
-        self.triangles.put(record)
+        self.triangles.numbers([t[0], t[1], t[2], values[0], values[1], values[2], kind])
     }
 
     /// An object in its place, as a part or an item states it.
-    fn placed<R: Read>(&mut self, xml: &Xml<R>, text: u32, unit: f64) -> Result<Placed, Stop> {
+    fn placed<R: Read>(&mut self, xml: &Xml<R>, text: u32, unit: f64) -> Result<Instance, Stop> {
         let id = xml.whole(b"objectid")?.ok_or_else(|| xml.wrong())?;
         let at = match xml.raw(b"transform") {
             Some(stated) => transform(stated, unit).ok_or_else(|| xml.wrong())?,
@@ -292,12 +284,12 @@ impl<'a> Reader<'a> {
             None => text,
         };
         self.hold(PLACED_BYTES)?;
-        Ok(Placed { key: (text, id), at })
+        Ok(Instance { key: (text, id), at })
     }
 
     pub(super) fn finish(self, images: Vec<Arc<Image>>) -> Result<Contents, Stop> {
         let (triangles, _) = self.triangles.finish()?;
-        let laid = |(stated, image): (Stated, Arc<Image>)| {
+        let laid = |(stated, image): (TextureResource, Arc<Image>)| {
             let texture = Texture { image, wraps: stated.wraps, upwards: true, placed: UNPLACED };
             Material { color: [1.0; 3], texture: Some(texture) }
         };

@@ -2,7 +2,7 @@
 
 use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
-use super::pixels::{Padding, PixelLayout, Stored};
+use super::pixels::{CellFormat, Padding, PixelLayout};
 use crate::codec::{CodecError, FrameFormat, Mismatch};
 use crate::facts::dicom::ScanError;
 use crate::source::dicom::parse::header::DicomHeader;
@@ -56,7 +56,7 @@ impl<'a> Converter<'a> {
         let bits = precision.min(stored.bits());
         let shift = if precision >= stored.bits() + stored.shift() { stored.shift() } else { 0 };
         let native = if Endian::Little.is_native() { Endian::Little } else { Endian::Big };
-        let cell = Stored::integer(allocated, bits, shift, stored.is_signed(), native);
+        let cell = CellFormat::integer(allocated, bits, shift, stored.is_signed(), native);
         let layout = &self.image.layout;
         self.decoded = PixelLayout::new(layout.columns, layout.rows, layout.scalar(), cell);
         Ok(())

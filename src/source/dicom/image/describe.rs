@@ -1,7 +1,7 @@
-//! What a file's pixels are, and how they are reached: by position, or by decoding
+//! Kind of a file's pixels, and the way to them: by position, or by decoding
 //! (PS3.3 C.7.6.3; PS3.5 section 8 and annex A).
 
-use super::pixels::{PixelLayout, Stored};
+use super::pixels::{CellFormat, PixelLayout};
 use crate::facts::dicom::{Combination, DicomNote, Obstacle, Required, TransferSyntax};
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
 use crate::source::dicom::parse::syntax::Codec;
@@ -72,7 +72,7 @@ pub struct Image {
 }
 
 impl Image {
-    /// What the pixels of a file are.
+    /// Describes the pixels of a file.
     ///
     /// # Errors
     /// The [`Obstacle`] that is in the way.
@@ -163,7 +163,7 @@ impl Image {
         self.mapping == Mapping::Values && !self.layout.stored().is_float() && self.storage != Storage::Bits
     }
 
-    /// What has to be said of the delivered samples, where they are not plain.
+    /// Notes on the delivered samples, where they are not plain.
     pub fn note(&self) -> Option<DicomNote> {
         match self.mapping {
             Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => Some(DicomNote::Luminance),
@@ -207,7 +207,7 @@ impl Image {
 
 /// Type of what is delivered. Entries of tables have up to 16 bits and are unsigned (PS3.3 C.11.1.1.1,
 /// C.7.6.3.1.6).
-fn delivered(mapping: Mapping, stored: Stored) -> ScalarType {
+fn delivered(mapping: Mapping, stored: CellFormat) -> ScalarType {
     match mapping {
         Mapping::ModalityLut | Mapping::Palette => ScalarType::U16,
         _ => stored.scalar(),
@@ -223,7 +223,7 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         // The palette only colours the labels (PS3.3 C.8.20.2).
         ("PALETTE COLOR", 1) if header.is_segmentation() => Ok(Mapping::Values),
         ("PALETTE COLOR", 1) => {
-            let places = &header.places;
+            let places = &header.offsets;
             let all = places.palettes.iter().chain(&places.palette_descriptors).all(Option::is_some);
             if all { Ok(Mapping::Palette) } else { Err(Obstacle::Palette) }
         }
@@ -239,19 +239,19 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
 }
 
 /// How a cell holds its value.
-fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<Stored, Obstacle> {
+fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<CellFormat, Obstacle> {
     let big = header.transfer_syntax == TransferSyntax::ExplicitBe;
     let endian = if big { Endian::Big } else { Endian::Little };
     let element = header.pixels.map_or(PixelElement::Integer, |p| p.element);
     match element {
-        PixelElement::Float if allocated == 32 && samples == 1 => return Ok(Stored::float(endian)),
-        PixelElement::Double if allocated == 64 && samples == 1 => return Ok(Stored::double(endian)),
+        PixelElement::Float if allocated == 32 && samples == 1 => return Ok(CellFormat::float(endian)),
+        PixelElement::Double if allocated == 64 && samples == 1 => return Ok(CellFormat::double(endian)),
         PixelElement::Integer => {}
         _ => return Err(Obstacle::BitsAllocated(allocated)),
     }
     let signed = header.pixel_representation.unwrap_or(0) & 1 == 1;
     match (allocated, samples) {
-        (1, 1) => return Ok(Stored::integer(8, 1, 0, false, Endian::Little)),
+        (1, 1) => return Ok(CellFormat::integer(8, 1, 0, false, Endian::Little)),
         (8 | 16, _) | (32, 1) => {}
         _ => return Err(Obstacle::BitsAllocated(allocated)),
     }
@@ -263,5 +263,5 @@ fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<Store
     if stored == 0 || high >= allocated || stored > high + 1 {
         return Err(Obstacle::BadBits { allocated, stored, high });
     }
-    Ok(Stored::integer(allocated.into(), stored.into(), u32::from(high + 1 - stored), signed, endian))
+    Ok(CellFormat::integer(allocated.into(), stored.into(), u32::from(high + 1 - stored), signed, endian))
 }

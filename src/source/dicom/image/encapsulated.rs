@@ -9,7 +9,8 @@ use std::cell::Cell;
 use std::io::{self, Read};
 
 use crate::codec::FrameBytes;
-use crate::facts::dicom::{Damage, ScanError};
+use crate::facts::dicom::Damage;
+use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{ITEM, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, PixelData};
 use crate::source::dicom::parse::syntax::Codec;
@@ -233,7 +234,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         pixels: &PixelData,
         codec: Codec,
         frames: u32,
-    ) -> Result<Self, ScanError> {
+    ) -> Result<Self> {
         let start = pixels.offset;
         let end = start.saturating_add(pixels.available);
         let (division, heads) = (Division::Whole, Heads::new());
@@ -274,8 +275,8 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     }
 
     /// Offset of the Extended Offset Table's entries, if the file has one that fits.
-    fn extended_table(&mut self, header: &DicomHeader) -> Result<Option<u64>, ScanError> {
-        let Some(at) = header.places.offset_table else { return Ok(None) };
+    fn extended_table(&mut self, header: &DicomHeader) -> Result<Option<u64>> {
+        let Some(at) = header.offsets.offset_table else { return Ok(None) };
         let element = Parser::new(self.input)?.element(at, header.encoding)?;
         let length = element.length.unwrap_or(0).into();
         Ok(self.table_fits(element.value_at, length, true)?.then_some(element.value_at))
@@ -319,7 +320,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
     }
 
     /// The next frame's bytes; `None` after the last.
-    pub(crate) fn next(&mut self) -> Result<Option<Span>, ScanError> {
+    pub(crate) fn next(&mut self) -> Result<Option<Span>> {
         if self.next == self.frames {
             return Ok(None);
         }
@@ -410,7 +411,7 @@ pub(crate) struct ListedFrame<'a, R: ReadAt + ?Sized> {
 impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
     /// There are more fragments than [`MAX_LISTED`].
-    pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self, ScanError> {
+    pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self> {
         let count = usize::try_from(span.fragments)
             .ok()
             .filter(|n| *n <= MAX_LISTED)
@@ -496,7 +497,7 @@ mod tests {
         assert_eq!(missing(&[&whole[..], b"\xfc\xff\xfc\xffOB\0\0\x04\0\0\0tail"].concat()), None);
         let two = MissingEnd { fragments: 2, lacking: 0 };
         assert_eq!(missing(&whole[..whole.len() - 8]), Some(two));
-        // Half a delimiter is none; a whole tag is one.
+        // Half a delimiter does not count; a whole tag does.
         assert_eq!(missing(&whole[..whole.len() - 5]), Some(two));
         assert_eq!(missing(&whole[..whole.len() - 2]), None);
         assert_eq!(missing(&whole[..whole.len() - 11]), Some(MissingEnd { fragments: 2, lacking: 3 }));

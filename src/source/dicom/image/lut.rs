@@ -1,7 +1,8 @@
 //! Tables from stored values to what they mean: the Modality LUT and palettes (PS3.3 C.11.1.1.1,
 //! C.7.6.3.1.5 and C.7.6.3.1.6). At most 65536 entries, so 128 KiB.
 
-use crate::facts::dicom::{Damage, ScanError};
+use crate::facts::dicom::Damage;
+use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{Element, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, Encoding};
 use crate::source::dicom::parse::window::ReadAt;
@@ -42,8 +43,8 @@ impl Lut {
         input: &R,
         header: &DicomHeader,
         signed: bool,
-    ) -> Result<Self, ScanError> {
-        let at = header.places.modality_lut.unwrap_or(0);
+    ) -> Result<Self> {
+        let at = header.offsets.modality_lut.unwrap_or(0);
         let mut parser = Parser::new(input)?;
         let sequence = parser.element(at, header.encoding)?;
         let (mut descriptor, mut entries) = (None, None);
@@ -76,15 +77,11 @@ impl Lut {
     ///
     /// # Errors
     /// It is damaged or incomplete.
-    pub(crate) fn palette<R: ReadAt + ?Sized>(
-        input: &R,
-        header: &DicomHeader,
-        signed: bool,
-    ) -> Result<Self, ScanError> {
+    pub(crate) fn palette<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, signed: bool) -> Result<Self> {
         let encoding = header.encoding;
         let mut parser = Parser::new(input)?;
         let mut shared = None;
-        for at in header.places.palette_descriptors {
+        for at in header.offsets.palette_descriptors {
             let at = at.unwrap_or(0);
             let element = parser.element(at, encoding)?;
             let descriptor = Descriptor::read(&mut parser, &element, encoding, signed)?;
@@ -95,7 +92,7 @@ impl Lut {
         let Some(descriptor) = shared else { return Err(damaged(0, Damage::PaletteWithoutDescriptor)) };
         // Colour by colour, in the order of the file, so that a deflated file is inflated once.
         let mut sums = vec![0_u32; descriptor.entries];
-        for (at, weight) in header.places.palettes.into_iter().zip([299_u32, 587, 114]) {
+        for (at, weight) in header.offsets.palettes.into_iter().zip([299_u32, 587, 114]) {
             let element = parser.element(at.unwrap_or(0), encoding)?;
             let mut each = sums.iter_mut();
             descriptor.visit(&mut parser, &element, encoding, &mut |entry| {
@@ -122,7 +119,7 @@ impl Descriptor {
         element: &Element,
         encoding: Encoding,
         signed: bool,
-    ) -> Result<Self, ScanError> {
+    ) -> Result<Self> {
         let at = element.value_at;
         let value = parser.value(element)?;
         let word = |i: usize| {
@@ -152,7 +149,7 @@ impl Descriptor {
         data: &Element,
         encoding: Encoding,
         each: &mut dyn FnMut(u16),
-    ) -> Result<(), ScanError> {
+    ) -> Result {
         let at = data.value_at;
         let length = data.length.and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
         let packed = length < 2 * self.entries;

@@ -7,7 +7,7 @@ use crate::volume::{Endian, ScalarType};
 
 /// How a cell (the bits allocated to one sample) holds its value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Stored {
+pub(crate) struct CellFormat {
     scalar: ScalarType,
     endian: Endian,
     signed: bool,
@@ -16,7 +16,7 @@ pub(crate) struct Stored {
     shift: u32,
 }
 
-impl Stored {
+impl CellFormat {
     /// A cell of 8, 16 or 32 bits.
     pub(crate) fn integer(allocated: u32, bits: u32, shift: u32, signed: bool, endian: Endian) -> Self {
         let scalar = match (allocated, signed) {
@@ -115,12 +115,12 @@ pub struct PixelLayout {
     /// Frames side by side in a picture: tiles of a mosaic, else 1.
     across: u32,
     scalar: ScalarType,
-    stored: Stored,
+    stored: CellFormat,
 }
 
-/// What a header says of stored values that mean "no pixel"; see [`PixelLayout::padding`].
+/// Stored values that mean "no pixel", as a header states them; see [`PixelLayout::padding`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub enum StatedPadding {
+pub enum PaddingAttributes {
     /// Nothing.
     #[default]
     None,
@@ -130,8 +130,8 @@ pub enum StatedPadding {
     Float(f64, Option<f64>),
 }
 
-impl StatedPadding {
-    /// What a header says of the kind of pixels that it has.
+impl PaddingAttributes {
+    /// Padding that a header states for its kind of pixels.
     pub fn of(header: &DicomHeader) -> Self {
         let element = header.pixels.map_or(PixelElement::Integer, |p| p.element);
         match (element, header.padding, header.float_padding) {
@@ -156,7 +156,7 @@ pub struct Padding {
 
 impl PixelLayout {
     /// A frame of such cells, delivered as `scalar`.
-    pub(crate) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: Stored) -> Self {
+    pub(crate) fn new(columns: u32, rows: u32, scalar: ScalarType, stored: CellFormat) -> Self {
         Self { columns, rows, across: 1, scalar, stored }
     }
 
@@ -189,7 +189,7 @@ impl PixelLayout {
         self.scalar
     }
 
-    pub(crate) fn stored(&self) -> &Stored {
+    pub(crate) fn stored(&self) -> &CellFormat {
         &self.stored
     }
 
@@ -240,20 +240,20 @@ impl PixelLayout {
     /// pixels are physical as they are.
     pub fn padding(
         &self,
-        stated: StatedPadding,
+        stated: PaddingAttributes,
         background: f64,
         slope: f64,
         intercept: f64,
     ) -> Option<Padding> {
         let (value, limit) = match stated {
-            StatedPadding::Float(value, limit) if self.stored.is_float() => {
+            PaddingAttributes::Float(value, limit) if self.stored.is_float() => {
                 let first = rank(value);
                 // NaN is no end of a range.
                 let last = limit.filter(|l| !l.is_nan() && !value.is_nan()).map_or(first, rank);
                 let (low, high) = (first.min(last), first.max(last));
                 return Some(Padding { low, high, replacement: rank(background) });
             }
-            StatedPadding::Integer(value, limit) if !self.stored.is_float() => (value, limit),
+            PaddingAttributes::Integer(value, limit) if !self.stored.is_float() => (value, limit),
             _ => return None,
         };
         let word = |bits: u16| {
@@ -412,7 +412,7 @@ mod tests {
 
     fn decode16(header: &DicomHeader, background: Option<f64>, raw: &[u16]) -> Vec<u16> {
         let layout = Image::of(header).unwrap().layout;
-        let padding = background.and_then(|b| layout.padding(StatedPadding::of(header), b, 1.0, 0.0));
+        let padding = background.and_then(|b| layout.padding(PaddingAttributes::of(header), b, 1.0, 0.0));
         let mut bytes: Vec<u8> = raw.iter().flat_map(|v| v.to_le_bytes()).collect();
         layout.decode_padded(&mut bytes, padding);
         bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned).collect()
@@ -455,27 +455,27 @@ mod tests {
         let mut image = header(32, 32, 31, false);
         image.pixels = image.pixels.map(|p| PixelData { element: PixelElement::Float, ..p });
         let layout = Image::of(&image).unwrap().layout;
-        let decoded = |stated: StatedPadding, samples: [f32; 5]| -> Vec<f32> {
+        let decoded = |stated: PaddingAttributes, samples: [f32; 5]| -> Vec<f32> {
             let mut cells: Vec<u8> = samples.iter().flat_map(|v| v.to_le_bytes()).collect();
             layout.decode_padded(&mut cells, layout.padding(stated, -1000.0, 1.0, 0.0));
             cells.chunks_exact(4).map(bytemuck::pod_read_unaligned).collect()
         };
         let samples = [-3.4e38, -2000.5, -1999.0, 0.0, 7.5];
-        assert_eq!(decoded(StatedPadding::None, samples), samples);
+        assert_eq!(decoded(PaddingAttributes::None, samples), samples);
         let lowest = f64::from(samples[0]);
         assert_eq!(
-            decoded(StatedPadding::Float(lowest, None), samples),
+            decoded(PaddingAttributes::Float(lowest, None), samples),
             [-1000.0, -2000.5, -1999.0, 0.0, 7.5]
         );
-        let range = StatedPadding::Float(-2000.0, Some(lowest));
+        let range = PaddingAttributes::Float(-2000.0, Some(lowest));
         assert_eq!(decoded(range, samples), [-1000.0, -1000.0, -1999.0, 0.0, 7.5]);
         let holes = [f32::NAN, -f32::NAN, f32::INFINITY, 0.0, 7.5];
         for limit in [None, Some(f64::NAN), Some(0.0)] {
-            let replaced = decoded(StatedPadding::Float(f64::NAN, limit), holes);
+            let replaced = decoded(PaddingAttributes::Float(f64::NAN, limit), holes);
             assert_eq!(replaced, [-1000.0, -1000.0, f32::INFINITY, 0.0, 7.5]);
         }
         // Padding of integers is not that of floating-point pixels.
-        assert_eq!(decoded(StatedPadding::Integer(0, None), samples), samples);
+        assert_eq!(decoded(PaddingAttributes::Integer(0, None), samples), samples);
     }
 
     #[expect(clippy::cast_possible_truncation, reason = "small numbers")]

@@ -10,15 +10,24 @@ use super::convert::Converter;
 use super::describe::{Image, Mapping, Storage};
 use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
 use super::pixels::Padding;
-use crate::budget::{Budget, Reservation, TooSmall, costs};
+use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
-use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
-use crate::volume::SourceError;
+use crate::volume::{Result, SourceError};
+
+/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000, which counts its own.
+const DICOM_DECODER: u64 = 256 << 10;
+
+/// The tables of a palette, read as it is turned into grey.
+const DICOM_PALETTE: u64 = 384 << 10;
+
+/// The table of a modality look-up, 2^16 entries of 16 bits.
+const DICOM_LOOKUP: u64 = 128 << 10;
 
 /// Receives decoded frames.
 pub trait FrameSink {
@@ -38,7 +47,7 @@ pub trait FrameSink {
     ///
     /// # Errors
     /// The samples cannot be kept.
-    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError>;
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result;
 }
 
 /// Decodes the frames that are wanted, in the order of the file, row by row, in one pass.
@@ -53,7 +62,7 @@ pub fn unroll<R: ReadAt + ?Sized>(
     image: &Image,
     memory: &Budget,
     sink: &mut dyn FrameSink,
-) -> Result<(), SourceError> {
+) -> Result {
     let walked = if header.transfer_syntax == TransferSyntax::Deflated {
         deflated(input, header, image, memory, sink)
     } else {
@@ -79,24 +88,24 @@ impl Image {
             Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
             Storage::Coded(Codec::Rle | Codec::None) | Storage::Plain | Storage::Bits => 0,
         };
-        codec + self.rows_bytes() + costs::DICOM_DECODER + self.table_bytes()
+        codec + self.rows_bytes() + DICOM_DECODER + self.table_bytes()
     }
 
-    /// Rows held here, whatever the decoder holds.
+    /// Rows held here, in addition to the decoder.
     fn rows_bytes(&self) -> u64 {
         u64::from(self.layout.columns) * u64::from(self.samples) * 16
     }
 
     fn table_bytes(&self) -> u64 {
         match self.mapping {
-            Mapping::Palette => costs::DICOM_PALETTE,
-            Mapping::ModalityLut => costs::DICOM_LOOKUP,
+            Mapping::Palette => DICOM_PALETTE,
+            Mapping::ModalityLut => DICOM_LOOKUP,
             _ => 0,
         }
     }
 }
 
-/// What went wrong, before it is known where.
+/// A failure whose file is not named yet.
 enum Failure {
     Scan(ScanError),
     Codec(u32, CodecError),
@@ -160,7 +169,7 @@ fn deflated<R: ReadAt + ?Sized>(
     memory: &Budget,
     sink: &mut dyn FrameSink,
 ) -> Result<(), Failure> {
-    let open = || Inflated::up_to(input, header.dataset, u64::MAX);
+    let open = || InflateReader::up_to(input, header.dataset, u64::MAX);
     let tables = open()?;
     if image.planar {
         let planes = [open()?, open()?, open()?];
@@ -420,7 +429,7 @@ struct Receiver<'r, 'a> {
     frame: u32,
     next: u32,
     sink: &'r mut dyn FrameSink,
-    /// What the sink said, which does not fit a decoder's error.
+    /// Error of the sink, which does not fit a decoder's error.
     error: Option<SourceError>,
 }
 

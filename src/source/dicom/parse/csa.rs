@@ -1,7 +1,7 @@
 //! The private header of Siemens MR images, "CSA": named tags with values as text.
 //!
 //! No standard describes it; the two forms are known from how they look. All numbers are 32-bit
-//! little-endian, whatever the file is.
+//! little-endian, in files of either order.
 //!
 //! ```text
 //! "SV10" and 4 bytes          newer form (CSA2) only
@@ -11,7 +11,7 @@
 //! ```
 //!
 //! The text of an item has `b` bytes in the newer form. In the older one (CSA1) it has `a` bytes, less the
-//! number of items of the very first tag; where that is no possible length, the tag ends with this item.
+//! number of items of the very first tag; where that is not a possible length, the tag ends with this item.
 //! Whether a text that needs no filling up is followed by four bytes nevertheless, readers do not agree on:
 //! the 77 or 205 of what comes next decides.
 //!
@@ -36,7 +36,7 @@ const TEXT_BYTES: u64 = 64;
 const ITEM_MARK: u64 = 8;
 const TAG_MARK: u64 = 80;
 
-/// What matters here of the header of one image.
+/// The fields of one image's header that matter here.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Csa {
     /// `NumberOfImagesInMosaic`.
@@ -121,7 +121,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         if stated > MAX_COUNT { Err(CsaFault::Count { of, stated }) } else { Ok(stated) }
     }
 
-    /// Is there one of the numbers that nobody knows the meaning of, so far ahead?
+    /// Does a number of unknown meaning follow, so far ahead?
     fn is_mark(&mut self, ahead: u64) -> Result<bool, CsaFault> {
         let found = self.window.array::<4>(self.at + ahead)?;
         Ok(found.is_some_and(|bytes| matches!(u32::from_le_bytes(bytes), 77 | 205)))

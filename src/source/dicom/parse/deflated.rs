@@ -21,7 +21,7 @@ const LONGEST_SEARCH: u64 = 64 << 20;
 /// Offsets before `start` are the file's own; from there on they count inflated bytes.
 ///
 /// Reading forwards costs one pass; a step back begins again. Holds some 60 KiB.
-pub(crate) struct Inflated<'a, R: ?Sized> {
+pub(crate) struct InflateReader<'a, R: ?Sized> {
     input: &'a R,
     start: u64,
     len: u64,
@@ -40,13 +40,13 @@ struct State {
     ended: bool,
 }
 
-impl<'a, R: ReadAt + ?Sized> Inflated<'a, R> {
+impl<'a, R: ReadAt + ?Sized> InflateReader<'a, R> {
     /// For the search of elements; ends with an error after [`LONGEST_SEARCH`] bytes.
     pub(crate) fn new(input: &'a R, start: u64) -> io::Result<Self> {
         Self::up_to(input, start, LONGEST_SEARCH)
     }
 
-    /// As [`Inflated::new`] with another limit on inflated bytes.
+    /// As [`InflateReader::new`] with another limit on inflated bytes.
     pub(crate) fn up_to(input: &'a R, start: u64, limit: u64) -> io::Result<Self> {
         let compressed = input.byte_len()?.saturating_sub(start);
         let len = compressed.saturating_mul(MAX_EXPANSION).saturating_add(start);
@@ -109,7 +109,7 @@ impl State {
     }
 }
 
-impl<R: ReadAt + ?Sized> ReadAt for Inflated<'_, R> {
+impl<R: ReadAt + ?Sized> ReadAt for InflateReader<'_, R> {
     /// An upper bound: the true length is known only at the end.
     fn byte_len(&self) -> io::Result<u64> {
         Ok(self.len)

@@ -2,6 +2,7 @@
 
 use std::io;
 
+use super::Result;
 use super::header::{Encoding, MAX_VALUE_BYTES};
 use super::value::Tag;
 use super::window::{ReadAt, Window};
@@ -60,7 +61,7 @@ impl Element {
     }
 }
 
-/// What encloses the walk inside undefined lengths.
+/// One level of nesting inside undefined lengths.
 #[derive(Clone, Copy)]
 enum Level {
     Sequence(Encoding),
@@ -75,11 +76,11 @@ pub(crate) struct Parser<'a, R: ReadAt + ?Sized> {
 /// Reads one item: from the offset of its first element, its end if that is known, and how it is written,
 /// to the offset after its last element.
 pub(crate) type ItemReader<'f, 'a, R> =
-    dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64, ScanError> + 'f;
+    dyn FnMut(&mut Parser<'a, R>, u64, Option<u64>, Encoding) -> Result<u64> + 'f;
 
 /// Reads one element at an offset, and returns the offset after it, or `None` to have it stepped over.
 pub(crate) type ElementReader<'f, 'a, R> =
-    dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>, ScanError> + 'f;
+    dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>> + 'f;
 
 pub(crate) fn damaged(offset: u64, damage: Damage) -> ScanError {
     ScanError::Damaged { offset, damage }
@@ -96,7 +97,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// The element head at `at`.
-    pub(crate) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element, ScanError> {
+    pub(crate) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element> {
         let Some(head) = self.window.array::<8>(at)? else {
             return Err(damaged(at, Damage::EndsInElement));
         };
@@ -110,7 +111,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         // Items and delimiters never have a VR.
         let delimiter = tag >> 16 == 0xfffe;
         let letters = vr.iter().all(u8::is_ascii_uppercase);
-        // A VR that is letters but not known has the long form (PS3.5 6.2). One that is no letters at
+        // A VR that is letters but not known has the long form (PS3.5 6.2). One without letters at
         // all is an element written without VR, which some programs slip in.
         let form = length_form(&vr).or(letters.then_some(LengthForm::Long));
         let Some(form) = form.filter(|_| encoding.explicit && !delimiter) else {
@@ -128,7 +129,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// Offset after a value of defined length, checked against the file.
-    pub(crate) fn end(&self, element: &Element, at: u64) -> Result<u64, ScanError> {
+    pub(crate) fn end(&self, element: &Element, at: u64) -> Result<u64> {
         let left = self.window.left(element.value_at);
         match element.length {
             Some(n) if u64::from(n) <= left => Ok(element.value_at + u64::from(n)),
@@ -142,8 +143,8 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         self.window.upto(element.value_at, element.value_bytes())
     }
 
-    /// Offset after an element, whatever its length is.
-    pub(crate) fn skip(&mut self, element: &Element, at: u64, encoding: Encoding) -> Result<u64, ScanError> {
+    /// Offset after an element of any length.
+    pub(crate) fn skip(&mut self, element: &Element, at: u64, encoding: Encoding) -> Result<u64> {
         match element.length {
             Some(_) => self.end(element, at),
             None => self.undefined(element, encoding),
@@ -157,7 +158,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         at: u64,
         outer: Encoding,
         item: &mut ItemReader<'_, 'a, R>,
-    ) -> Result<u64, ScanError> {
+    ) -> Result<u64> {
         let encoding = sequence.content(outer);
         let end = if sequence.length.is_some() { Some(self.end(sequence, at)?) } else { None };
         let mut at = sequence.value_at;
@@ -188,7 +189,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         end: Option<u64>,
         encoding: Encoding,
         element: &mut ElementReader<'_, 'a, R>,
-    ) -> Result<u64, ScanError> {
+    ) -> Result<u64> {
         loop {
             if let Some(end) = end
                 && at >= end
@@ -210,7 +211,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     }
 
     /// Steps over the content of an element of undefined length; returns the offset after it.
-    fn undefined(&mut self, element: &Element, encoding: Encoding) -> Result<u64, ScanError> {
+    fn undefined(&mut self, element: &Element, encoding: Encoding) -> Result<u64> {
         let inside = |inner: &Element, outer: Encoding| Level::Sequence(inner.content(outer));
         let mut stack = [inside(element, encoding); MAX_DEPTH];
         let mut depth = 1_usize;

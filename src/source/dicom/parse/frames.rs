@@ -1,9 +1,12 @@
 //! Position and meaning of every frame of a file (PS3.3 C.7.6.16, functional groups).
 
-use super::deflated::Inflated;
+use super::Result;
+use super::deflated::InflateReader;
 use super::element::{Element, ItemReader, Parser, damaged};
 use super::header::{DicomHeader, Encoding, decimal};
-use super::value::{Tag, are_not_finite, double, is_not_finite, number, numbers, text, time_of};
+use super::value::{
+    Tag, are_not_finite, double, is_not_finite, long_of, number, numbers, text, time_of, word_of,
+};
 use super::window::ReadAt;
 use crate::facts::dicom::{Attribute, Damage, ScanError, TransferSyntax};
 use crate::volume::Endian;
@@ -23,7 +26,7 @@ pub enum Origin {
     Stepped,
 }
 
-/// What a file says of one frame: its own functional groups, else the shared ones, else the file's own
+/// Attributes of one frame: from its own functional groups, else the shared ones, else the file's own
 /// elements.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct FrameGeometry {
@@ -71,16 +74,16 @@ pub struct FrameGeometry {
     pub gradient: Option<[f64; 3]>,
     /// Time of Frame Acquisition DateTime, or the file's, as the number HHMMSS.FFFFFF.
     pub acquisition_time: Option<f64>,
-    /// The first of the Dimension Index Values; 0 where there is none.
+    /// The first of the Dimension Index Values; 0 where absent.
     pub dimensions: [u32; 5],
-    /// What the vectors of nuclear medicine say of the frame, apart from its slice, in the order of
-    /// [`super::header::Places::frame_vectors`]; 0 where they say nothing.
+    /// Numbers of the frame in the vectors of nuclear medicine, other than its slice, in the order of
+    /// [`super::header::ElementOffsets::frame_vectors`]; 0 where they are absent.
     pub vectors: [u16; 8],
     /// The first attribute that places the frame, or scales its values, and is infinite or not a number.
     pub not_finite: Option<Attribute>,
 }
 
-/// Tells `each` of every frame of a file, in the order of the file, in constant memory and in one pass
+/// Calls `each` for every frame of a file, in the order of the file, in constant memory and in one pass
 /// over the functional groups. `each` returns false to end early.
 ///
 /// Frames for which the file has no functional group get what the file says of all of them. The number of
@@ -92,9 +95,9 @@ pub fn visit<R: ReadAt + ?Sized>(
     input: &R,
     header: &DicomHeader,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<(), ScanError> {
+) -> Result {
     if header.transfer_syntax == TransferSyntax::Deflated {
-        return walk(&Inflated::new(input, header.dataset)?, header, each);
+        return walk(&InflateReader::new(input, header.dataset)?, header, each);
     }
     walk(input, header, each)
 }
@@ -103,11 +106,11 @@ fn walk<R: ReadAt + ?Sized>(
     input: &R,
     header: &DicomHeader,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<(), ScanError> {
+) -> Result {
     let mut parser = Parser::new(input)?;
     let frames = header.frames.and_then(Result::ok).unwrap_or(1);
     let mut base = FrameGeometry::of_file(header);
-    if let Some(at) = header.places.detectors.filter(|_| base.position.is_none()) {
+    if let Some(at) = header.offsets.detectors.filter(|_| base.position.is_none()) {
         first_item(&mut parser, at, header.encoding, &mut |parser, at, end, encoding| {
             parser.elements(at, end, encoding, &mut |parser, element, _| {
                 if matches!(element.tag, 0x0020_0032 | 0x0020_0037) {
@@ -117,27 +120,27 @@ fn walk<R: ReadAt + ?Sized>(
             })
         })?;
     }
-    if let Some(at) = header.places.shared_groups {
+    if let Some(at) = header.offsets.shared_groups {
         first_item(&mut parser, at, header.encoding, &mut |parser, at, end, encoding| {
             base.groups(parser, at, end, encoding)
         })?;
     }
-    let mut told = 0;
-    if let Some(at) = header.places.frame_groups {
-        told = of_groups(&mut parser, at, header.encoding, frames, &base, each)?;
-    } else if let Some(at) = header.places.grid_offsets.filter(|_| frames > 1) {
-        told = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
+    let mut visited = 0;
+    if let Some(at) = header.offsets.frame_groups {
+        visited = of_groups(&mut parser, at, header.encoding, frames, &base, each)?;
+    } else if let Some(at) = header.offsets.grid_offsets.filter(|_| frames > 1) {
+        visited = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
     }
-    let numbers = if told == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
+    let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
     // Slices of nuclear medicine may state no more than how thick they are.
     let thickness = base.slice_thickness.filter(|_| numbers.slices.is_some());
-    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && told == 0 && frames > 1);
+    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && visited == 0 && frames > 1);
     let along = step.zip(base.position).zip(base.normal());
-    for index in told..frames {
+    for index in visited..frames {
         base.index = index;
         let steps = numbers.read(&mut parser, &mut base)?;
         if let Some(((step, position), normal)) = along
-            && header.places.frame_groups.is_none()
+            && header.offsets.frame_groups.is_none()
         {
             base.origin = Origin::Stepped;
             base.position = Some([0, 1, 2].map(|i| position[i] + steps * step * normal[i]));
@@ -166,7 +169,7 @@ struct Numbers {
 struct Vector {
     value_at: u64,
     entries: u32,
-    big: bool,
+    endian: Endian,
 }
 
 impl Vector {
@@ -174,35 +177,31 @@ impl Vector {
         parser: &mut Parser<'_, R>,
         at: Option<u64>,
         encoding: Encoding,
-    ) -> Result<Option<Self>, ScanError> {
+    ) -> Result<Option<Self>> {
         let Some(at) = at else { return Ok(None) };
         let element = parser.element(at, encoding)?;
         parser.skip(&element, at, encoding)?;
         let entries = element.length.unwrap_or(0) / 2;
-        Ok(Some(Self { value_at: element.value_at, entries, big: encoding.endian == Endian::Big }))
+        Ok(Some(Self { value_at: element.value_at, entries, endian: encoding.endian }))
     }
 
-    /// Number of a frame; 0 if there is none.
-    fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16, ScanError> {
+    /// Number of a frame; 0 if absent.
+    fn number<R: ReadAt + ?Sized>(self, parser: &mut Parser<'_, R>, frame: u32) -> Result<u16> {
         if frame >= self.entries {
             return Ok(0);
         }
         let bytes = parser.window.array::<2>(self.value_at + 2 * u64::from(frame))?.unwrap_or_default();
-        Ok(if self.big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
+        Ok(word_of(&bytes, self.endian).unwrap_or_default())
     }
 }
 
 impl Numbers {
-    fn of<R: ReadAt + ?Sized>(
-        parser: &mut Parser<'_, R>,
-        header: &DicomHeader,
-        frames: u32,
-    ) -> Result<Self, ScanError> {
+    fn of<R: ReadAt + ?Sized>(parser: &mut Parser<'_, R>, header: &DicomHeader, frames: u32) -> Result<Self> {
         let mut own = Self {
-            slices: Vector::of(parser, header.places.slice_vector, header.encoding)?,
+            slices: Vector::of(parser, header.offsets.slice_vector, header.encoding)?,
             ..Self::default()
         };
-        for (vector, place) in own.vectors.iter_mut().zip(header.places.frame_vectors) {
+        for (vector, place) in own.vectors.iter_mut().zip(header.offsets.frame_vectors) {
             *vector = Vector::of(parser, place, header.encoding)?;
         }
         if let Some(slices) = own.slices {
@@ -223,11 +222,7 @@ impl Numbers {
     }
 
     /// Notes what the vectors say of a frame; returns how many slices away from the first it lies.
-    fn read<R: ReadAt + ?Sized>(
-        &self,
-        parser: &mut Parser<'_, R>,
-        frame: &mut FrameGeometry,
-    ) -> Result<f64, ScanError> {
+    fn read<R: ReadAt + ?Sized>(&self, parser: &mut Parser<'_, R>, frame: &mut FrameGeometry) -> Result<f64> {
         for (number, vector) in frame.vectors.iter_mut().zip(self.vectors) {
             *number = vector.map_or(Ok(0), |vector| vector.number(parser, frame.index))?;
         }
@@ -238,8 +233,7 @@ impl Numbers {
     }
 }
 
-/// Tells of the frames that have a group of their own; returns how many were told of, all if `each` has
-/// had enough.
+/// Visits the frames that have a group of their own; returns how many were visited, all if `each` ended the walk.
 fn of_groups<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,
@@ -247,26 +241,26 @@ fn of_groups<R: ReadAt + ?Sized>(
     frames: u32,
     base: &FrameGeometry,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<u32, ScanError> {
+) -> Result<u32> {
     let sequence = parser.element(at, encoding)?;
-    let mut told = 0;
+    let mut visited = 0;
     let mut frame = base.clone();
     let walked = parser.items(&sequence, at, encoding, &mut |parser, at, end, encoding| {
-        if told == frames {
+        if visited == frames {
             return Err(ENOUGH);
         }
         frame.clone_from(base);
-        frame.index = told;
+        frame.index = visited;
         let after = frame.groups(parser, at, end, encoding)?;
-        told += 1;
+        visited += 1;
         if each(&frame) {
             return Ok(after);
         }
-        told = frames;
+        visited = frames;
         Err(ENOUGH)
     });
     match walked {
-        Err(ScanError::NotDicom) | Ok(_) => Ok(told),
+        Err(ScanError::NotDicom) | Ok(_) => Ok(visited),
         Err(e) => Err(e),
     }
 }
@@ -284,7 +278,7 @@ fn of_grid<R: ReadAt + ?Sized>(
     frames: u32,
     base: &FrameGeometry,
     each: &mut dyn FnMut(&FrameGeometry) -> bool,
-) -> Result<u32, ScanError> {
+) -> Result<u32> {
     let element = parser.element(at, encoding)?;
     let end = parser.skip(&element, at, encoding)?;
     let Some((position, normal)) = base.position.zip(base.normal()) else { return Ok(0) };
@@ -318,7 +312,7 @@ fn first_item<'a, R: ReadAt + ?Sized>(
     at: u64,
     encoding: Encoding,
     read: &mut ItemReader<'_, 'a, R>,
-) -> Result<u64, ScanError> {
+) -> Result<u64> {
     let sequence = parser.element(at, encoding)?;
     first_item_of(parser, &sequence, at, encoding, read)
 }
@@ -329,7 +323,7 @@ fn first_item_of<'a, R: ReadAt + ?Sized>(
     at: u64,
     encoding: Encoding,
     read: &mut ItemReader<'_, 'a, R>,
-) -> Result<u64, ScanError> {
+) -> Result<u64> {
     let mut first = true;
     parser.items(sequence, at, encoding, &mut |parser, at, end, encoding| {
         if std::mem::take(&mut first) {
@@ -366,7 +360,7 @@ fn is_group(tag: Tag) -> bool {
 }
 
 impl FrameGeometry {
-    /// What the file says of all frames, or of its only one.
+    /// Attributes that the file states for all frames, or for its only one.
     pub(crate) fn of_file(header: &DicomHeader) -> Self {
         Self {
             position: header.position,
@@ -405,7 +399,7 @@ impl FrameGeometry {
         at: u64,
         end: Option<u64>,
         encoding: Encoding,
-    ) -> Result<u64, ScanError> {
+    ) -> Result<u64> {
         parser.elements(at, end, encoding, &mut |parser, group, at| {
             if !is_group(group.tag) {
                 return Ok(None);
@@ -431,21 +425,14 @@ impl FrameGeometry {
 
     /// Takes over one element of a functional group.
     fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let big = endian == Endian::Big;
         let wrong = match tag {
             0x0020_9301 if are_not_finite(value, endian) => Some(Attribute::Position),
             0x0020_9302 if are_not_finite(value, endian) => Some(Attribute::Orientation),
             _ => decimal(tag).filter(|_| is_not_finite(value)),
         };
         self.not_finite = self.not_finite.or(wrong);
-        let word = || {
-            let bytes = *value.first_chunk::<2>()?;
-            Some(if big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
-        };
-        let long = || {
-            let bytes = *value.first_chunk::<4>()?;
-            Some(if big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
-        };
+        let word = || word_of(value, endian);
+        let long = || long_of(value, endian);
         match tag {
             0x0008_9007 => self.frame_type = text(value),
             0x0008_9208 => self.complex_component = text(value),
@@ -464,7 +451,7 @@ impl FrameGeometry {
             0x0020_9156 => self.acquisition = word().map(i32::from),
             0x0020_9157 => {
                 for (slot, bytes) in self.dimensions.iter_mut().zip(value.as_chunks::<4>().0) {
-                    *slot = if big { u32::from_be_bytes(*bytes) } else { u32::from_le_bytes(*bytes) };
+                    *slot = long_of(bytes, endian).unwrap_or_default();
                 }
             }
             0x0020_9301 => self.position = doubles(value, endian),

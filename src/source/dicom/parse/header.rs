@@ -2,8 +2,8 @@
 
 use super::private::Private;
 use super::value::{
-    Tag, double, doubles, integer, is_not_finite, number, numbers, raw_double, raw_single, single, text,
-    time_of, word_of,
+    Tag, double, doubles, integer, is_not_finite, long_of, number, numbers, raw_double, raw_single, single,
+    text, time_of, word_of,
 };
 use crate::facts::dicom::{Attribute, TransferSyntax};
 use crate::source::finding::BurnedIn;
@@ -30,7 +30,7 @@ pub enum PixelElement {
     Double,
 }
 
-/// Tags of [`Places::frame_vectors`].
+/// Tags of [`ElementOffsets::frame_vectors`].
 const FRAME_VECTORS: [Tag; 8] =
     [0x0054_0010, 0x0054_0020, 0x0054_0030, 0x0054_0050, 0x0054_0060, 0x0054_0070, 0x0054_0090, 0x0054_0100];
 
@@ -60,7 +60,7 @@ pub struct Encoding {
 
 /// Offsets of the heads of longer elements; `None` where the file has no such element.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Places {
+pub struct ElementOffsets {
     /// (5200,9229) Shared Functional Groups Sequence.
     pub shared_groups: Option<u64>,
     /// (5200,9230) Per-Frame Functional Groups Sequence.
@@ -88,7 +88,7 @@ pub struct Places {
     pub frame_set: Option<u64>,
 }
 
-impl Places {
+impl ElementOffsets {
     /// Remembers where an element begins, if it is one of these.
     pub(crate) fn keep(&mut self, tag: Tag, at: u64) {
         let slot = match tag {
@@ -113,7 +113,7 @@ impl Places {
                 }
             }
             0x7fe0_0001 => &mut self.offset_table,
-            // In whatever block of private elements.
+            // In any block of private elements.
             _ if tag & 0xffff_00ff == 0x0065_0051 && tag & 0xff00 != 0 => &mut self.frame_set,
             _ => return,
         };
@@ -121,7 +121,7 @@ impl Places {
     }
 }
 
-/// What one DICOM file says of its image; `None` where an element is missing or illegible.
+/// Attributes of the image in one DICOM file; `None` where an element is missing or illegible.
 ///
 /// No patient data is kept: no names, no numbers of patients, no dates, no free text.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -214,12 +214,12 @@ pub struct DicomHeader {
     pub gradient: Option<[f64; 3]>,
     /// Nominal Percentage of Cardiac Phase.
     pub cardiac_phase: Option<f64>,
-    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to tell
-    /// images apart.
+    /// Acquisition Time, or the time of Acquisition DateTime, as the number HHMMSS.FFFFFF; only to
+    /// distinguish images.
     pub acquisition_time: Option<f64>,
     /// Private elements of mosaics.
     pub private: Private,
-    /// Frame Reference Time of PET in ms; only to tell images apart.
+    /// Frame Reference Time of PET in ms; only to distinguish images.
     pub frame_reference_time: Option<f64>,
     /// Does Burned In Annotation say YES?
     pub burned_in: bool,
@@ -239,7 +239,7 @@ pub struct DicomHeader {
     /// bytes of the inflated stream.
     pub dataset: u64,
     /// Where some longer elements lie, which are read only when needed.
-    pub places: Places,
+    pub offsets: ElementOffsets,
     /// Pixels, if the file has any.
     pub pixels: Option<PixelData>,
 }
@@ -250,7 +250,7 @@ impl DicomHeader {
         Self { transfer_syntax, encoding, ..Self::default() }
     }
 
-    /// What the object is, in words without patient data: `CT image`, `DICOMDIR`, ...
+    /// Kind of object, in words without patient data: `CT image`, `DICOMDIR`, ...
     pub fn kind(&self) -> String {
         let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
         let known = match class {
@@ -325,7 +325,7 @@ impl DicomHeader {
         }
     }
 
-    /// Is it a segmentation, whose numbers are labels whatever colours they are shown in?
+    /// Is it a segmentation, whose numbers are labels in any colours?
     pub fn is_segmentation(&self) -> bool {
         self.kind() == "segmentation"
     }
@@ -333,136 +333,103 @@ impl DicomHeader {
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(crate) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let word = || word_of(value, endian);
         if let Some(attribute) = decimal(tag).filter(|_| is_not_finite(value)) {
             self.not_finite.get_or_insert(attribute);
         }
-        match tag {
-            0x0008_0008 => self.image_type = text(value),
-            0x0008_0016 => self.sop_class = text(value),
-            0x0008_0018 => self.instance_uid = text(value),
-            0x0008_9208 => self.complex_component = text(value),
-            0x0008_002a => self.acquisition_time = self.acquisition_time.or(time_of(value)),
-            // It comes behind the other, and is preferred.
-            0x0008_0032 => self.acquisition_time = number(value).or(self.acquisition_time),
-            0x0054_1300 => self.frame_reference_time = number(value),
-            0x0008_0064 => self.converted = !text(value).is_empty(),
-            0x0028_0301 => self.burned_in = text(value) == "YES",
-            0x0018_9089 => self.gradient = doubles(value, endian),
-            0x0020_9241 => self.cardiac_phase = single(value, endian),
-            0x0008_0060 => self.modality = text(value),
-            0x0018_0050 => self.slice_thickness = number(value),
-            0x0018_0080 => self.repetition_time = number(value),
-            0x0018_0081 => self.echo_time = number(value),
-            0x0018_0082 => self.inversion_time = number(value),
-            0x0018_0086 => self.echo_number = integer(value),
-            0x0018_0088 => self.spacing_between = number(value),
-            0x0018_1060 => self.trigger_time = number(value),
-            0x0018_1314 => self.flip_angle = number(value),
-            0x0018_9087 => self.b_value = double(value, endian),
-            0x0020_0011 => self.series_number = integer(value),
-            0x0020_0100 => self.temporal_position = integer(value),
-            0x0020_000d => self.study_uid = text(value),
-            0x0020_000e => self.series_uid = text(value),
-            0x0020_0012 => self.acquisition = text(value).parse().ok(),
-            0x0020_0013 => self.instance = text(value).parse().ok(),
-            0x0020_0032 => self.position = numbers(value),
-            0x0020_0037 => self.orientation = numbers(value),
-            0x0028_0002 => self.samples = word(),
-            0x0028_0004 => self.photometric = text(value),
-            0x0028_0006 => self.planar = word(),
-            0x0028_0008 => {
-                let digits = text(value);
-                self.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
-            }
-            0x0028_0009 => {
-                let element = value.get(2..).and_then(|rest| word_of(rest, endian));
-                self.frame_increment =
-                    word().zip(element).map(|(group, element)| u32::from(group) << 16 | u32::from(element));
-            }
-            0x0028_0010 => self.rows = word(),
-            0x0028_0011 => self.columns = word(),
-            0x0028_0030 => self.pixel_spacing = numbers(value),
-            0x0028_0100 => self.bits_allocated = word(),
-            0x0028_0101 => self.bits_stored = word(),
-            0x0028_0102 => self.high_bit = word(),
-            0x0028_0103 => self.pixel_representation = word(),
-            0x0028_0120 => self.padding = word(),
-            0x0028_0121 => self.padding_limit = word(),
-            0x0028_0122 => self.float_padding = raw_single(value, endian),
-            0x0028_0123 => self.float_padding = raw_double(value, endian),
-            0x0028_0124 => self.float_padding_limit = raw_single(value, endian),
-            0x0028_0125 => self.float_padding_limit = raw_double(value, endian),
-            0x0028_1052 => self.intercept = number(value),
-            0x0028_1053 => self.slope = number(value),
-            0x0028_3000 => self.modality_lut = true,
-            0x3004_000e => self.dose_scaling = number(value),
-            0x0020_9311 => self.tiled = text(value).starts_with("TILED"),
-            0x0048_0006 => self.total_matrix[0] = long_of(value, endian),
-            0x0048_0007 => self.total_matrix[1] = long_of(value, endian),
-            _ => self.private.keep(tag, value, endian),
+        if !keep_known(self, tag, value, endian) {
+            self.private.keep(tag, value, endian);
         }
     }
 
     /// Does [`DicomHeader::keep`] look at this tag?
     pub(crate) fn wants(tag: Tag) -> bool {
-        if Private::wants(tag) {
-            return true;
-        }
-        matches!(
-            tag,
-            0x0008_0008
-                | 0x0008_0016
-                | 0x0008_0018
-                | 0x0008_0060
-                | 0x0008_0064
-                | 0x0008_9208
-                | 0x0008_002a
-                | 0x0008_0032
-                | 0x0054_1300
-                | 0x0018_9089
-                | 0x0020_9241
-                | 0x0018_0050
-                | 0x0018_0080
-                | 0x0018_0081
-                | 0x0018_0082
-                | 0x0018_0086
-                | 0x0018_0088
-                | 0x0018_1060
-                | 0x0018_1314
-                | 0x0018_9087
-                | 0x0020_000d
-                | 0x0020_000e
-                | 0x0020_0011
-                | 0x0020_0012
-                | 0x0020_0013
-                | 0x0020_0032
-                | 0x0020_0037
-                | 0x0020_0100
-                | 0x0020_9311
-                | 0x0028_0002
-                | 0x0028_0004
-                | 0x0028_0006
-                | 0x0028_0008
-                | 0x0028_0009
-                | 0x0028_0010
-                | 0x0028_0011
-                | 0x0028_0030
-                | 0x0028_0100
-                ..=0x0028_0103
-                    | 0x0028_0120..=0x0028_0125
-                    | 0x0028_0301
-                    | 0x0028_1052
-                    | 0x0028_1053
-                    | 0x0028_3000
-                    | 0x0048_0006
-                    | 0x0048_0007
-                    | 0x3004_000e
-        )
+        is_known(tag) || Private::wants(tag)
     }
 }
 
-/// What a decimal string that matters for place and values states.
+/// Makes a table of elements into `keep_known`, which takes one over if it is in the table, and `is_known`.
+macro_rules! elements {
+    (|$header:ident, $value:ident, $endian:ident| $($tag:pat => $keep:expr,)*) => {
+        fn keep_known($header: &mut DicomHeader, tag: Tag, $value: &[u8], $endian: Endian) -> bool {
+            match tag {
+                $($tag => $keep,)*
+                _ => return false,
+            }
+            true
+        }
+
+        fn is_known(tag: Tag) -> bool {
+            matches!(tag, $($tag)|*)
+        }
+    };
+}
+
+elements! { |header, value, endian|
+    0x0008_0008 => header.image_type = text(value),
+    0x0008_0016 => header.sop_class = text(value),
+    0x0008_0018 => header.instance_uid = text(value),
+    0x0008_9208 => header.complex_component = text(value),
+    0x0008_002a => header.acquisition_time = header.acquisition_time.or(time_of(value)),
+    // It comes behind the other, and is preferred.
+    0x0008_0032 => header.acquisition_time = number(value).or(header.acquisition_time),
+    0x0054_1300 => header.frame_reference_time = number(value),
+    0x0008_0064 => header.converted = !text(value).is_empty(),
+    0x0028_0301 => header.burned_in = text(value) == "YES",
+    0x0018_9089 => header.gradient = doubles(value, endian),
+    0x0020_9241 => header.cardiac_phase = single(value, endian),
+    0x0008_0060 => header.modality = text(value),
+    0x0018_0050 => header.slice_thickness = number(value),
+    0x0018_0080 => header.repetition_time = number(value),
+    0x0018_0081 => header.echo_time = number(value),
+    0x0018_0082 => header.inversion_time = number(value),
+    0x0018_0086 => header.echo_number = integer(value),
+    0x0018_0088 => header.spacing_between = number(value),
+    0x0018_1060 => header.trigger_time = number(value),
+    0x0018_1314 => header.flip_angle = number(value),
+    0x0018_9087 => header.b_value = double(value, endian),
+    0x0020_0011 => header.series_number = integer(value),
+    0x0020_0100 => header.temporal_position = integer(value),
+    0x0020_000d => header.study_uid = text(value),
+    0x0020_000e => header.series_uid = text(value),
+    0x0020_0012 => header.acquisition = text(value).parse().ok(),
+    0x0020_0013 => header.instance = text(value).parse().ok(),
+    0x0020_0032 => header.position = numbers(value),
+    0x0020_0037 => header.orientation = numbers(value),
+    0x0028_0002 => header.samples = word_of(value, endian),
+    0x0028_0004 => header.photometric = text(value),
+    0x0028_0006 => header.planar = word_of(value, endian),
+    0x0028_0008 => {
+        let digits = text(value);
+        header.frames = (!digits.is_empty()).then(|| digits.parse().map_err(|_| ()));
+    },
+    0x0028_0009 => {
+        let element = value.get(2..).and_then(|rest| word_of(rest, endian));
+        header.frame_increment =
+            word_of(value, endian).zip(element).map(|(group, element)| u32::from(group) << 16 | u32::from(element));
+    },
+    0x0028_0010 => header.rows = word_of(value, endian),
+    0x0028_0011 => header.columns = word_of(value, endian),
+    0x0028_0030 => header.pixel_spacing = numbers(value),
+    0x0028_0100 => header.bits_allocated = word_of(value, endian),
+    0x0028_0101 => header.bits_stored = word_of(value, endian),
+    0x0028_0102 => header.high_bit = word_of(value, endian),
+    0x0028_0103 => header.pixel_representation = word_of(value, endian),
+    0x0028_0120 => header.padding = word_of(value, endian),
+    0x0028_0121 => header.padding_limit = word_of(value, endian),
+    0x0028_0122 => header.float_padding = raw_single(value, endian),
+    0x0028_0123 => header.float_padding = raw_double(value, endian),
+    0x0028_0124 => header.float_padding_limit = raw_single(value, endian),
+    0x0028_0125 => header.float_padding_limit = raw_double(value, endian),
+    0x0028_1052 => header.intercept = number(value),
+    0x0028_1053 => header.slope = number(value),
+    0x0028_3000 => header.modality_lut = true,
+    0x3004_000e => header.dose_scaling = number(value),
+    0x0020_9311 => header.tiled = text(value).starts_with("TILED"),
+    0x0048_0006 => header.total_matrix[0] = long_of(value, endian),
+    0x0048_0007 => header.total_matrix[1] = long_of(value, endian),
+}
+
+/// Attribute that a decimal string states, if it matters for position or values.
 pub(super) fn decimal(tag: Tag) -> Option<Attribute> {
     Some(match tag {
         0x0018_0050 => Attribute::SliceThickness,
@@ -474,12 +441,6 @@ pub(super) fn decimal(tag: Tag) -> Option<Attribute> {
         0x3004_000e => Attribute::DoseScaling,
         _ => return None,
     })
-}
-
-/// One 32-bit number.
-fn long_of(value: &[u8], endian: Endian) -> Option<u32> {
-    let bytes = *value.first_chunk::<4>()?;
-    Some(if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
 }
 
 #[cfg(test)]

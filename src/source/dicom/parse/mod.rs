@@ -23,3 +23,6 @@ pub(super) mod scan;
 pub(super) mod syntax;
 pub(super) mod value;
 pub(super) mod window;
+
+/// Result of reading elements.
+pub(super) type Result<T = (), E = crate::facts::dicom::ScanError> = std::result::Result<T, E>;

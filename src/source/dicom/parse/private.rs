@@ -1,4 +1,4 @@
-//! Private elements of Siemens that tell of mosaics.
+//! Private elements of Siemens that describe mosaics.
 
 use super::value::{Tag, text};
 use crate::volume::Endian;
@@ -7,7 +7,7 @@ use crate::volume::Endian;
 const MR_HEADER: &str = "SIEMENS MR HEADER";
 const CSA_HEADER: &str = "SIEMENS CSA HEADER";
 
-/// What private elements of the main dataset say of a mosaic.
+/// Private elements of the main dataset that describe a mosaic.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Private {
     mr_block: Option<u8>,

@@ -7,7 +7,8 @@
 
 use std::io;
 
-use super::deflated::Inflated;
+use super::Result;
+use super::deflated::InflateReader;
 use super::element::{Element, META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
 use super::value::{Tag, text};
@@ -26,7 +27,7 @@ const MODALITY_LUT: Tag = 0x0028_3000;
 const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 
 /// Reads what matters of a DICOM file's header, in time linear in the number of elements before the
-/// pixels and in a few KiB of memory (some 50 for a deflated file), whatever the bytes are.
+/// pixels and in a few KiB of memory (some 50 for a deflated file), for any bytes.
 ///
 /// Files without preamble, and without meta header, are recognised when they begin plausibly and turn
 /// out to describe an object. Elements after the pixels are not looked at.
@@ -34,7 +35,7 @@ const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 /// # Errors
 /// See [`ScanError`]. A pixel element longer than the file is no error here: the header says how much
 /// of it is there.
-pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader, ScanError> {
+pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let mut parser = Parser::new(input)?;
     let has_preamble = parser.window.array::<4>(128)? == Some(*b"DICM");
     let start = if has_preamble { 132 } else { 0 };
@@ -78,13 +79,13 @@ struct Scanner<'a, R: ReadAt + ?Sized> {
 }
 
 impl<R: ReadAt + ?Sized> Scanner<'_, R> {
-    fn file(&mut self, start: u64, input: &R) -> Result<(), ScanError> {
+    fn file(&mut self, start: u64, input: &R) -> Result {
         let (at, syntax) = self.meta(start)?;
         self.header.dataset = at;
         if syntax == Some(TransferSyntax::Deflated) {
             self.header.transfer_syntax = TransferSyntax::Deflated;
-            let inflated = Inflated::new(input, at)?;
-            // The header goes into the scanner of the stream, and comes back whatever happens there.
+            let inflated = InflateReader::new(input, at)?;
+            // The header goes into the scanner of the stream, and comes back in every case.
             let header = std::mem::replace(&mut self.header, DicomHeader::new(TransferSyntax::Deflated));
             let mut inner = Scanner { parser: Parser::new(&inflated)?, header };
             let walked = inner.inflated(at);
@@ -100,14 +101,14 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         self.dataset(at, encoding)
     }
 
-    fn inflated(&mut self, at: u64) -> Result<(), ScanError> {
+    fn inflated(&mut self, at: u64) -> Result {
         let encoding = self.detect(at, Some(&TransferSyntax::Deflated))?;
         self.dataset(at, encoding)
     }
 
     /// Group 0002, always explicit little-endian; returns where the dataset begins. The group's own
     /// length is not trusted: the group ends where another begins.
-    fn meta(&mut self, mut at: u64) -> Result<(u64, Option<TransferSyntax>), ScanError> {
+    fn meta(&mut self, mut at: u64) -> Result<(u64, Option<TransferSyntax>)> {
         let mut syntax = None;
         while self.parser.window.array::<2>(at)? == Some([2, 0]) {
             let element = self.parser.element(at, META)?;
@@ -135,7 +136,7 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
         Ok(Encoding { explicit: big || length_form(&[v0, v1]).is_some(), endian })
     }
 
-    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is told
+    /// Has a Modality LUT Sequence a table, or a part of one? What cannot be followed counts as one, and is reported
     /// of when it is used.
     fn holds_lut(&mut self, sequence: &Element, at: u64, encoding: Encoding) -> bool {
         const DESCRIPTOR: Tag = 0x0028_3002;
@@ -151,7 +152,7 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
     }
 
     /// The main dataset, up to the pixels or the end of the file.
-    fn dataset(&mut self, mut at: u64, encoding: Encoding) -> Result<(), ScanError> {
+    fn dataset(&mut self, mut at: u64, encoding: Encoding) -> Result {
         self.header.encoding = encoding;
         while !self.parser.is_end(at)? {
             let element = self.parser.element(at, encoding)?;
@@ -177,15 +178,15 @@ impl<R: ReadAt + ?Sized> Scanner<'_, R> {
                 at = self.parser.skip(&element, at, encoding)?;
                 continue;
             }
-            self.header.places.keep(element.tag, at);
+            self.header.offsets.keep(element.tag, at);
             if self.header.private.is_csa(element.tag) {
-                self.header.places.csa.get_or_insert(at);
+                self.header.offsets.csa.get_or_insert(at);
             }
             let wanted = DicomHeader::wants(element.tag);
             if element.length.is_some() {
                 let end = self.parser.end(&element, at)?;
                 if wanted {
-                    // Split borrow: the value lives in the window, the header beside it.
+                    // Split borrow: the value lives in the window, apart from the header.
                     let value = self.parser.value(&element)?;
                     self.header.keep(element.tag, value, encoding.endian);
                 }

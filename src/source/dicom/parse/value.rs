@@ -11,6 +11,12 @@ pub(super) fn word_of(value: &[u8], endian: Endian) -> Option<u16> {
     Some(if endian == Endian::Big { u16::from_be_bytes(bytes) } else { u16::from_le_bytes(bytes) })
 }
 
+/// One 32-bit number (VR UL).
+pub(super) fn long_of(value: &[u8], endian: Endian) -> Option<u32> {
+    let bytes = *value.first_chunk::<4>()?;
+    Some(if endian == Endian::Big { u32::from_be_bytes(bytes) } else { u32::from_le_bytes(bytes) })
+}
+
 /// Text without padding; bytes outside ASCII become `?` (no kept element may have any).
 pub(crate) fn text(value: &[u8]) -> String {
     let plain: String = value
@@ -53,7 +59,7 @@ pub(crate) fn double(value: &[u8], endian: Endian) -> Option<f64> {
     raw_double(value, endian).filter(|v| v.is_finite())
 }
 
-/// One binary double, whatever it is.
+/// One binary double, finite or not.
 pub(super) fn raw_double(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<8>()?;
     Some(if endian == Endian::Big { f64::from_be_bytes(bytes) } else { f64::from_le_bytes(bytes) })
@@ -70,7 +76,7 @@ pub(super) fn single(value: &[u8], endian: Endian) -> Option<f64> {
     raw_single(value, endian).filter(|v| v.is_finite())
 }
 
-/// One binary single, whatever it is.
+/// One binary single, finite or not.
 pub(super) fn raw_single(value: &[u8], endian: Endian) -> Option<f64> {
     let bytes = *value.first_chunk::<4>()?;
     Some(if endian == Endian::Big { f32::from_be_bytes(bytes) } else { f32::from_le_bytes(bytes) }.into())

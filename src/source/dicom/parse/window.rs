@@ -13,7 +13,7 @@ pub trait ReadAt {
     /// Length in bytes.
     ///
     /// # Errors
-    /// The system does not tell.
+    /// The system does not state it.
     fn byte_len(&self) -> io::Result<u64>;
 
     /// Reads at `offset` into `buf` and returns how many bytes came; 0 means the end.

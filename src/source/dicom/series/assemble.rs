@@ -172,7 +172,7 @@ fn without_positions(
     Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes })
 }
 
-/// Warns of tilt, and of slices beside the line from the first to the last.
+/// Warns of tilt, and of slices off the line from the first to the last.
 fn judge_line(
     positions: &[[f64; 3]],
     whole: [f64; 3],

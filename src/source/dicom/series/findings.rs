@@ -14,7 +14,7 @@ use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions, Subject};
-use crate::volume::{SourceError, VolumeSource};
+use crate::volume::{Result, SourceError, VolumeSource};
 
 /// Attributes named in one note.
 const NAMED: usize = 4;
@@ -57,7 +57,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
     findings
 }
 
-/// What sets each group of a series apart from the others.
+/// The difference between each group of a series and the others.
 fn group_labels(groups: &[Group]) -> Vec<String> {
     let differ = |f: &dyn Fn(&Shared) -> String| {
         let mut all = groups.iter().map(|g| f(&g.shared));
@@ -141,13 +141,7 @@ fn finding(
 }
 
 /// Orders the images of a part, unless one of them stands in the way.
-fn open(
-    series: &Series,
-    group: &Group,
-    part: &Part,
-    path: &Path,
-    options: &OpenOptions,
-) -> Result<Stack, SourceError> {
+fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &OpenOptions) -> Result<Stack> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
     let refuse = |path: &Path, fault| Err(SourceError::Dicom { path: path.to_path_buf(), fault });
     let images = slices.len();
@@ -212,7 +206,7 @@ fn id(shared: &Shared, label: &str) -> String {
     safe_name(&format!("{}{number}-{:08x}{part}", modality.to_ascii_lowercase(), hash >> 32))
 }
 
-/// What was dropped, and by which attributes a series was split.
+/// Notes of dropped images, and of the attributes by which a series was split.
 fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
     let mut notes = Vec::new();
     if !series.duplicates.is_empty() {

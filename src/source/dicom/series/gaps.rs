@@ -13,7 +13,7 @@ const UNEVEN: f64 = 0.05;
 /// Positions rounded to a tenth of a millimetre are off by at most this along any direction.
 const ROUNDED_MM: f64 = 0.0867;
 
-/// What may be put down to such rounding, as a part of the mean gap; where a slice is missing, others lie
+/// Differences that such rounding explains, as a part of the mean gap; where a slice is missing, others lie
 /// further off.
 const ROUNDED: f64 = 0.25;
 

@@ -8,7 +8,7 @@ use std::path::PathBuf;
 use super::mosaic::Mosaic;
 use crate::facts::dicom::{Attribute, DicomNote, ImageFault, ScanError};
 use crate::platform::FileExt;
-use crate::source::dicom::image::pixels::{PixelLayout, StatedPadding};
+use crate::source::dicom::image::pixels::{PaddingAttributes, PixelLayout};
 use crate::source::files::FileList;
 use crate::source::finding::BurnedIn;
 use crate::source::stable_hash::StableHash;
@@ -36,7 +36,7 @@ pub(crate) enum Kind {
     Localizer,
 }
 
-/// What images that repeat positions are told apart by, in order of preference.
+/// Attributes that distinguish images at the same position, in order of preference.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Key {
     ImageType,
@@ -45,7 +45,7 @@ pub(crate) enum Key {
     Rescale,
 }
 
-/// Of each [`Key::Number`] the word before a value, the attribute, and whether its values mean nothing to people.
+/// For each [`Key::Number`]: the word before a value, the attribute, and whether its values mean nothing to people.
 const NUMBERS: [(&str, Attribute, bool); Key::NUMBERS] = [
     ("stack", Attribute::Stack, true),
     ("segment", Attribute::Segment, false),
@@ -81,7 +81,7 @@ impl Key {
     pub(crate) const TRIGGER: Self = Self::Number(9);
     pub(crate) const TIME: Self = Self::Number(12);
     pub(crate) const REFERENCE: Self = Self::Number(13);
-    /// What the vectors of nuclear medicine say, apart from the slice.
+    /// The vectors of nuclear medicine, other than the slice.
     pub(crate) const VECTORS: Self = Self::Number(14);
 
     /// Every key, the preferred ones first.
@@ -165,10 +165,10 @@ pub(crate) struct Slice {
     /// Do slope and intercept apply at all?
     pub(crate) rescales: bool,
     /// Stored values that mean "no pixel".
-    pub(crate) padding: StatedPadding,
-    /// Numbers that tell images at one position apart; NaN where not stated.
+    pub(crate) padding: PaddingAttributes,
+    /// Numbers that distinguish images at one position; NaN where not stated.
     pub(crate) keys: [f32; Key::KEPT],
-    /// The first Dimension Index Values; 0 where there is none.
+    /// The first Dimension Index Values; 0 where absent.
     pub(crate) dimensions: [u16; 5],
 }
 
@@ -178,7 +178,7 @@ impl Slice {
         Some(self.at).filter(|p| !p[0].is_nan())
     }
 
-    /// A number that may tell it from others, if stated.
+    /// A number that may distinguish it from others, if stated.
     pub(crate) fn number(&self, at: usize) -> Option<f64> {
         match at.checked_sub(Key::KEPT) {
             None => self.keys.get(at).map(|v| f64::from(*v)).filter(|v| !v.is_nan()),
@@ -202,11 +202,11 @@ impl Slice {
     }
 }
 
-/// What the images of a group have in common.
+/// The attributes that all images of a group share.
 #[derive(Clone, Debug)]
 pub(crate) struct Shared {
     pub(crate) kind: Kind,
-    /// What the object is, in words.
+    /// Kind of object, in words.
     pub(crate) object: String,
     pub(crate) modality: String,
     pub(crate) series_uid: String,
@@ -258,7 +258,7 @@ impl Shared {
         }
     }
 
-    /// The attributes by which images of two groups of a series were told apart; never none.
+    /// The attributes by which images of two groups of a series were distinguished; never empty.
     pub(crate) fn differences(&self, other: &Self) -> Vec<Attribute> {
         let found = [
             (Attribute::ImageType, self.kind != other.kind),
@@ -306,7 +306,7 @@ pub(crate) struct Series {
     pub(crate) obstacles: Vec<ImageFault>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
-    /// The first file with an image that cannot be placed or scaled, as its header states numbers that are none:
+    /// The first file with an image that cannot be placed or scaled, as its header states values that are not finite:
     /// which of the others it belongs to is not known, either.
     pub(crate) not_finite: Option<(u32, Attribute)>,
     /// Files that were images when they were found, and are not any more.

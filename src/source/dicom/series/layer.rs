@@ -1,4 +1,4 @@
-//! What the slices of a volume are.
+//! Slices of a volume: where each one comes from.
 
 use crate::facts::dicom::DicomNote;
 use crate::geom::Affine;
@@ -6,7 +6,7 @@ use crate::geom::Affine;
 /// Images in order, with their place in the patient.
 #[derive(Debug)]
 pub(crate) struct Stack {
-    /// What each slice of the volume is, by increasing position.
+    /// The slices of the volume, by increasing position.
     pub(crate) layers: Vec<Layer>,
     pub(crate) affine: Affine,
     pub(crate) notes: Vec<DicomNote>,

@@ -2,11 +2,11 @@
 //!
 //! | file | what it does |
 //! |---|---|
-//! | `survey` | tells images from other files, and loads the images of one series |
+//! | `survey` | recognises images among other files, and loads the images of one series |
 //! | `group` | groups them by what must be equal, drops copies |
-//! | `split` | tells images that repeat positions apart: echoes, phases, ... |
+//! | `split` | separates images that repeat positions: echoes, phases, ... |
 //! | `axes` | directions of rows and columns |
-//! | `layer` | what a slice of a volume is |
+//! | `layer` | where a slice of a volume comes from |
 //! | `gaps` | uneven and missing slices |
 //! | `mosaic` | slices tiled into one picture |
 //! | `assemble` | orders a group by position, judges and fills its gaps |

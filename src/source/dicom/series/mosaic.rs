@@ -12,14 +12,14 @@
 //! pixel of a picture as large as all tiles together with the first slice in its centre, so that of the
 //! first slice lies half the difference of the sizes further along the rows and down the columns.
 //!
-//! An enhanced image has frames of its own and is no mosaic, whatever it says.
+//! An enhanced image has frames of its own and is never a mosaic, even if it claims to be one.
 
 use super::axes::directions;
 use super::layer::{Layer, Stack};
 use crate::facts::dicom::{CsaFault, DicomNote, MosaicFault, SeriesFault, TransferSyntax};
 use crate::geom::{Affine, dot};
 use crate::source::dicom::parse::csa::{self, Csa};
-use crate::source::dicom::parse::deflated::Inflated;
+use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::element::Parser;
 use crate::source::dicom::parse::frames::FrameGeometry;
 use crate::source::dicom::parse::header::DicomHeader;
@@ -42,9 +42,9 @@ pub(crate) struct Mosaic {
     pub(crate) backwards: bool,
 }
 
-/// A mosaic, and what has to be said of it.
+/// A mosaic, the size of its tiles, and notes.
 #[derive(Debug)]
-pub(crate) struct Found {
+pub(crate) struct MosaicLayout {
     pub(crate) mosaic: Mosaic,
     /// Size of a tile: columns and rows.
     pub(crate) size: [u32; 2],
@@ -53,19 +53,19 @@ pub(crate) struct Found {
 
 /// Is the image a mosaic, of whichever vendor?
 pub(crate) fn is_one(header: &DicomHeader) -> bool {
-    let enhanced = header.places.frame_groups.is_some() || header.places.shared_groups.is_some();
+    let enhanced = header.offsets.frame_groups.is_some() || header.offsets.shared_groups.is_some();
     !enhanced && (header.image_type.split('\\').any(|part| part.trim() == "MOSAIC") || is_frame_set(header))
 }
 
 /// Do tiles lie in one picture as United Imaging lays them: the image type names a frame set, or a private sequence
 /// lists its frames? Where each tile lies is in that sequence only.
 fn is_frame_set(header: &DicomHeader) -> bool {
-    (header.places.frame_set.is_some() && header.modality == "MR")
+    (header.offsets.frame_set.is_some() && header.modality == "MR")
         || header.image_type.split('\\').any(|part| part.split('_').any(|word| word.trim() == "VFRAME"))
 }
 
 /// How the slices lie in an image that [`is_one`]; or why that is not known.
-pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Found, MosaicFault> {
+pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<MosaicLayout, MosaicFault> {
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
         return Err(MosaicFault::SeveralFrames);
     }
@@ -114,14 +114,14 @@ pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Resul
         _ => false,
     };
     let mosaic = Mosaic { across, slices, distance_mm: distance_mm.unwrap_or(1.0), backwards };
-    Ok(Found { mosaic, size: [columns / across, rows / across], notes })
+    Ok(MosaicLayout { mosaic, size: [columns / across, rows / across], notes })
 }
 
 /// The private header, if there is one.
 fn private_header<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<Csa, CsaFault> {
-    let Some(at) = header.places.csa else { return Ok(Csa::default()) };
+    let Some(at) = header.offsets.csa else { return Ok(Csa::default()) };
     if header.transfer_syntax == TransferSyntax::Deflated {
-        let inflated = Inflated::new(input, header.dataset)?;
+        let inflated = InflateReader::new(input, header.dataset)?;
         return read_csa(&inflated, header, at);
     }
     read_csa(input, header, at)
@@ -134,7 +134,7 @@ fn read_csa<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader, at: u64) -> Res
     csa::read(&mut parser.window, element.value_at, end - element.value_at)
 }
 
-impl Found {
+impl MosaicLayout {
     /// Geometry of the first slice, from that of the picture.
     pub(crate) fn first_slice(&self, mut picture: FrameGeometry) -> FrameGeometry {
         let axes = picture.orientation.and_then(directions);

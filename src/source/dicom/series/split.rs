@@ -21,7 +21,7 @@ use crate::facts::dicom::Attribute;
 pub(crate) struct Part {
     /// Indices into the group's slices.
     pub(crate) chosen: Vec<usize>,
-    /// What it is among its siblings, for example `echo 2`; empty if there are none.
+    /// Its label among its siblings, for example `echo 2`; empty without siblings.
     pub(crate) label: String,
     /// The attributes that it was split off by.
     pub(crate) by: Vec<Attribute>,
@@ -104,7 +104,7 @@ fn by_key(group: &Group, chosen: &[usize], key: Key) -> Parts {
     parts
 }
 
-/// What is never one volume, whether positions repeat or not.
+/// Differences that always separate volumes, whether positions repeat or not.
 fn apart(group: &Group, chosen: &[usize]) -> Option<(Key, Parts)> {
     for key in [Key::SEGMENT, Key::VECTORS] {
         let parts = by_key(group, chosen, key);
@@ -124,7 +124,7 @@ fn best(group: &Group, chosen: &[usize], extra: usize, timed: bool) -> Option<(K
     let mut best: Option<(usize, usize, Key, Parts)> = None;
     for key in Key::all().filter(|key| timed || !key.is_time()) {
         let parts = by_key(group, chosen, key);
-        // A number that every image has of its own (a time, say) tells nothing.
+        // A number that differs for every image (a time, say) does not group them.
         let own = 2 * parts.len() > chosen.len() && group.shared.mosaic.is_none();
         if parts.len() < 2 || own {
             continue;
@@ -181,7 +181,7 @@ fn label_of(key: Key, slice: &Slice, rank: usize, siblings: &[&str], types: &[St
     }
 }
 
-/// What sets an image type apart from its siblings, in words: `magnitude`, `phase`, or its own values.
+/// The difference between an image type and its siblings, in words: `magnitude`, `phase`, or its own values.
 fn type_label(own: &str, siblings: &[&str]) -> String {
     let shared = |part: &&str| siblings.iter().all(|s| s.split('\\').any(|p| p == *part));
     let special: Vec<&str> = own.split('\\').filter(|p| !p.is_empty() && !shared(p)).collect();
@@ -207,7 +207,7 @@ fn type_label(own: &str, siblings: &[&str]) -> String {
     special.iter().min_by_key(|p| (p.len(), **p)).map(|p| p.to_lowercase()).unwrap_or_default()
 }
 
-/// A volume of each image, where nothing tells them apart.
+/// A volume of each image, where no attribute distinguishes them.
 fn one_by_one(whole: &Part) -> Vec<Part> {
     let part = |(k, image): (usize, &usize)| Part {
         chosen: vec![*image],

@@ -7,21 +7,24 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
-use super::mosaic::{Found, is_one, look};
+use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
 use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
 use crate::source::dicom::image::describe::{Access, Image, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
-use crate::source::dicom::image::pixels::StatedPadding;
+use crate::source::dicom::image::pixels::PaddingAttributes;
 use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
-/// What a file is, as far as DICOM is concerned.
+/// [`costs::OPENING_FRAME`] of a tiled (mosaic) image, whose tables hold every tile.
+const OPENING_MOSAIC: u64 = 2600;
+
+/// Kind of a file in terms of DICOM.
 #[derive(Debug)]
-pub(crate) enum Recognised {
+pub(crate) enum Recognition {
     /// An image, of the series with this UID (empty if it names none).
     Image {
         /// Series Instance UID.
@@ -42,19 +45,19 @@ pub(crate) enum Recognised {
 }
 
 /// Looks at the header of a file.
-pub(crate) fn recognise(file: &File) -> Recognised {
+pub(crate) fn recognise(file: &File) -> Recognition {
     match scan(file) {
         // An image that ends before its pixels is still an image; it is refused when it is opened.
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
             // No more than lie in the file.
             let frames = Image::of(&header).map_or(1, |image| image.frames);
-            let each = if is_one(&header) { costs::OPENING_MOSAIC } else { costs::OPENING_FRAME };
-            Recognised::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
+            let each = if is_one(&header) { OPENING_MOSAIC } else { costs::OPENING_FRAME };
+            Recognition::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
-        Ok(header) => Recognised::NoImage(Obstacle::NoPixels { object: header.kind() }),
-        Err(ScanError::Io(fault)) => Recognised::Unreadable(fault.into()),
-        Err(ScanError::NotDicom) => Recognised::Foreign,
-        Err(error @ ScanError::Damaged { .. }) => Recognised::Damaged(error),
+        Ok(header) => Recognition::NoImage(Obstacle::NoPixels { object: header.kind() }),
+        Err(ScanError::Io(fault)) => Recognition::Unreadable(fault.into()),
+        Err(ScanError::NotDicom) => Recognition::Foreign,
+        Err(error @ ScanError::Damaged { .. }) => Recognition::Damaged(error),
     }
 }
 
@@ -89,7 +92,8 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
             Err(fault) => obstacle = obstacle.or(Some(ImageFault::Mosaic(fault))),
         }
     }
-    let plain = frames == 1 && header.places.frame_groups.is_none() && header.places.shared_groups.is_none();
+    let plain =
+        frames == 1 && header.offsets.frame_groups.is_none() && header.offsets.shared_groups.is_none();
     if plain {
         obstacle = obstacle.or(header.not_finite.map(ImageFault::NotFinite));
     }
@@ -129,7 +133,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
 
 /// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
 fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
-    let places = &header.places;
+    let places = &header.offsets;
     if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
         return Ok(false);
     }
@@ -155,7 +159,7 @@ fn add_frame<'s>(
     file: usize,
     header: &DicomHeader,
     image: Option<&Image>,
-    mosaic: Option<&Found>,
+    mosaic: Option<&MosaicLayout>,
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
@@ -248,7 +252,7 @@ fn add_frame<'s>(
             .map_or((0, 0), |p| (p.offset, p.available)),
         linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
-        padding: StatedPadding::of(header),
+        padding: PaddingAttributes::of(header),
         keys,
         dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
     };
@@ -293,7 +297,7 @@ fn add_frame<'s>(
     &mut group.shared
 }
 
-/// Rescale slope and intercept; one that is missing beside the other changes nothing.
+/// Rescale slope and intercept; where only one is stated, the other changes nothing.
 fn stated_rescale(frame: &FrameGeometry) -> Option<(f64, f64)> {
     (frame.slope.is_some() || frame.intercept.is_some())
         .then(|| (frame.slope.unwrap_or(1.0), frame.intercept.unwrap_or(0.0)))

@@ -18,8 +18,8 @@ use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::{
-    ImageKind, Preparation, Rescale, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
-    Workspace,
+    ImageKind, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo,
+    VolumeSource, Workspace,
 };
 use crate::volume::{blend_rows, check_request, neighbour_bytes, read_block};
 
@@ -54,7 +54,7 @@ pub struct DicomVolume {
     files: FileSet,
     layouts: Vec<PixelLayout>,
     paddings: Vec<Option<Padding>>,
-    places: Vec<Place>,
+    places: Vec<ImageSource>,
     /// One for each slice; indices into `places`. Empty for a mosaic, see [`DicomVolume::layer`].
     layers: Vec<Layer>,
     /// Is the last tile of a mosaic the first slice?
@@ -70,7 +70,7 @@ pub struct DicomVolume {
 
 /// Where an image lies.
 #[derive(Clone, Copy, Debug)]
-struct Place {
+struct ImageSource {
     /// Index in the volume's files.
     file: u32,
     frame: u32,
@@ -156,7 +156,7 @@ impl DicomVolume {
                     At::Spool(coded - tiles)
                 }
             };
-            places.push(Place {
+            places.push(ImageSource {
                 file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
                 frame: slice.frame,
                 at,
@@ -201,7 +201,7 @@ impl DicomVolume {
             paddings,
             places,
             backwards: matches!(layers.first(), Some(Layer::Tile(_, first)) if *first > 0),
-            // A study of the brain at work has a thousand mosaics of sixty slices.
+            // A functional study has a thousand mosaics of sixty slices.
             layers: if layout.across() > 1 { Vec::new() } else { layers },
             physical,
             coded,
@@ -211,7 +211,7 @@ impl DicomVolume {
         })
     }
 
-    /// What slice `z` is.
+    /// Origin of slice `z`.
     fn layer(&self, z: u32) -> Option<Layer> {
         if !self.layers.is_empty() {
             return self.layers.get(z as usize).copied();
@@ -229,7 +229,7 @@ impl DicomVolume {
     }
 
     /// Rows of an image, or of a tile of one, as they are delivered.
-    fn read_place(
+    fn read_image(
         &self,
         index: usize,
         tile: u32,
@@ -334,7 +334,7 @@ impl FrameSink for ToSpool<'_> {
         self.paddings.get(padding as usize).copied().flatten()
     }
 
-    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result<(), SourceError> {
+    fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result {
         let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
         let (rows, across) = (self.layout.rows, self.layout.across());
         let (down, row) = (row / rows, row % rows);
@@ -375,7 +375,7 @@ impl VolumeSource for DicomVolume {
         }
     }
 
-    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result<(), SourceError> {
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
         let Some((dims, scalar)) = self.spool_dims().filter(|_| self.coded > 0 && self.spool.is_none())
         else {
             return Ok(());
@@ -420,13 +420,7 @@ impl VolumeSource for DicomVolume {
         Ok(())
     }
 
-    fn read_rows(
-        &self,
-        z: u32,
-        rows: Range<u32>,
-        cols: Range<u32>,
-        out: &mut [u8],
-    ) -> Result<(), SourceError> {
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         let failed = |cause| SourceError::ReadFailed {
             path: self.files.list().path(self.file_of(z)),
             slice: z,
@@ -434,16 +428,16 @@ impl VolumeSource for DicomVolume {
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
         match self.layer(z) {
-            Some(Layer::Image(at)) => self.read_place(at, 0, &rows, &cols, out),
-            Some(Layer::Tile(at, tile)) => self.read_place(at, tile, &rows, &cols, out),
+            Some(Layer::Image(at)) => self.read_image(at, 0, &rows, &cols, out),
+            Some(Layer::Tile(at, tile)) => self.read_image(at, tile, &rows, &cols, out),
             Some(Layer::Empty) => {
                 out.fill(0);
                 Ok(())
             }
             Some(Layer::Between(from, to, part)) => {
-                self.read_place(from, 0, &rows, &cols, out).and_then(|()| {
+                self.read_image(from, 0, &rows, &cols, out).and_then(|()| {
                     blend_rows(self.info.scalar, part, rows, cols.len(), out, |rows, other| {
-                        self.read_place(to, 0, &rows, &cols, other)
+                        self.read_image(to, 0, &rows, &cols, other)
                     })
                 })
             }

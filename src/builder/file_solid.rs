@@ -1,0 +1,43 @@
+//! Solids that are made of files, built within what making them leaves.
+
+use std::path::Path;
+
+use super::{BuildError, BuildOptions, BuildReport, Progress, Solid, build_solid};
+use crate::budget::MemoryCap;
+
+/// A solid that was made of files, and what that took.
+pub(crate) struct FileSolid<'a> {
+    pub(crate) solid: Box<dyn Solid + 'a>,
+    pub(crate) held_bytes: u64,
+    pub(crate) scratch_bytes: u64,
+    /// Seconds of reading files, and of all that came before the build, that included.
+    pub(crate) reading_s: f64,
+    pub(crate) making_s: f64,
+}
+
+impl FileSolid<'_> {
+    /// Builds its model.
+    ///
+    /// # Errors
+    /// As [`build_solid`].
+    pub(crate) fn build(
+        &self,
+        options: &BuildOptions,
+        output: &Path,
+        progress: &dyn Progress,
+    ) -> Result<BuildReport, BuildError> {
+        // In a share the memory of the solid is counted here only.
+        let (memory, held) = match options.memory {
+            MemoryCap::Share(bytes) => {
+                (MemoryCap::Share(bytes.saturating_sub(self.held_bytes)), self.held_bytes)
+            }
+            whole @ MemoryCap::Process(_) => (whole, 0),
+        };
+        let options = BuildOptions { memory, ..options.clone() };
+        let mut report = build_solid(&*self.solid, &options, output, progress).map_err(|e| e.beside(held))?;
+        report.scratch_bytes += self.scratch_bytes;
+        report.seconds.scan += self.making_s;
+        report.seconds.read += self.reading_s;
+        Ok(report)
+    }
+}

@@ -1,0 +1,284 @@
+//! A volume that a tree moves, turns or stretches: its values between samples, on the grid of the tree.
+//!
+//! ```text
+//!   volume --once--> bricks of 9^3 samples (scratch file) --cache of a thread--> trilinear values of rows
+//! ```
+//!
+//! A voxel's middle is brought to the volume's samples and rounded to 2^-12 of their distance; its value is the trilinear
+//! interpolation there, rounded to a single. Beyond the outermost samples there is nothing, and voxels are outside. So a
+//! volume that is moved by whole voxels, mirrored or turned by right angles has the voxels that it has where it lies, and
+//! neither memory nor threads change a value. (Samples of more than 24 bits are rounded to singles first.)
+//!
+//! Memory: [`CACHE_BYTES`] a thread, [`LAYING_BYTES`] while bricks are laid. Temporary disk: 5.7 bytes a sample.
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "coordinates are below 2^17, weights below 2^37"
+)]
+
+use std::fs::File;
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+use std::sync::{Mutex, PoisonError};
+
+use super::place::LatticeGrid;
+use crate::builder::Progress;
+use crate::facts::SourceError;
+use crate::geom::Affine;
+use crate::platform::FileExt;
+use crate::scratch::unnamed;
+use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
+
+/// Cells of a brick along each axis, and its samples: those at both ends.
+const CELLS: u32 = 8;
+const SAMPLES: usize = CELLS as usize + 1;
+const BRICK: usize = SAMPLES * SAMPLES * SAMPLES;
+/// Bricks that a thread holds.
+const SLOTS: usize = 512;
+/// Bricks laid at a time.
+const LAID: u32 = 32;
+/// Parts of the distance of two samples.
+const PARTS: i64 = 4096;
+
+const CACHE_BYTES: u64 = (SLOTS * (BRICK * size_of::<f32>() + size_of::<u64>())) as u64;
+pub(super) const LAYING_BYTES: u64 =
+    (SAMPLES * SAMPLES * (CELLS * LAID + 1) as usize * 4 + LAID as usize * BRICK * 4 + (64 << 10)) as u64;
+
+/// A volume on another grid.
+pub(super) struct ResampledVolume<'a> {
+    inner: &'a dyn VolumeSource,
+    info: VolumeInfo,
+    /// Voxels of the grid to samples of the volume.
+    to_samples: Affine,
+    sides: [u32; 3],
+    bricks: [u32; 3],
+    /// The value where the volume has none.
+    beyond: f32,
+    file: File,
+    folder: PathBuf,
+    caches: Mutex<Vec<Cache>>,
+}
+
+/// Bricks in memory, each in the slot of its number.
+struct Cache {
+    numbers: Vec<u64>,
+    samples: Vec<f32>,
+}
+
+impl Cache {
+    fn new() -> Self {
+        Self { numbers: vec![u64::MAX; SLOTS], samples: vec![0.0; SLOTS * BRICK] }
+    }
+}
+
+/// The samples of a file, in native byte order, as singles.
+fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
+    fn each<T: bytemuck::AnyBitPattern>(bytes: &[u8], out: &mut [f32], of: impl Fn(T) -> f32) {
+        for (out, bytes) in out.iter_mut().zip(bytes.chunks_exact(size_of::<T>())) {
+            *out = of(bytemuck::pod_read_unaligned(bytes));
+        }
+    }
+    match scalar {
+        ScalarType::U8 => each::<u8>(bytes, out, f32::from),
+        ScalarType::I8 => each::<i8>(bytes, out, f32::from),
+        ScalarType::U16 => each::<u16>(bytes, out, f32::from),
+        ScalarType::I16 => each::<i16>(bytes, out, f32::from),
+        ScalarType::U32 => each::<u32>(bytes, out, |v| v as f32),
+        ScalarType::I32 => each::<i32>(bytes, out, |v| v as f32),
+        ScalarType::F32 => each::<f32>(bytes, out, |v| v),
+        ScalarType::F64 => each::<f64>(bytes, out, |v| v as f32),
+    }
+}
+
+impl<'a> ResampledVolume<'a> {
+    /// A volume that `placed` brings from its millimetres to those of the grid, of which what is at least `iso` is
+    /// wanted; `None` if the affine has no inverse.
+    ///
+    /// # Errors
+    /// The volume cannot be read, or the scratch file not be written.
+    pub(super) fn new(
+        inner: &'a dyn VolumeSource,
+        placed: &Affine,
+        place: &LatticeGrid,
+        iso: f64,
+        folder: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Option<Self>, SourceError> {
+        let own = inner.info();
+        let Some(back) = placed.after(&own.affine).inverse() else { return Ok(None) };
+        let sides = own.dims.to_array();
+        let bricks = sides.map(|n| n.div_ceil(CELLS));
+        let scratch = |cause| SourceError::Scratch { path: folder.to_path_buf(), cause };
+        let mut resampled = Self {
+            inner,
+            info: VolumeInfo {
+                dims: place.dims,
+                scalar: ScalarType::F32,
+                affine: place.affine,
+                spacing_mm: place.spacing_mm,
+                ..own.clone()
+            },
+            to_samples: back.after(&place.affine),
+            sides,
+            bricks,
+            beyond: 0.0,
+            file: unnamed(folder).map_err(scratch)?,
+            folder: folder.to_path_buf(),
+            caches: Mutex::new(Vec::new()),
+        };
+        let (low, high) = resampled.lay(progress)?;
+        // Outside, and no steeper than the volume itself where it was cut.
+        let rescale = own.rescale;
+        let bound = (iso - rescale.intercept) / rescale.slope;
+        let step = 1.0 + bound.abs() * 1e-6;
+        let beyond = if rescale.slope > 0.0 {
+            f64::from(low).min(bound - step)
+        } else {
+            f64::from(high).max(bound + step)
+        };
+        resampled.beyond = beyond as f32;
+        Ok(Some(resampled))
+    }
+
+    /// Lays the bricks, and finds the lowest and the highest sample that are numbers.
+    fn lay(&self, progress: &dyn Progress) -> Result<(f32, f32), SourceError> {
+        let (mut low, mut high) = (f32::INFINITY, f32::NEG_INFINITY);
+        let scalar = self.inner.info().scalar;
+        let [nx, ny, nz] = self.sides;
+        let [bx, by, bz] = self.bricks;
+        let width = (CELLS * LAID + 1) as usize;
+        let mut slab = vec![0.0_f32; SAMPLES * SAMPLES * width];
+        let mut bytes = vec![0_u8; SAMPLES * width * scalar.bytes()];
+        let mut laid = vec![0.0_f32; LAID as usize * BRICK];
+        progress.stage("bricks", bz.into());
+        for k in 0..bz {
+            for j in 0..by {
+                for first in (0..bx).step_by(LAID as usize) {
+                    let count = LAID.min(bx - first);
+                    let cols = first * CELLS..((first + count) * CELLS + 1).min(nx);
+                    let rows = j * CELLS..((j + 1) * CELLS + 1).min(ny);
+                    for (z, plane) in (k * CELLS..).zip(slab.chunks_exact_mut(SAMPLES * width)) {
+                        // Beyond the last sample weights are 0.
+                        if z >= nz {
+                            break;
+                        }
+                        let bytes = &mut bytes[..rows.len() * cols.len() * scalar.bytes()];
+                        self.inner.read_rows(z, rows.clone(), cols.clone(), bytes)?;
+                        let row_bytes = cols.len() * scalar.bytes();
+                        for (row, out) in bytes.chunks_exact(row_bytes).zip(plane.chunks_exact_mut(width)) {
+                            let out = &mut out[..cols.len()];
+                            singles(scalar, row, out);
+                            for v in out.iter().filter(|v| v.is_finite()) {
+                                (low, high) = (low.min(*v), high.max(*v));
+                            }
+                        }
+                    }
+                    for (at, brick) in laid.chunks_exact_mut(BRICK).take(count as usize).enumerate() {
+                        for (row, out) in brick.chunks_exact_mut(SAMPLES).enumerate() {
+                            let from = row * width + at * CELLS as usize;
+                            out.copy_from_slice(&slab[from..from + SAMPLES]);
+                        }
+                    }
+                    let at = self.number([first, j, k]) * (BRICK * size_of::<f32>()) as u64;
+                    let laid = bytemuck::cast_slice(&laid[..count as usize * BRICK]);
+                    let scratch = |cause| SourceError::Scratch { path: self.folder.clone(), cause };
+                    self.file.write_all_at(laid, at).map_err(scratch)?;
+                }
+            }
+            progress.step(1)?;
+        }
+        Ok((low, high))
+    }
+
+    fn number(&self, [i, j, k]: [u32; 3]) -> u64 {
+        let [bx, by, _] = self.bricks.map(u64::from);
+        (u64::from(k) * by + u64::from(j)) * bx + u64::from(i)
+    }
+
+    fn brick<'c>(&self, number: u64, cache: &'c mut Cache) -> Result<&'c [f32], SourceError> {
+        // Neighbours along any axis fall into different slots, nearly always.
+        let slot = (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize % SLOTS;
+        let samples = &mut cache.samples[slot * BRICK..][..BRICK];
+        if cache.numbers[slot] != number {
+            cache.numbers[slot] = u64::MAX;
+            let at = number * (BRICK * size_of::<f32>()) as u64;
+            self.file
+                .read_exact_at(bytemuck::cast_slice_mut(samples), at)
+                .map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })?;
+            cache.numbers[slot] = number;
+        }
+        Ok(samples)
+    }
+
+    /// The value at a voxel's middle.
+    fn value(&self, voxel: [u32; 3], cache: &mut Cache) -> Result<f32, SourceError> {
+        let place = self.to_samples.apply(voxel.map(f64::from));
+        let (mut brick, mut first, mut parts) = ([0; 3], [0; 3], [0; 3]);
+        for axis in 0..3 {
+            let at = (place[axis] * PARTS as f64 + 0.5).floor();
+            if !(at >= 0.0 && at <= (i64::from(self.sides[axis] - 1) * PARTS) as f64) {
+                return Ok(self.beyond);
+            }
+            let at = at as i64;
+            let sample = (at / PARTS) as u32;
+            (brick[axis], first[axis], parts[axis]) = (sample / CELLS, (sample % CELLS) as usize, at % PARTS);
+        }
+        let samples = self.brick(self.number(brick), cache)?;
+        let mut sum = 0.0;
+        for corner in 0..8_usize {
+            let (mut weight, mut at) = (1_i64, 0);
+            for axis in (0..3).rev() {
+                let far = corner >> axis & 1;
+                weight *= if far == 1 { parts[axis] } else { PARTS - parts[axis] };
+                at = at * SAMPLES + first[axis] + far;
+            }
+            // A sample without weight need not be a number, nor exist.
+            if weight != 0 {
+                sum += weight as f64 * f64::from(samples[at]);
+            }
+        }
+        Ok((sum / (PARTS * PARTS * PARTS) as f64) as f32)
+    }
+}
+
+impl VolumeSource for ResampledVolume<'_> {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn modality(&self) -> Option<&str> {
+        self.inner.modality()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.inner.for_each_file(each);
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.inner.check_unchanged()
+    }
+
+    fn read_rows(
+        &self,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        out: &mut [u8],
+    ) -> Result<(), SourceError> {
+        let free = self.caches.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut cache = free.unwrap_or_else(Cache::new);
+        let width = cols.len();
+        for (y, row) in rows.zip(out.chunks_exact_mut(width * size_of::<f32>())) {
+            for (x, out) in cols.clone().zip(row.chunks_exact_mut(size_of::<f32>())) {
+                out.copy_from_slice(bytemuck::bytes_of(&self.value([x, y, z], &mut cache)?));
+            }
+        }
+        self.caches.lock().unwrap_or_else(PoisonError::into_inner).push(cache);
+        Ok(())
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        CACHE_BYTES
+    }
+}

@@ -1,0 +1,126 @@
+//! Files that are not built: how many of each kind, and every one of them.
+
+use crate::platform::OsStrExt;
+use std::path::{Path, PathBuf};
+
+use super::log::{Log, NONE, Record};
+use crate::facts::NotVolume;
+use crate::source::natural_cmp;
+use crate::volume::{Result, SourceError};
+
+/// Different reasons that are kept apart.
+const MAX_REASONS: usize = 32;
+/// Files left out up to which their names are sorted in memory.
+const MAX_SORTED: u64 = 4096;
+
+/// Files that are no volume and no part of one: one line for each kind.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LeftOut {
+    /// Their kind.
+    pub why: NotVolume,
+    /// How many.
+    pub count: u64,
+    /// The first of them, in natural order.
+    pub first: PathBuf,
+}
+
+/// Everything that was left out: summed up, and one by one on disk.
+#[derive(Debug)]
+pub(super) struct LeftOutFiles {
+    kinds: Vec<LeftOut>,
+    log: Log,
+    /// Reasons, by the number that stands in a record in place of the file's size.
+    reasons: Vec<NotVolume>,
+}
+
+impl LeftOutFiles {
+    pub(super) fn new(scratch: &Path) -> Self {
+        Self { kinds: Vec::new(), log: Log::new(scratch), reasons: Vec::new() }
+    }
+
+    /// One line for each kind.
+    pub(super) fn kinds(&self) -> &[LeftOut] {
+        &self.kinds
+    }
+
+    /// Leaves out a file by its whole path; it is counted in any case.
+    pub(super) fn add(&mut self, why: NotVolume, path: PathBuf) -> Result {
+        let noted = self.note(&why, &path);
+        self.count(why, path);
+        noted
+    }
+
+    fn count(&mut self, why: NotVolume, path: PathBuf) {
+        let kinds = &mut self.kinds;
+        let at = kinds.iter().position(|known| known.why == why);
+        // Offsets and counts can make many reasons; a bound keeps a folder of junk from piling them up.
+        let at = at.or_else(|| {
+            (kinds.len() >= MAX_REASONS)
+                .then(|| kinds.iter().position(|known| known.why == NotVolume::Other))
+                .flatten()
+        });
+        match at.and_then(|at| kinds.get_mut(at)) {
+            Some(known) => {
+                known.count += 1;
+                if natural_cmp(path.as_os_str().as_bytes(), known.first.as_os_str().as_bytes()).is_lt() {
+                    known.first = path;
+                }
+            }
+            None => {
+                let why = if kinds.len() >= MAX_REASONS { NotVolume::Other } else { why };
+                kinds.push(LeftOut { why, count: 1, first: path });
+            }
+        }
+    }
+
+    fn note(&mut self, why: &NotVolume, path: &Path) -> Result {
+        let number = self.reasons.iter().position(|known| known == why);
+        let number = number.unwrap_or_else(|| {
+            // As for the counts: many reasons become one.
+            let full = self.reasons.len() >= MAX_REASONS;
+            self.reasons.push(if full { NotVolume::Other } else { why.clone() });
+            if self.reasons.len() > MAX_REASONS + 1 {
+                self.reasons.pop();
+            }
+            self.reasons.len() - 1
+        });
+        let size = number as u64;
+        self.log.push(&Record { before: NONE, size, changed: 0, input: 0, path: path.to_path_buf() })?;
+        Ok(())
+    }
+
+    /// Kinds by the number of their files, then in natural order of the first ones.
+    pub(super) fn sort(&mut self) {
+        self.kinds.sort_by(|a, b| {
+            let bytes = |l: &'_ LeftOut| l.first.clone().into_os_string();
+            b.count.cmp(&a.count).then_with(|| natural_cmp(bytes(a).as_bytes(), bytes(b).as_bytes()))
+        });
+    }
+
+    /// Every file with its reason, in the order in which they were met.
+    fn all(&self) -> impl Iterator<Item = Result<(&NotVolume, PathBuf)>> + '_ {
+        self.log.all().map(|record| {
+            let record = record?;
+            let why = usize::try_from(record.size).ok().and_then(|at| self.reasons.get(at));
+            Ok((why.unwrap_or(&NotVolume::Other), record.path))
+        })
+    }
+
+    /// Calls `each` for every file: in natural order, of very many in the order in which they were met.
+    pub(super) fn for_each<E: From<SourceError>>(
+        &self,
+        each: &mut dyn FnMut(&NotVolume, &Path) -> Result<(), E>,
+    ) -> Result<(), E> {
+        if self.kinds.iter().map(|kind| kind.count).sum::<u64>() > MAX_SORTED {
+            for file in self.all() {
+                let (why, path) = file?;
+                each(why, &path)?;
+            }
+            return Ok(());
+        }
+        let mut files = self.all().collect::<Result<Vec<_>, _>>()?;
+        let bytes = |path: &PathBuf| path.clone().into_os_string();
+        files.sort_by(|a, b| natural_cmp(bytes(&a.1).as_bytes(), bytes(&b.1).as_bytes()));
+        files.iter().try_for_each(|(why, path)| each(why, path))
+    }
+}

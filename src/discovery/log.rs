@@ -1,0 +1,219 @@
+//! The names of found files on disk instead of in memory, chained per item.
+//!
+//! A record holds the offset of the record before it of the same item, so that an item needs to
+//! remember one offset only, and its files are walked backwards from there.
+//!
+//! ```text
+//! offset  0        8          16         24       28        32
+//!         | before | size     | changed  | input  | length  | path below the input ...
+//! ```
+
+use std::ffi::OsStr;
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use crate::platform::{FileExt, OsStrExt};
+use crate::scratch::unnamed;
+use crate::volume::{Result, SourceError};
+
+/// No record: the end of a chain.
+pub(super) const NONE: u64 = u64::MAX;
+
+/// Bytes before the path.
+const HEAD_BYTES: usize = 32;
+
+/// Bytes that wait in memory; what is smaller altogether never touches the disk.
+const MEMORY_BYTES: usize = 64 << 10;
+
+/// Longest path that is kept; the system's own limit is 4096.
+const MAX_PATH_BYTES: usize = 16 << 10;
+
+/// A found file.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(super) struct Record {
+    /// Offset of the record before this one in its chain, or [`NONE`].
+    pub(super) before: u64,
+    /// Length of the file.
+    pub(super) size: u64,
+    /// Time of its last change, as 64 bits that differ when it does.
+    pub(super) changed: u64,
+    /// Index of the input below which it lies.
+    pub(super) input: u32,
+    /// Path below the input; empty when the input is the file.
+    pub(super) path: PathBuf,
+}
+
+/// Records in an anonymous scratch file, the last ones in memory.
+#[derive(Debug)]
+pub(super) struct Log {
+    folder: PathBuf,
+    file: Option<File>,
+    /// Bytes in the file.
+    written: u64,
+    /// The bytes after those.
+    tail: Vec<u8>,
+}
+
+impl Log {
+    /// An empty log; `folder` takes the scratch file, once there is need of one.
+    pub(super) fn new(folder: &Path) -> Self {
+        Self { folder: folder.to_path_buf(), file: None, written: 0, tail: Vec::new() }
+    }
+
+    /// Adds a record and returns its offset.
+    ///
+    /// # Errors
+    /// [`SourceError::Scratch`] when the disk is full.
+    pub(super) fn push(&mut self, record: &Record) -> Result<u64> {
+        let path = record.path.as_os_str().as_bytes();
+        let path = path.get(..path.len().min(MAX_PATH_BYTES)).unwrap_or(&[]);
+        if self.tail.len() + HEAD_BYTES + path.len() > MEMORY_BYTES {
+            self.spill().map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })?;
+        }
+        let offset = self.written + self.tail.len() as u64;
+        for word in [record.before, record.size, record.changed] {
+            self.tail.extend_from_slice(&word.to_le_bytes());
+        }
+        self.tail.extend_from_slice(&record.input.to_le_bytes());
+        self.tail.extend_from_slice(&u32::try_from(path.len()).unwrap_or(0).to_le_bytes());
+        self.tail.extend_from_slice(path);
+        Ok(offset)
+    }
+
+    /// Gives back memory that no record waits in.
+    pub(super) fn shrink(&mut self) {
+        self.tail.shrink_to_fit();
+    }
+
+    fn spill(&mut self) -> io::Result<()> {
+        let file = match &self.file {
+            Some(file) => file,
+            None => self.file.insert(unnamed(&self.folder)?),
+        };
+        file.write_all_at(&self.tail, self.written)?;
+        self.written += self.tail.len() as u64;
+        self.tail.clear();
+        Ok(())
+    }
+
+    /// The record at an offset that [`Log::push`] returned.
+    ///
+    /// # Errors
+    /// [`SourceError::Scratch`] when the disk fails.
+    pub(super) fn get(&self, offset: u64) -> Result<Record> {
+        self.read(offset).map_err(|cause| SourceError::Scratch { path: self.folder.clone(), cause })
+    }
+
+    fn read(&self, offset: u64) -> io::Result<Record> {
+        let mut head = [0; HEAD_BYTES];
+        self.bytes(offset, &mut head)?;
+        let word = |at: usize| {
+            let bytes = head.get(at..at + 8).and_then(|b| <[u8; 8]>::try_from(b).ok());
+            bytes.map_or(0, u64::from_le_bytes)
+        };
+        let half = |at: usize| {
+            let bytes = head.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
+            bytes.map_or(0, u32::from_le_bytes)
+        };
+        let mut path = vec![0; (half(28) as usize).min(MAX_PATH_BYTES)];
+        self.bytes(offset + HEAD_BYTES as u64, &mut path)?;
+        Ok(Record {
+            before: word(0),
+            size: word(8),
+            changed: word(16),
+            input: half(24),
+            path: PathBuf::from(OsStr::from_bytes(&path)),
+        })
+    }
+
+    fn bytes(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
+        if let Some(start) = offset.checked_sub(self.written) {
+            let start = usize::try_from(start).unwrap_or(usize::MAX);
+            let end = start.checked_add(out.len());
+            let part = end.and_then(|end| self.tail.get(start..end));
+            out.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
+            return Ok(());
+        }
+        match &self.file {
+            Some(file) => file.read_exact_at(out, offset),
+            None => Err(io::ErrorKind::UnexpectedEof.into()),
+        }
+    }
+
+    /// All records, in the order in which they were added.
+    ///
+    /// # Errors
+    /// As [`Log::get`], for each.
+    pub(super) fn all(&self) -> impl Iterator<Item = Result<Record>> + '_ {
+        let end = self.written + self.tail.len() as u64;
+        let mut next = 0;
+        std::iter::from_fn(move || {
+            if next >= end {
+                return None;
+            }
+            let record = self.get(next);
+            next = record.as_ref().map_or(end, |r| next + (HEAD_BYTES + r.path.as_os_str().len()) as u64);
+            Some(record)
+        })
+    }
+
+    /// The records of a chain, last first.
+    ///
+    /// # Errors
+    /// As [`Log::get`], for each.
+    pub(super) fn chain(&self, last: u64) -> impl Iterator<Item = Result<Record>> + '_ {
+        let mut next = last;
+        std::iter::from_fn(move || {
+            if next == NONE {
+                return None;
+            }
+            let record = self.get(next);
+            next = record.as_ref().map_or(NONE, |r| r.before);
+            Some(record)
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn chains_come_back_from_memory_and_from_the_scratch_file() {
+        let folder = tempfile::tempdir().unwrap();
+        let mut log = Log::new(folder.path());
+        let mut last = [NONE; 3];
+        let record = |i: usize, before| Record {
+            before,
+            size: i as u64,
+            changed: !(i as u64),
+            input: u32::try_from(i % 7).unwrap(),
+            path: PathBuf::from(format!("folder/{i}-{}", "x".repeat(i % 90))),
+        };
+        for i in 0..6000 {
+            let before = last[i % 3];
+            last[i % 3] = log.push(&record(i, before)).unwrap();
+            assert!(log.tail.capacity() <= 2 * MEMORY_BYTES);
+        }
+        assert!(log.file.is_some() && !log.tail.is_empty());
+        for (part, last) in last.into_iter().enumerate() {
+            let found: Vec<Record> = log.chain(last).map(Result::unwrap).collect();
+            assert_eq!(found.len(), 2000);
+            for (k, got) in found.iter().enumerate() {
+                assert_eq!(*got, record(part + 3 * (1999 - k), got.before));
+            }
+        }
+        assert!(log.get(u64::MAX - 1).is_err());
+        assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the scratch file has no name");
+    }
+
+    #[test]
+    fn a_missing_scratch_folder_matters_only_when_it_is_needed() {
+        let mut log = Log::new(Path::new("missing/folder"));
+        let long = Record { before: NONE, size: 0, changed: 0, input: 0, path: "x".repeat(4000).into() };
+        let failed = (0..100).find_map(|i| log.push(&long).err().map(|e| (i, e)));
+        let (i, error) = failed.unwrap();
+        assert!(i > 10 && error.to_string().contains("missing/folder"), "{i}: {error}");
+    }
+}

@@ -1,0 +1,426 @@
+//! One entrance for every kind of input.
+
+use std::collections::BTreeMap;
+use std::fs::File;
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use super::sidecar;
+use super::{Catalogue, Finding, OpenOptions};
+use crate::budget::Budget;
+use crate::facts::{
+    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, StatedBy,
+    SyntheticFault,
+};
+use crate::mesh;
+use crate::progress::Silent;
+use crate::source::dicom::{Recognition, recognise};
+use crate::source::{HEAD_BYTES, Subject, SubjectKind, known};
+use crate::source::{RawVolume, header_of_samples};
+use crate::synthetic;
+use crate::volume::InfoOverride;
+use crate::volume::place;
+use crate::volume::{FileWatch, Result, SourceError, VolumeSource, Workspace};
+
+/// How deep folders are searched below the one given.
+const DEPTH: u32 = 5;
+
+/// Files or volumes named in one note.
+const NAMED: usize = 3;
+
+/// Memory that unrolling a packed input may take in [`open`].
+const UNROLLING_BYTES: u64 = 64 << 20;
+
+/// Opens a volume, ready to be read: headerless if the options say what it is, otherwise by what the files contain.
+///
+/// Packed inputs (gzip, compressed images) are unrolled into an anonymous file in the system's folder for temporary
+/// files, as large as the volume, within 64 MiB of memory. Of several volumes the largest is taken, unless
+/// [`OpenOptions::volume`] chooses one.
+///
+/// # Errors
+/// A [`SourceError`] that names the input and says what was found and what to add.
+pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
+    let scratch = std::env::temp_dir();
+    let mut volume = open_unprepared_in(inputs, options, &scratch)?;
+    let memory = Budget::new(UNROLLING_BYTES);
+    volume.prepare(&Workspace { scratch: &scratch, memory, progress: &Silent })?;
+    Ok(volume)
+}
+
+/// Like [`open_unprepared_in`], with the system's folder for temporary files.
+///
+/// # Errors
+/// As [`open_unprepared_in`].
+pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
+    open_unprepared_in(inputs, options, &std::env::temp_dir())
+}
+
+/// Opens a volume whose rows cannot be read before [`VolumeSource::prepare`] has been called: for callers who plan
+/// memory and scratch space themselves.
+///
+/// Folders are searched five levels deep. Of several volumes the largest is taken, unless
+/// [`OpenOptions::volume`] chooses one; the others are listed in a note. A single slice is a volume,
+/// but only if nothing has several. More names of files than fit into some 64 KiB wait in an anonymous
+/// file in `scratch`. A single file or folder that is nothing by itself may be described by a side-car
+/// next to it.
+///
+/// # Errors
+/// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
+/// volume, or only what must be refused; of the volume that is chosen, why it cannot be used.
+pub fn open_unprepared_in(
+    inputs: &[PathBuf],
+    options: &OpenOptions,
+    scratch: &Path,
+) -> Result<Box<dyn VolumeSource>> {
+    if let Some(raw) = &options.raw {
+        if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
+            return Err(synthetic::usage(described, SyntheticFault::Described));
+        }
+        if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
+            let path = inputs.first().cloned().unwrap_or_default();
+            return Err(SourceError::Usage { path, misuse: Misuse::SingleVolume { wanted } });
+        }
+        return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));
+    }
+    let Some(first) = inputs.first() else {
+        return Err(SourceError::Usage { path: PathBuf::new(), misuse: Misuse::NoInput });
+    };
+    // A file that was given by name is not left out in silence.
+    let is_empty =
+        |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
+    if let Some(path) = inputs.iter().find(is_empty) {
+        return Err(SourceError::Unusable { path: path.clone(), fault: Fault::Empty });
+    }
+    // The samples of a pair do not say what they are; their header does.
+    let header = match inputs {
+        [path] => header_of_samples(path),
+        _ => None,
+    };
+    let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
+    // Meshes and trees are no volumes.
+    let options = &OpenOptions { meshes: false, ..options.clone() };
+    let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
+    if found.is_empty() {
+        // Nothing by itself, but described by a side-car.
+        if let [data] = inputs
+            && (data.is_dir() || found.left_out().is_empty())
+            && let Some(description) = sidecar::of(data)
+        {
+            let volume = FileWatch::files(sidecar::open(&description, options)?, Some(&description));
+            let volume = place(volume, options.placement, StatedBy::Caller)?;
+            return match options.volume {
+                None | Some(1) => Ok(volume),
+                Some(wanted) => {
+                    Err(SourceError::Usage { path: data.clone(), misuse: Misuse::SingleVolume { wanted } })
+                }
+            };
+        }
+        return Err(nothing(inputs, &found, first));
+    }
+    let mut choice = Chooser { wanted: options.volume, ..Chooser::default() };
+    for item in 0..found.len() {
+        for finding in found.open_unnamed(item) {
+            choice.consider(finding);
+        }
+    }
+    choice.decide(first, &found)
+}
+
+impl Subject {
+    /// Opens what lies at some paths, by its content: a mesh where all are files of meshes, the tree of a single text,
+    /// and a volume otherwise, as [`discovery::open_unprepared`](super::open_unprepared) does. Meshes and trees are not
+    /// read yet.
+    ///
+    /// # Errors
+    /// As [`discovery::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
+    pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
+        // A stated layout is believed.
+        let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };
+        Self::open_as(kind, inputs, options, &std::env::temp_dir())
+    }
+
+    /// The same where the kind is known, with the folder of temporary files.
+    pub(crate) fn open_as(
+        kind: SubjectKind,
+        inputs: &[PathBuf],
+        options: &OpenOptions,
+        scratch: &Path,
+    ) -> Result<Self> {
+        match (kind, inputs) {
+            (SubjectKind::Mesh, _) => Ok(Self::Mesh(inputs.to_vec())),
+            (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
+            (SubjectKind::Tree, _) => {
+                let path = inputs.first().cloned().unwrap_or_default();
+                Err(SourceError::Usage { path, misuse: Misuse::SeveralTrees })
+            }
+            (SubjectKind::Volume, _) => open_unprepared_in(inputs, options, scratch).map(Self::Volume),
+        }
+    }
+}
+
+/// How good a volume is as the one that is meant: refused, a single slice, several slices; then its size.
+type Rank = (u8, u64);
+
+/// The volume that is meant, as far as was seen.
+struct Best {
+    rank: Rank,
+    number: usize,
+    candidate: Candidate,
+    /// `None` if it cannot be used.
+    volume: Option<Box<dyn VolumeSource>>,
+}
+
+/// The best of the volumes that were seen. Volumes are known by their number, counted from 1.
+#[derive(Default)]
+struct Chooser {
+    wanted: Option<usize>,
+    seen: usize,
+    best: Option<Best>,
+    /// The largest refused one, with more than one slice?
+    refused: Option<(u64, bool, usize)>,
+    /// The largest of those that are refused for missing slices only, which a choice could mend.
+    gapped: Option<(u64, usize)>,
+    /// The volumes seen, the largest first, as many as are named.
+    named: Vec<(Rank, usize, Candidate)>,
+    /// The first damaged ones, as many as are named.
+    damaged: Vec<usize>,
+    /// Errors of the unusable ones among all these.
+    errors: BTreeMap<usize, SourceError>,
+}
+
+impl Chooser {
+    fn consider(&mut self, finding: Finding) {
+        self.seen += 1;
+        let number = self.seen;
+        let size = finding.size.unwrap_or_default();
+        let voxels = size.iter().map(|n| u64::from(*n)).product();
+        let error = finding.subject.as_ref().err();
+        let damaged = error.is_some_and(SourceError::is_damage);
+        let has_gaps = error.is_some_and(SourceError::has_gaps);
+        // A slice that is cut short is no reason to take another volume in silence.
+        let usable = error.is_none() || (damaged && finding.size.is_some());
+        let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
+        let rank = (tier, voxels);
+        let candidate =
+            Candidate { kind: finding.kind, part: finding.part, size: finding.size, refused: None };
+        let at = self.named.iter().position(|(r, ..)| *r < rank).unwrap_or(self.named.len());
+        self.named.insert(at, (rank, number, candidate.clone()));
+        // One more than is named, for the one that is taken.
+        self.named.truncate(NAMED + 1);
+        if damaged && self.damaged.len() < NAMED {
+            self.damaged.push(number);
+        }
+        let volume = match finding.subject {
+            Ok(subject) => subject.into_volume(),
+            Err(error) => {
+                self.errors.insert(number, error);
+                None
+            }
+        };
+        if has_gaps && self.gapped.is_none_or(|(most, _)| voxels > most) {
+            self.gapped = Some((voxels, number));
+        }
+        if self.wanted.is_none_or(|wanted| wanted == number) {
+            if usable || self.wanted.is_some() {
+                if self.best.as_ref().is_none_or(|best| rank > best.rank) {
+                    self.best = Some(Best { rank, number, candidate, volume });
+                }
+            } else if self.refused.is_none_or(|(most, ..)| voxels > most) {
+                self.refused = Some((voxels, size[2] > 1, number));
+            }
+        }
+        self.forget();
+    }
+
+    /// Keeps only the errors that may still be reported.
+    fn forget(&mut self) {
+        let Self { best, refused, gapped, named, damaged, errors, .. } = self;
+        errors.retain(|number, _| {
+            best.as_ref().is_some_and(|best| best.number == *number)
+                || refused.is_some_and(|(.., n)| n == *number)
+                || gapped.is_some_and(|(_, n)| n == *number)
+                || named.iter().any(|(_, n, _)| n == number)
+                || damaged.contains(number)
+        });
+    }
+
+    fn decide(self, first: &Path, found: &Catalogue) -> Result<Box<dyn VolumeSource>> {
+        let Self { wanted, seen, best, refused, gapped, named, damaged, mut errors } = self;
+        // A larger series that lacks a slice is what is meant; a smaller one is not taken for it in silence.
+        if let (None, Some(best), Some((voxels, number))) = (wanted, &best, gapped)
+            && voxels > best.rank.1
+            && let Some(error) = errors.remove(&number)
+        {
+            let Candidate { kind, part, size, .. } = best.candidate.clone();
+            let other = Box::new(OtherVolume { number: best.number, kind, part, size });
+            return Err(SourceError::Gaps { error: Box::new(error), number, other });
+        }
+        let (number, taken) = match (best, refused) {
+            // A scout next to a series that is refused is not mistaken for the volume.
+            (Some(Best { rank: (1, _), .. }), Some((_, true, refused))) if wanted.is_none() => {
+                (refused, None)
+            }
+            (Some(best), _) => (best.number, best.volume.map(|volume| (best.candidate, volume))),
+            (None, Some((.., refused))) => (refused, None),
+            (None, None) => (0, None),
+        };
+        let Some((used, source)) = taken else {
+            let misuse = match wanted {
+                Some(wanted) => Misuse::NoSuchVolume { wanted, found: seen },
+                None => Misuse::NoneFound,
+            };
+            let none = || SourceError::Usage { path: first.to_path_buf(), misuse };
+            return Err(errors.remove(&number).unwrap_or_else(none));
+        };
+        let mut notes = Vec::new();
+        let refusals: BTreeMap<usize, Refusal> =
+            errors.into_iter().map(|(number, error)| (number, Refusal(Arc::new(error)))).collect();
+        if seen > 1 {
+            let others = named.into_iter().filter(|(_, n, _)| *n != number).take(NAMED);
+            let refused = |n: usize| refusals.get(&n).cloned();
+            let others: Vec<Candidate> =
+                others.map(|(_, n, other)| Candidate { refused: refused(n), ..other }).collect();
+            let more = seen - 1 - others.len();
+            let asked_for = wanted.is_some();
+            notes.push(Note::Chosen(Box::new(Choice { found: seen, asked_for, used, others, more })));
+        }
+        notes.extend(damaged.iter().filter_map(|n| refusals.get(n)).cloned().map(Note::DamagedBeside));
+        for left in found.left_out().iter().take(NAMED) {
+            let first = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+            notes.push(Note::LeftOut { count: left.count, why: left.why.clone(), first });
+        }
+        if found.left_out().len() > NAMED {
+            let count = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
+            notes.push(Note::MoreLeftOut { count });
+        }
+        if notes.is_empty() {
+            return Ok(source);
+        }
+        let mut info = source.info().clone();
+        notes.append(&mut info.notes);
+        info.notes = notes;
+        Ok(InfoOverride::boxed(source, info))
+    }
+}
+
+/// The refusal of inputs among which there is nothing like a volume.
+fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
+    if let [path] = inputs
+        && path.is_file()
+    {
+        return refuse_file(path);
+    }
+    if let [path] = inputs
+        && let Some(error) = sidecar::wrong_beside(path)
+    {
+        return error;
+    }
+    let files: u64 = found.left_out().iter().map(|l| l.count).sum();
+    let found = match found.left_out() {
+        [] => Instead::EmptyFolder,
+        [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
+            Instead::Only { files, kind: only.why.clone() }
+        }
+        several => match several.iter().find(|left| matches!(left.why, NotVolume::SideCar(_))) {
+            // It may be why nothing else is a volume.
+            Some(left) => Instead::Only { files, kind: left.why.clone() },
+            None => Instead::Unknown { files },
+        },
+    };
+    SourceError::NoVolume { path: first.to_path_buf(), found }
+}
+
+/// The refusal of a single file that is no volume.
+fn refuse_file(path: &Path) -> SourceError {
+    let unusable = |fault| SourceError::Unusable { path: path.to_path_buf(), fault };
+    let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+    let (length, file) = match opened {
+        Ok(opened) => opened,
+        Err(cause) => return SourceError::Unreadable { path: path.to_path_buf(), cause },
+    };
+    if length == 0 {
+        return unusable(Fault::Empty);
+    }
+    if let Recognition::NoImage(kind) = recognise(&file) {
+        let found = Instead::File(NotVolume::Dicom(kind));
+        return SourceError::NoVolume { path: path.to_path_buf(), found };
+    }
+    if let Some(what) = known(&head_of(&file)) {
+        return unusable(Fault::Known(what));
+    }
+    // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
+    let promises = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+    if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
+        return unusable(Fault::NotDicom);
+    }
+    if mesh::is_named(path) {
+        return unusable(Fault::Mesh);
+    }
+    let undescribed = || SourceError::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed };
+    sidecar::wrong_beside(path).unwrap_or_else(undescribed)
+}
+
+/// The first bytes of a file.
+fn head_of(file: &File) -> Vec<u8> {
+    let mut head = Vec::new();
+    // What cannot be read is not known.
+    let _ = file.take(HEAD_BYTES as u64).read_to_end(&mut head);
+    head
+}
+
+#[cfg(test)]
+mod tests {
+    use super::open_unprepared as open;
+    use super::*;
+    use crate::exit::ExitKind;
+
+    #[test]
+    fn the_side_car_beside_a_single_file_is_used() {
+        let folder = tempfile::tempdir().unwrap();
+        let data = folder.path().join("a.raw");
+        std::fs::write(&data, [1; 8]).unwrap();
+        let opened = || open(std::slice::from_ref(&data), &OpenOptions::default());
+        let text = opened().err().unwrap().to_string();
+        assert!(text.contains("add dims") && text.contains("side-car"), "{text}");
+        let describe = |text: &str| std::fs::write(folder.path().join("a.json"), text).unwrap();
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "spacing_mm": [1, 2, 3]}"#);
+        let volume = opened().unwrap();
+        assert_eq!((volume.info().dims.to_array(), volume.info().spacing_mm), ([1, 2, 4], [1.0, 2.0, 3.0]));
+        // One that is wrong is what the user has to hear of.
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u7"}"#);
+        let text = opened().err().unwrap().to_string();
+        assert!(text.contains("a.json") && text.contains("dtype"), "{text}");
+        // It describes something else.
+        describe(r#"{"dims": [1, 2, 4], "dtype": "u8", "file": "b.raw"}"#);
+        assert!(opened().err().unwrap().to_string().contains("add dims"));
+    }
+
+    #[test]
+    fn files_that_are_no_volume_are_named_for_what_they_are() {
+        let folder = tempfile::tempdir().unwrap();
+        let refusal = |name: &str, bytes: &[u8]| {
+            let path = folder.path().join(name);
+            std::fs::write(&path, bytes).unwrap();
+            let error = open(&[path], &OpenOptions::default()).err().unwrap();
+            (error.kind(), error.to_string())
+        };
+        for (name, bytes, kind, words) in [
+            ("a.raw", &[7; 100][..], ExitKind::Usage, "add dims"),
+            ("a.dcm", &[7; 100], ExitKind::Input, "in spite of its name"),
+            ("b.raw", &[], ExitKind::Input, "is empty"),
+            ("a.nrrd", b"NRRD0004\n", ExitKind::Input, "no sample type"),
+            ("a.gz", b"\x1f\x8b\x08", ExitKind::Input, "a gzip file"),
+            ("a.oct", b"\x89OCT\r\n\x1a\n", ExitKind::Input, "an .oct model"),
+        ] {
+            let (got, text) = refusal(name, bytes);
+            assert!(got == kind && text.contains(words), "{name}: {text}");
+        }
+        let missing = open(&[folder.path().join("nothing")], &OpenOptions::default()).err().unwrap();
+        assert!(missing.to_string().contains("check that it exists"), "{missing}");
+        let empty = folder.path().join("empty");
+        std::fs::create_dir(&empty).unwrap();
+        assert!(open(&[empty], &OpenOptions::default()).err().unwrap().to_string().contains("holds no file"));
+        assert_eq!(open(&[], &OpenOptions::default()).err().unwrap().kind(), ExitKind::Usage);
+    }
+}

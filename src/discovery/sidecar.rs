@@ -1,0 +1,441 @@
+//! Volumes described, or only placed, by a small text file next to them.
+//!
+//! `head.json` or `head.toml` (or `head.raw.json`) describes `head.raw`, with any ending of the data,
+//! or a folder `head` of slice files. The same keys in both languages:
+//!
+//! | key | value | if missing |
+//! |---|---|---|
+//! | `dims` | `[256, 256, 113]` or `"256x256x113"`, x fastest | it is no side-car |
+//! | `dtype` | `"u8"`, `"i16le"`, `"i16be"`, `"f32"`, ... | it is no side-car |
+//! | `spacing`, `spacing_mm` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
+//! | `skip` | bytes at the head of every file | 0 |
+//! | `orientation` | three letters such as `"LPS"` | `LPS` |
+//! | `file` | name of the data, in the same folder | the file or folder of the same stem |
+//!
+//! Files that say what they hold, but not where it lies, need less: `stack.json` with `spacing` or `orientation`
+//! (and without `dims` and `dtype`) states these for `stack.npy`, `stack.tif`, or a folder `stack` of PNG or
+//! TIFF files; `file` may name the data again, and other keys mean nothing. For pictures it may also lie in
+//! their folder, under the folder's name or as `stack.json`. Spacing that a TIFF states itself is replaced, with
+//! a warning; formats that always state theirs have no side-cars.
+//!
+//! Other keys are named in a warning, in case one is misspelt. Of several side-cars of the same data the one
+//! with the longer name counts, then JSON before TOML. Of TOML, keys before the first table are read, with strings, numbers and lists
+//! as values; that needs no parser of the whole language, whose code would count as memory.
+
+mod keys;
+
+use std::ffi::OsStr;
+use std::fs::{self, File};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::placing;
+use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
+use crate::facts::{Fault, Misuse};
+use crate::geom::Orientation;
+use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
+use crate::volume::Placement;
+use crate::volume::{InfoOverride, Note, Result, SourceError, VolumeSource};
+pub(super) use keys::Keys;
+
+/// Longest text that is looked at.
+const MAX_BYTES: u64 = 64 << 10;
+
+/// The contents of a side-car of raw data.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Sidecar {
+    /// How the data is read.
+    pub(super) options: RawOptions,
+    /// Name of the data in the same folder, where it is stated.
+    pub(super) file: Option<String>,
+    /// Keys that mean nothing here, as many as are named.
+    unknown: Vec<String>,
+    /// The options that are stated, and not the default.
+    stated: Placement,
+}
+
+/// Keys that mean something.
+const KEYS: [&str; 7] = ["dims", "dtype", "spacing", "spacing_mm", "skip", "orientation", "file"];
+
+/// Does a name end like a side-car's?
+pub(super) fn is_named_so(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "json" || e == "toml")
+}
+
+/// Reads a side-car; `None` for any other file (no `dims` and `dtype`), the reason for one whose
+/// values are wrong.
+pub(super) fn read(path: &Path) -> Option<Result<Sidecar>> {
+    let keys = keys_of(path)?;
+    keys.describe_raw().then(|| Sidecar::of(&keys).map_err(|fault| unusable(path, fault)))
+}
+
+fn unusable(path: &Path, fault: SideCarFault) -> SourceError {
+    SourceError::Unusable { path: path.to_path_buf(), fault: fault.into() }
+}
+
+/// The keys of a text, if it can be parsed.
+pub(super) fn keys_of(path: &Path) -> Option<Keys> {
+    let text = text_of(path)?;
+    if is_toml(path) { Keys::of_toml(&text) } else { Keys::of_json(&text).ok() }
+}
+
+fn is_toml(path: &Path) -> bool {
+    path.extension().is_some_and(|e| e == "toml")
+}
+
+fn text_of(path: &Path) -> Option<String> {
+    let mut text = String::new();
+    // Opening a pipe could wait forever.
+    fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
+    let file = File::open(path).ok()?;
+    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
+    Some(text)
+}
+
+/// The fault of a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies next to data
+/// of its stem, but cannot be parsed.
+pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
+    let text = text_of(path)?;
+    let raw = text.contains("dims") || text.contains("dtype");
+    if !raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
+        return None;
+    }
+    let at = if is_toml(path) {
+        ParseFault::Value { key: keys::lost_in_toml(&text)? }
+    } else {
+        ParseFault::Json(Keys::of_json(&text).err()?.to_string())
+    };
+    if raw {
+        data_of(path)?;
+    }
+    Some(Unparsed { raw, at })
+}
+
+/// The missing key of a text that is meant as a side-car of raw data and lies next to data of its stem.
+pub(super) fn incomplete(path: &Path) -> Option<Unparsed> {
+    let key = keys_of(path)?.lacks()?;
+    data_of(path).map(|_| Unparsed { raw: true, at: ParseFault::Lacks { key } })
+}
+
+/// The fault of the side-cars next to a file of samples, if there are any: else it would have been read.
+pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
+    let longer = |suffix: &str| {
+        let mut name = data.file_name().unwrap_or_default().to_owned();
+        name.push(".");
+        name.push(suffix);
+        data.with_file_name(name)
+    };
+    let named = ["json", "toml"].into_iter().flat_map(|suffix| [data.with_extension(suffix), longer(suffix)]);
+    named.into_iter().find_map(|path| match read(&path) {
+        Some(Err(error)) => Some(error),
+        Some(Ok(_)) => None,
+        None => {
+            let at = unparsed(&path).or_else(|| incomplete(&path))?;
+            Some(unusable(&path, SideCarFault::Unparsed(at)))
+        }
+    })
+}
+
+impl Sidecar {
+    fn of(keys: &Keys) -> Result<Self, SideCarFault> {
+        let dims = keys.dims()?;
+        let (scalar, endian) = keys.dtype()?;
+        let stated = keys.placement()?;
+        let skip = keys.skip()?;
+        let spacing_mm = stated.spacing_mm.unwrap_or([1.0; 3]);
+        let orientation = stated.orientation.unwrap_or(Orientation::LPS);
+        let file = keys.file()?;
+        let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
+        Ok(Self { options, file, unknown: keys.unknown(&KEYS), stated })
+    }
+}
+
+/// A volume whose notes name keys that are not known.
+pub(super) fn with_unknown(
+    volume: Box<dyn VolumeSource>,
+    unknown: &[String],
+    known: &'static [&'static str],
+) -> Box<dyn VolumeSource> {
+    if unknown.is_empty() {
+        return volume;
+    }
+    InfoOverride::with_note(volume, Note::UnknownKeys { unknown: unknown.to_vec(), known })
+}
+
+/// Side-cars that could describe a file or folder, by their names; the first that does counts.
+pub(super) fn candidates(data: &Path) -> impl Iterator<Item = PathBuf> + '_ {
+    let longer = |ending: &str| {
+        let mut longer = data.as_os_str().to_owned();
+        longer.push(".");
+        longer.push(ending);
+        PathBuf::from(longer)
+    };
+    let longer = ["json", "toml"].map(longer);
+    longer.into_iter().chain(["json", "toml"].into_iter().map(|ending| data.with_extension(ending)))
+}
+
+/// The side-car of a file or folder.
+pub(super) fn of(data: &Path) -> Option<PathBuf> {
+    candidates(data).find(|sidecar| match read(sidecar) {
+        Some(Ok(found)) => found.file.is_none_or(|name| data.file_name() == Some(OsStr::new(&name))),
+        Some(Err(_)) => true,
+        None => false,
+    })
+}
+
+/// Does another side-car of the same data count instead of this one?
+pub(super) fn is_outdone(path: &Path) -> bool {
+    let data = match read(path) {
+        Some(Ok(Sidecar { file: Some(name), .. })) => Some(path.with_file_name(name)),
+        _ => data_of(path),
+    };
+    // One of another name that states its data does not replace that next to the data: both count.
+    data.is_some_and(|data| {
+        candidates(&data).any(|candidate| candidate == path) && of(&data).is_some_and(|first| first != path)
+    })
+}
+
+/// Is a file or folder the data of a side-car next to it?
+pub(super) fn describes(data: &Path) -> bool {
+    of(data).is_some()
+}
+
+/// Opens the volume that a side-car describes, placed as is asked for where it does not say.
+///
+/// # Errors
+/// The side-car is faulty, or its data is missing or of another length.
+pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
+    let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
+    let data = match &sidecar.file {
+        Some(name) => path.with_file_name(name),
+        None => data_of(path).ok_or_else(|| unusable(path, SideCarFault::NoData))?,
+    };
+    if !how.follow_links && !stays(path, &data) {
+        let data = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+        return Err(unusable(path, SideCarFault::Linked { data }));
+    }
+    let placement = sidecar.stated.or(how.placement);
+    let options = &RawOptions {
+        spacing_mm: placement.spacing_mm.unwrap_or(sidecar.options.spacing_mm),
+        orientation: placement.orientation.unwrap_or(sidecar.options.orientation),
+        ..sidecar.options
+    };
+    let volume = RawVolume::open(&[data], options).map_err(|error| in_terms_of_keys(path, options, error))?;
+    Ok(with_unknown(Box::new(volume), &sidecar.unknown, &KEYS))
+}
+
+/// A refusal of raw data that speaks of the side-car instead of options of the command line.
+fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> SourceError {
+    let name = |data: &Path| data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
+    match error {
+        SourceError::SizeMismatch { path: data, expected, got, layout } => {
+            let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
+            let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
+            let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
+            let key = if [1, 2, 4, 8].into_iter().any(|size| sizes(size) == Some(got)) {
+                "dtype"
+            } else if got.checked_sub(expected).is_some_and(|more| more < slice) {
+                "skip"
+            } else {
+                "dims"
+            };
+            unusable(path, SideCarFault::Size { data: name(&data), layout, expected, got, key })
+        }
+        SourceError::Unusable { path: data, fault: Fault::Raw(fault) }
+        | SourceError::Usage { path: data, misuse: Misuse::Raw(fault) } => {
+            unusable(path, SideCarFault::Raw { data: name(&data), fault })
+        }
+        other => other,
+    }
+}
+
+/// The file or folder of the same stem; of several the first by name.
+pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
+    let stem = sidecar.file_stem()?;
+    let exact = sidecar.with_file_name(stem);
+    // `head.raw.json` means `head.raw`, `head.json` a folder `head`.
+    if exact.exists() {
+        return Some(exact);
+    }
+    let mut found: Option<PathBuf> = None;
+    for entry in
+        fs::read_dir(sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))).ok()?
+    {
+        let Ok(entry) = entry else { continue };
+        let name = PathBuf::from(entry.file_name());
+        let path = sidecar.with_file_name(&name);
+        if name.file_stem() == Some(stem)
+            && !is_named_so(&name)
+            && !name.extension().is_some_and(|e| e == "oct" || e == "png")
+            && path.is_file()
+            && found.as_ref().is_none_or(|best| path < *best)
+        {
+            found = Some(path);
+        }
+    }
+    found
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::discovery::Catalogue;
+    use crate::facts::NotVolume;
+    use crate::source::{Finding, OpenOptions};
+    use crate::volume::{Endian, ScalarType};
+
+    #[test]
+    fn a_pipe_is_no_side_car() {
+        let folder = tempfile::tempdir().unwrap();
+        let pipe = folder.path().join("a.json");
+        crate::platform::make_pipe(&pipe);
+        assert!(read(&pipe).is_none() && !describes(&folder.path().join("a.raw")));
+    }
+
+    #[test]
+    fn both_languages_and_both_forms_say_the_same() {
+        let folder = tempfile::tempdir().unwrap();
+        let of = |name: &str, text: &str| {
+            let path = folder.path().join(name);
+            fs::write(&path, text).unwrap();
+            read(&path)
+        };
+        let json = r#"{"dims": [2, 3, 4], "dtype": "i16be", "spacing": "0.5x0.5x2", "skip": 7, "orientation": "RAI",
+                      "note": [1]}"#;
+        let toml = "dims = \"2x3x4\"\ndtype = \"i16be\"\nspacing = [0.5, 0.5, 2]\nskip = 7\norientation = \"RAI\"\nnote = [1]\n";
+        let (a, b) = (of("a.json", json).unwrap().unwrap(), of("a.toml", toml).unwrap().unwrap());
+        assert_eq!(a, b);
+        assert_eq!(a.unknown, ["note"]);
+        assert_eq!(
+            (a.options.dims.to_array(), a.options.endian, a.options.skip),
+            ([2, 3, 4], Endian::Big, 7)
+        );
+        assert_eq!((a.options.spacing_mm, a.options.scalar), ([0.5, 0.5, 2.0], ScalarType::I16));
+        for other in ["{}", "[]", "no json", r#"{"dims": [1, 1, 1]}"#, ""] {
+            assert!(of("b.json", other).is_none(), "{other}");
+        }
+        for (wrong, word) in [
+            (r#"{"dims": [1, 1], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1.5, 1], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1, 1e30], "dtype": "u8"}"#, "dims"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u7"}"#, "dtype"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "spacing": [1, 0, 1]}"#, "spacing"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "skip": -1}"#, "skip"),
+            (r#"{"dims": [1, 1, 1], "dtype": "u8", "file": "../x"}"#, "file"),
+        ] {
+            let error = of("c.json", wrong).unwrap().unwrap_err().to_string();
+            assert!(error.contains(word), "{error}");
+        }
+    }
+
+    #[test]
+    fn spacing_has_two_names_and_unknown_keys_are_named() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.raw"), [1; 8]).unwrap();
+        let opened = |more: &str| {
+            let text = format!(r#"{{"dims": [2, 2, 2], "dtype": "u8"{more}}}"#);
+            fs::write(at("a.json"), text).unwrap();
+            open(&at("a.json"), &OpenOptions::default()).map(|v| v.info().clone())
+        };
+        let info = opened(r#", "spacing_mm": [1, 2, 3]"#).unwrap();
+        assert_eq!((info.spacing_mm, info.notes.len()), ([1.0, 2.0, 3.0], 0));
+        let twice = opened(r#", "spacing_mm": [1, 2, 3], "spacing": "1x2x3""#).unwrap();
+        assert_eq!(twice.spacing_mm, [1.0, 2.0, 3.0]);
+        let differ = opened(r#", "spacing_mm": [1, 2, 3], "spacing": [1, 1, 1]"#).unwrap_err().to_string();
+        assert!(differ.contains("spacing_mm differ"), "{differ}");
+        let misspelt = opened(r#", "spaceing": [1, 2, 3], "no\nte": 1"#).unwrap();
+        let [note] = misspelt.notes.as_slice() else { panic!("{:?}", misspelt.notes) };
+        let text = note.to_string();
+        for words in ["spaceing", "no\\nte", "spacing_mm", "orientation"] {
+            assert!(text.contains(words), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_wrong_size_names_the_side_car_and_the_key() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        fs::write(at("a.json"), r#"{"dims": [2, 2, 3], "dtype": "u16", "skip": 5}"#).unwrap();
+        for (bytes, key) in [(12 + 5, "dtype"), (24 + 5 + 3, "skip"), (100, "dims"), (7, "dims")] {
+            fs::write(at("a.raw"), vec![1; bytes]).unwrap();
+            let text = open(&at("a.json"), &OpenOptions::default()).err().unwrap().to_string();
+            let good = text.contains("a.json") && text.contains("a.raw") && !text.contains("--");
+            assert!(good && text.contains(&format!("correct the key {key},")), "{text}");
+        }
+        fs::create_dir(at("s")).unwrap();
+        fs::write(at("s/1"), [1; 4]).unwrap();
+        fs::write(at("s.json"), r#"{"dims": [2, 2, 2], "dtype": "u8"}"#).unwrap();
+        let text = open(&at("s.json"), &OpenOptions::default()).err().unwrap().to_string();
+        assert!(text.contains("s.json") && text.contains("the key dims") && !text.contains("--"), "{text}");
+    }
+
+    #[test]
+    fn of_two_side_cars_the_longer_name_counts_and_broken_ones_are_told() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
+        for name in ["a.raw", "b.raw", "c.raw"] {
+            fs::write(at(name), [1; 8]).unwrap();
+        }
+        for name in ["a.json", "a.raw.json"] {
+            fs::write(at(name), text).unwrap();
+        }
+        fs::write(at("b.json"), r#"{"dims": [2, 2, 2] "dtype": "u8"}"#).unwrap();
+        fs::write(at("c.toml"), "dims = [2, 2\ndtype = 'u8'\n").unwrap();
+        // Neither has anything to do with volumes.
+        fs::write(at("d.json"), r#"{"dims": "#).unwrap();
+        fs::write(at("notes.json"), "{").unwrap();
+        let options = OpenOptions::default();
+        let found = Catalogue::survey(&[folder.path().to_path_buf()], &options, folder.path()).unwrap();
+        let findings: Vec<Finding> = (0..found.len()).flat_map(|i| found.open(i)).collect();
+        let [only] = findings.as_slice() else { panic!("{findings:?}") };
+        assert!(only.path.ends_with("a.raw.json") && only.subject.is_ok(), "{only:?}");
+        for (name, words) in [
+            ("a.json", "another side-car"),
+            ("b.json", "cannot be parsed: expected"),
+            ("c.toml", "cannot be parsed: the value of dims"),
+        ] {
+            let left = found.left_out().iter().find(|l| l.first.ends_with(name));
+            assert!(
+                left.is_some_and(|l| l.why.to_string().contains(words)),
+                "{name}: {:?}",
+                found.left_out()
+            );
+        }
+        let others: Vec<_> = found
+            .left_out()
+            .iter()
+            .filter(|l| matches!(l.why, NotVolume::Unknown | NotVolume::Headerless))
+            .collect();
+        assert_eq!(others.iter().map(|l| l.count).sum::<u64>(), 4, "b.raw, c.raw, d.json, notes.json");
+    }
+
+    #[test]
+    fn the_data_is_found_by_stem_or_by_name() {
+        let folder = tempfile::tempdir().unwrap();
+        let at = |name: &str| folder.path().join(name);
+        let text = r#"{"dims": [2, 2, 2], "dtype": "u8"}"#;
+        fs::write(at("a.json"), text).unwrap();
+        assert!(
+            open(&at("a.json"), &OpenOptions::default())
+                .err()
+                .unwrap()
+                .to_string()
+                .contains("no file of the same stem")
+        );
+        fs::write(at("a.raw"), [1; 8]).unwrap();
+        fs::write(at("a.oct"), [1; 9]).unwrap();
+        assert!(describes(&at("a.raw")) && !describes(&at("b.raw")));
+        assert_eq!(open(&at("a.json"), &OpenOptions::default()).unwrap().info().dims.voxels(), 8);
+        fs::write(at("b.json"), r#"{"dims": [2, 2, 2], "dtype": "u8", "file": "other"}"#).unwrap();
+        fs::write(at("b.raw"), [1; 8]).unwrap();
+        assert!(!describes(&at("b.raw")));
+        assert!(open(&at("b.json"), &OpenOptions::default()).err().unwrap().to_string().contains("other"));
+        fs::create_dir(at("s")).unwrap();
+        fs::write(at("s/1"), [1; 4]).unwrap();
+        fs::write(at("s/2"), [1; 4]).unwrap();
+        fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
+        assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
+    }
+}

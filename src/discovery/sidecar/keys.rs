@@ -1,0 +1,262 @@
+//! The keys of a side-car, whichever language it is written in.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::path::{Component, Path};
+
+use serde::Deserialize;
+use serde::de::IgnoredAny;
+use serde_json::{Map, Value};
+
+use crate::facts::sidecar::SideCarFault;
+use crate::geom::{Dims, Orientation};
+use crate::volume::{Endian, Placement, ScalarType};
+
+/// Unknown keys that are named, and the letters of each.
+const NAMED: (usize, usize) = (4, 40);
+
+/// The contents of a side-car, key by key; values are judged when they are asked for.
+#[derive(Debug, Default, Deserialize)]
+#[serde(default)]
+pub(in crate::discovery) struct Keys {
+    dims: Entry<Numbers>,
+    dtype: Entry<String>,
+    spacing: Entry<Numbers>,
+    spacing_mm: Entry<Numbers>,
+    skip: Entry<u64>,
+    orientation: Entry<String>,
+    file: Entry<String>,
+    #[serde(flatten)]
+    others: BTreeMap<String, IgnoredAny>,
+}
+
+/// The value of a key. One of a wrong type does not make the text unreadable: the key is named then.
+#[derive(Debug, Default, Deserialize)]
+#[serde(untagged)]
+enum Entry<T> {
+    #[default]
+    #[serde(skip)]
+    Missing,
+    Value(T),
+    Wrong(IgnoredAny),
+}
+
+impl<T> Entry<T> {
+    fn is_stated(&self) -> bool {
+        !matches!(self, Self::Missing)
+    }
+
+    fn value(&self) -> Option<&T> {
+        match self {
+            Self::Value(value) => Some(value),
+            Self::Missing | Self::Wrong(_) => None,
+        }
+    }
+
+    /// Meaning of the value, nothing where the key is missing, or the fault.
+    fn meaning<M>(
+        &self,
+        mean: impl Fn(&T) -> Option<M>,
+        fault: SideCarFault,
+    ) -> Result<Option<M>, SideCarFault> {
+        if self.is_stated() { self.value().and_then(mean).map(Some).ok_or(fault) } else { Ok(None) }
+    }
+}
+
+/// Numbers as a list, or joined by `x`.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum Numbers {
+    List(Vec<f64>),
+    Joined(String),
+}
+
+impl Numbers {
+    /// Three finite ones.
+    fn three(&self) -> Option<[f64; 3]> {
+        let parts = match self {
+            Self::List(list) => list.clone(),
+            Self::Joined(text) => {
+                text.split('x').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?
+            }
+        };
+        <[f64; 3]>::try_from(parts).ok().filter(|v| v.iter().all(|n| n.is_finite()))
+    }
+}
+
+impl Keys {
+    /// Keys of a JSON object.
+    pub(super) fn of_json(text: &str) -> serde_json::Result<Self> {
+        serde_json::from_str(text)
+    }
+
+    /// Keys of a TOML text, as far as [`flat_toml`] reads it.
+    pub(super) fn of_toml(text: &str) -> Option<Self> {
+        serde_json::from_value(Value::Object(flat_toml(text))).ok()
+    }
+
+    /// Do they describe raw data?
+    pub(in crate::discovery) fn describe_raw(&self) -> bool {
+        self.dims.is_stated() && self.dtype.is_stated()
+    }
+
+    /// Which key they lack to describe raw data, if they have the other one.
+    pub(in crate::discovery) fn lacks(&self) -> Option<&'static str> {
+        match (self.dims.is_stated(), self.dtype.is_stated()) {
+            (true, false) => Some("dtype"),
+            (false, true) => Some("dims"),
+            _ => None,
+        }
+    }
+
+    /// Do they say where data lies?
+    pub(in crate::discovery) fn place(&self) -> bool {
+        self.spacing.is_stated() || self.spacing_mm.is_stated() || self.orientation.is_stated()
+    }
+
+    /// Size in voxels.
+    pub(super) fn dims(&self) -> Result<Dims, SideCarFault> {
+        let whole = |v: f64| -> Option<u32> {
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "a whole number within u32, as has been checked"
+            )]
+            let side = (v.fract() == 0.0 && v >= 1.0 && v <= f64::from(u32::MAX)).then_some(v as u32);
+            side
+        };
+        let three = self.dims.value().and_then(Numbers::three);
+        three.and_then(|[x, y, z]| Dims::new(whole(x)?, whole(y)?, whole(z)?)).ok_or(SideCarFault::Dims)
+    }
+
+    /// Type and byte order of the samples.
+    pub(super) fn dtype(&self) -> Result<(ScalarType, Endian), SideCarFault> {
+        self.dtype.value().and_then(|name| ScalarType::parse(name)).ok_or(SideCarFault::Dtype)
+    }
+
+    /// Bytes at the head of every file.
+    pub(super) fn skip(&self) -> Result<u64, SideCarFault> {
+        Ok(self.skip.meaning(|skip| Some(*skip), SideCarFault::Skip)?.unwrap_or(0))
+    }
+
+    /// Name of the data, where it is stated: one that cannot lead out of the folder.
+    pub(in crate::discovery) fn file(&self) -> Result<Option<String>, SideCarFault> {
+        self.file.meaning(|name| is_plain(name).then(|| name.clone()), SideCarFault::File)
+    }
+
+    /// Spacing and orientation, as far as they are stated.
+    pub(in crate::discovery) fn placement(&self) -> Result<Placement, SideCarFault> {
+        let positive = |numbers: &Numbers| numbers.three().filter(|s| s.iter().all(|v| *v > 0.0));
+        let spacing_mm = match (&self.spacing, &self.spacing_mm) {
+            (Entry::Missing, one) => one.meaning(positive, SideCarFault::Spacing)?,
+            (one, Entry::Missing) => one.meaning(positive, SideCarFault::Spacing)?,
+            (one, other) => {
+                let three = |entry: &Entry<Numbers>| entry.value().and_then(Numbers::three);
+                if three(one) != three(other) {
+                    return Err(SideCarFault::SpacingsDiffer);
+                }
+                one.meaning(positive, SideCarFault::Spacing)?
+            }
+        };
+        let letters = |letters: &String| Orientation::parse(letters);
+        let orientation = self.orientation.meaning(letters, SideCarFault::Orientation)?;
+        Ok(Placement { spacing_mm, orientation })
+    }
+
+    /// The first keys that are not known.
+    pub(in crate::discovery) fn unknown(&self, known: &[&str]) -> Vec<String> {
+        let raw = [
+            ("dims", self.dims.is_stated()),
+            ("dtype", self.dtype.is_stated()),
+            ("skip", self.skip.is_stated()),
+        ];
+        let raw = raw.into_iter().filter(|(_, stated)| *stated).map(|(key, _)| key);
+        let all: BTreeSet<&str> = self.others.keys().map(String::as_str).chain(raw).collect();
+        let unknown = all.into_iter().filter(|key| !known.contains(key)).take(NAMED.0);
+        unknown.map(|key| key.chars().take(NAMED.1).flat_map(char::escape_debug).collect()).collect()
+    }
+}
+
+/// A name that cannot lead out of the folder.
+fn is_plain(name: &str) -> bool {
+    let mut parts = Path::new(name).components();
+    matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
+}
+
+/// A key of a TOML text that matters, begins a line before the first table, and whose value cannot be read.
+pub(super) fn lost_in_toml(text: &str) -> Option<&'static str> {
+    let keys = flat_toml(text);
+    let started = |key: &&str| {
+        let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
+        lines.any(|line| line.split_once('=').is_some_and(|(k, _)| k.trim().trim_matches('"') == *key))
+    };
+    let mut matter = ["dims", "dtype", "spacing", "spacing_mm", "orientation"].into_iter();
+    matter.find(|key| keys.get(*key).is_none() && started(key))
+}
+
+/// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
+/// left out; those that are read as JSON, which they are but for quotes and commas.
+fn flat_toml(text: &str) -> Map<String, Value> {
+    let plain = |line: &str| {
+        let mut quoted = false;
+        let comment = line.char_indices().find(|(_, c)| {
+            quoted ^= matches!(c, '"' | '\'');
+            *c == '#' && !quoted
+        });
+        line.get(..comment.map_or(line.len(), |(at, _)| at)).unwrap_or_default().trim().to_owned()
+    };
+    let mut keys = Map::new();
+    let mut lines = text.lines();
+    while let Some(line) = lines.next() {
+        let line = plain(line);
+        if line.starts_with('[') {
+            break;
+        }
+        let Some((key, value)) = line.split_once('=') else { continue };
+        let mut value = value.trim().to_owned();
+        while value.starts_with('[')
+            && !value.ends_with(']')
+            && let Some(more) = lines.next()
+        {
+            value.push_str(&plain(more));
+        }
+        let value = value.replace('\'', "\"").replace(" ]", "]").replace(",]", "]");
+        if let Ok(value) = serde_json::from_str(&value) {
+            keys.insert(key.trim().trim_matches('"').to_owned(), value);
+        }
+    }
+    keys
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn toml_is_read_as_far_as_side_cars_need_it() {
+        let text = "# a head\n dims = [ # x first\n  2, 3,\n  4,\n ]\ndtype = 'u8' # \"#\"\nnote = \"a # b\"\n\
+                    date = 2026-11-21\nskip = 7\n[table]\nskip = 9\n";
+        let expected = serde_json::json!({"dims": [2, 3, 4], "dtype": "u8", "note": "a # b", "skip": 7});
+        assert_eq!(Value::Object(flat_toml(text)), expected);
+        assert!(flat_toml("a = [1,\n\n= = =\n'").is_empty());
+        // Signs of comments in a text that never ends: looked at once each.
+        let started = std::time::Instant::now();
+        assert!(flat_toml(&format!("a = \"{}", "#".repeat(1 << 20))).is_empty());
+        assert!(started.elapsed() < std::time::Duration::from_secs(2));
+    }
+
+    #[test]
+    fn a_wrong_value_is_named_and_does_not_hide_the_others() {
+        let keys =
+            Keys::of_json(r#"{"dims": null, "dtype": 7, "skip": 7.5, "file": ["a"], "note": {"x": 1}}"#)
+                .unwrap();
+        assert!(keys.describe_raw() && !keys.place());
+        assert_eq!(keys.dims().err(), Some(SideCarFault::Dims));
+        assert_eq!(keys.dtype().err(), Some(SideCarFault::Dtype));
+        assert_eq!(keys.skip().err(), Some(SideCarFault::Skip));
+        assert_eq!(keys.file().err(), Some(SideCarFault::File));
+        assert_eq!(keys.unknown(&["dims", "dtype", "skip", "file"]), ["note"]);
+        assert_eq!(keys.unknown(&["file"]), ["dims", "dtype", "note", "skip"]);
+        assert!(Keys::of_json("[]").is_err() && Keys::of_json("{} x").is_err());
+        assert!(!Keys::of_json("{}").unwrap().describe_raw());
+    }
+}

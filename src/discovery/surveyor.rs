@@ -1,0 +1,240 @@
+//! Classifies each file below some folders, and gathers those that make one item of a [`Catalogue`].
+//!
+//! [`Catalogue`]: super::Catalogue
+
+use crate::platform::OsStrExt;
+use std::collections::HashMap;
+use std::fs::{File, Metadata};
+use std::io::Read;
+use std::path::{Path, PathBuf};
+
+use super::item::{Item, ItemKind, Weight};
+use super::kind::solid_kind;
+use super::left_out::LeftOutFiles;
+use super::log::{Log, NONE, Record};
+use super::order::{full_path, precedes};
+use super::walk::{Visitor, changed};
+use super::{placing, sidecar};
+use crate::facts::{NotVolume, SyntheticFault};
+use crate::mark::is_own_picture;
+use crate::source::StableHash;
+use crate::source::dicom::{Recognition, recognise};
+use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
+use crate::synthetic;
+use crate::volume::{Result, SourceError};
+
+/// A catalogue in the making.
+pub(super) struct Surveyor<'a> {
+    inputs: &'a [PathBuf],
+    options: &'a OpenOptions,
+    items: Vec<Item>,
+    log: Log,
+    left_out: LeftOutFiles,
+    /// Items that take more than one file, by what they are and a hash of their key.
+    index: HashMap<(ItemKind, u64), u32>,
+}
+
+/// Class of a file.
+enum Class {
+    /// A volume of its own, or with `Some` key a part of one.
+    Item(ItemKind, Option<u64>, Weight),
+    LeftOut(NotVolume),
+    /// Part of something that is counted elsewhere.
+    Part,
+}
+
+impl<'a> Surveyor<'a> {
+    /// Nothing found yet; names will wait in an anonymous file in `scratch`.
+    pub(super) fn new(inputs: &'a [PathBuf], options: &'a OpenOptions, scratch: &Path) -> Self {
+        Self {
+            inputs,
+            options,
+            items: Vec::new(),
+            log: Log::new(scratch),
+            left_out: LeftOutFiles::new(scratch),
+            index: HashMap::new(),
+        }
+    }
+
+    /// The findings, in the order of the walk.
+    pub(super) fn finish(self) -> (Vec<Item>, Log, LeftOutFiles) {
+        (self.items, self.log, self.left_out)
+    }
+
+    fn path(&self, input: u32, path: &Path) -> PathBuf {
+        let record = Record { before: NONE, size: 0, changed: 0, input, path: path.to_path_buf() };
+        full_path(self.inputs, &record)
+    }
+
+    fn classify(&mut self, path: &Path, meta: &Metadata, named: bool) -> Result<Class> {
+        let left_out = |why: NotVolume| Ok(Class::LeftOut(why));
+        if meta.len() == 0 {
+            return left_out(NotVolume::Empty);
+        }
+        let mut head = Vec::with_capacity(HEAD_BYTES);
+        let opened = File::open(path).and_then(|file| {
+            (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+            Ok(file)
+        });
+        let file = match opened {
+            Ok(file) => file,
+            // A file that was named must be readable; one met in a folder is only reported.
+            Err(cause) if named => return Err(SourceError::Unreadable { path: path.to_path_buf(), cause }),
+            Err(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
+        };
+        match recognise(&file) {
+            Recognition::Image { series, frames, opening_bytes } => {
+                let folder = path.parent().unwrap_or(Path::new(""));
+                let folder = folder.as_os_str().as_bytes();
+                // Images that name no series belong to the others of their folder.
+                let key = if series.is_empty() {
+                    StableHash::new().part(b"folder").part(folder)
+                } else {
+                    StableHash::new().part(b"series").part(series.as_bytes())
+                };
+                return Ok(Class::Item(
+                    ItemKind::Series,
+                    Some(key.finish()),
+                    Weight { images: frames, opening_bytes },
+                ));
+            }
+            Recognition::NoImage(kind) => return left_out(NotVolume::Dicom(kind)),
+            Recognition::Damaged(_) => return Ok(Class::Item(ItemKind::Damaged, None, Weight::FILE)),
+            Recognition::Unreadable(cause) if named => {
+                return Err(SourceError::Unreadable { path: path.to_path_buf(), cause });
+            }
+            Recognition::Unreadable(cause) => return left_out(NotVolume::Unreadable(cause.kind())),
+            Recognition::Foreign => {}
+        }
+        let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
+        if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&head, path)) {
+            return Ok(Class::Item(ItemKind::Format(index(at)), None, Weight::FILE));
+        }
+        if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {
+            // A file given by name is meant, even if the program made it.
+            if !named && is_own_picture(&head) {
+                return left_out(NotVolume::ModelPicture);
+            }
+            let folder = path.parent().map(|p| p.as_os_str().as_bytes()).unwrap_or_default();
+            let key = StableHash::new().part(folder).finish();
+            return Ok(Class::Item(ItemKind::Stack(index(at)), Some(key), Weight::FILE));
+        }
+        match solid_kind(&head, meta.len(), path) {
+            Some(SubjectKind::Mesh) if self.options.meshes => {
+                return Ok(Class::Item(ItemKind::Mesh, None, Weight::FILE));
+            }
+            Some(SubjectKind::Tree) if self.options.meshes => {
+                return Ok(Class::Item(ItemKind::Tree, None, Weight::of_text(meta.len())));
+            }
+            Some(SubjectKind::Mesh) => return left_out(NotVolume::Mesh),
+            Some(SubjectKind::Tree) => return left_out(NotVolume::Tree),
+            Some(SubjectKind::Volume) | None => {}
+        }
+        if let Some(what) = known(&head) {
+            return left_out(NotVolume::Known(what));
+        }
+        if sidecar::is_named_so(path) && sidecar::read(path).is_some() {
+            if sidecar::is_outdone(path) {
+                return left_out(NotVolume::OtherSideCar);
+            }
+            return Ok(Class::Item(ItemKind::Sidecar, None, Weight::FILE));
+        }
+        if sidecar::is_named_so(path)
+            && let Some(unparsed) = sidecar::unparsed(path).or_else(|| sidecar::incomplete(path))
+        {
+            return left_out(NotVolume::SideCar(unparsed));
+        }
+        if sidecar::describes(path) || placing::places(path) || is_detached_data(path) {
+            return Ok(Class::Part);
+        }
+        if let Some(raw) = &self.options.raw {
+            let expected = raw.dims.voxels() * raw.scalar.bytes() as u64;
+            if named || expected.checked_add(raw.skip) == Some(meta.len()) {
+                return Ok(Class::Item(ItemKind::Raw, None, Weight::FILE));
+            }
+        }
+        left_out(if is_headerless_by_name(path) { NotVolume::Headerless } else { NotVolume::Unknown })
+    }
+
+    fn add(&mut self, (what, key): (ItemKind, Option<u64>), weight: Weight, mut record: Record) -> Result {
+        let known = key.and_then(|key| self.index.get(&(what, key))).copied();
+        let item = known.and_then(|at| self.items.get_mut(at as usize));
+        let Some(item) = item else {
+            let at = self.log.push(&record)?;
+            if let (Some(key), Ok(index)) = (key, u32::try_from(self.items.len())) {
+                self.index.insert((what, key), index);
+            }
+            self.items.push(Item { what, last: at, first: at, files: 1, weight });
+            return Ok(());
+        };
+        let comes_first = precedes(self.inputs, &record, &self.log.get(item.first)?).is_lt();
+        record.before = item.last;
+        item.last = self.log.push(&record)?;
+        item.files = item.files.saturating_add(1);
+        item.weight = item.weight.and(weight);
+        if comes_first {
+            item.first = item.last;
+        }
+        Ok(())
+    }
+}
+
+impl Visitor for Surveyor<'_> {
+    fn file(&mut self, input: u32, path: &Path, meta: &Metadata) -> Result {
+        let full = self.path(input, path);
+        match self.classify(&full, meta, path.as_os_str().is_empty())? {
+            Class::Part => Ok(()),
+            Class::LeftOut(why) => self.left_out.add(why, full),
+            Class::Item(what, key, weight) => {
+                let record = Record {
+                    before: NONE,
+                    size: meta.len(),
+                    changed: changed(meta),
+                    input,
+                    path: path.to_path_buf(),
+                };
+                self.add((what, key), weight, record)
+            }
+        }
+    }
+
+    fn synthetic(&mut self, input: u32) -> Result {
+        let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
+        let text = self.path(input, Path::new(""));
+        if self.options.raw.is_some() {
+            return Err(synthetic::usage(&text, SyntheticFault::Described));
+        }
+        // Reported at once, like a file that is not there.
+        synthetic::open(&text)?;
+        self.add((ItemKind::Synthetic, None), Weight::FILE, record)
+    }
+
+    fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool> {
+        let full = self.path(input, path);
+        if let Some(skip) = &self.options.skip
+            && skip.file_name() == path.file_name()
+            && full.canonicalize().is_ok_and(|real| real == *skip)
+        {
+            return Ok(true);
+        }
+        // Slice files described by a side-car next to their folder.
+        Ok(sidecar::describes(&full))
+    }
+
+    fn not_entered(&mut self, path: &Path, why: NotVolume) {
+        // It is counted in any case.
+        let _ = self.left_out.add(why, path.to_path_buf());
+    }
+}
+
+/// Does the name of a file say that it holds headerless voxels?
+fn is_headerless_by_name(path: &Path) -> bool {
+    path.extension().is_some_and(|e| ["raw", "vol", "bin"].iter().any(|known| e.eq_ignore_ascii_case(known)))
+}
+
+/// Do the voxels of a header file of the same stem lie in this file?
+fn is_detached_data(path: &Path) -> bool {
+    let is = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
+    ["raw", "zraw", "img", "gz", "bz2", "bin", "dat"].iter().any(|e| is(e))
+        && ["nhdr", "mhd", "hdr"].iter().any(|e| path.with_extension(e).is_file())
+}

@@ -1,0 +1,13 @@
+//! The normal that a picture shows where a ray hit a box.
+//!
+//! | module | its part of the decision |
+//! |---|---|
+//! | `shown` | the hit of a pixel, and its normal by all that follows |
+//! | `repair` | stored normals that the skin around contradicts give way to a plane fitted to that skin |
+//! | `around` | the 5 x 5 x 5 boxes around a hit, from kept bricks |
+//! | `blend` | smooth normals: a mean over the boxes around a hit |
+
+pub(crate) mod around;
+pub(crate) mod blend;
+pub(super) mod repair;
+pub(crate) mod shown;

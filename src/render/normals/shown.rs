@@ -1,0 +1,329 @@
+//! The hit of a pixel, and the normal that is shown there.
+
+use crate::format::normal;
+use crate::geom::{BoxIndex, NodeIndex, VoxelIndex, add_scaled, dot};
+use crate::load::{ModelView, NodeView};
+
+use super::around::Surroundings;
+use super::blend;
+use super::repair::{self, tile::Stored};
+use crate::render::cells::Cells;
+use crate::render::ray::Face;
+use crate::render::space::GridSpace;
+use crate::render::traverse::{Hit, Trace};
+
+/// Line of sight in the world: origin and direction.
+pub(crate) type Line = ([f64; 3], [f64; 3]);
+
+/// A pixel's hit in 16 bytes.
+#[derive(Clone, Copy)]
+pub(crate) struct PixelHit {
+    box_number: u64,
+    /// Depth in mm; NaN for background.
+    depth: f32,
+    /// Axis and side of the face, or [`PixelHit::NO_FACE`].
+    face: u8,
+    kind: HitKind,
+    /// The normal's code, where it is not that of the box.
+    code: u16,
+}
+
+/// Where the normal of a hit comes from.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum HitKind {
+    Voxel,
+    Node,
+    /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
+    Own,
+}
+
+impl PixelHit {
+    const NO_FACE: u8 = u8::MAX;
+    /// Background.
+    pub(in crate::render) const NOTHING: Self =
+        Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, kind: HitKind::Node, code: 0 };
+
+    #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
+    pub(in crate::render) fn new(trace: &Trace) -> Self {
+        trace.hit.map_or(Self::NOTHING, |hit| Self {
+            box_number: hit.box_number,
+            depth: (hit.t as f32).min(f32::MAX),
+            face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
+            kind: if hit.edge_log2 == 0 { HitKind::Voxel } else { HitKind::Node },
+            code: 0,
+        })
+    }
+
+    pub(in crate::render) fn is_hit(self) -> bool {
+        !self.depth.is_nan()
+    }
+
+    /// Breadth-first number of the box.
+    pub(in crate::render) fn box_number(self) -> u64 {
+        self.box_number
+    }
+
+    /// Is it a voxel or cell, not a coarser box?
+    pub(in crate::render) fn is_finest(self) -> bool {
+        self.kind != HitKind::Node
+    }
+
+    /// Depth in mm; NaN for background.
+    pub(in crate::render) fn depth(self) -> f32 {
+        self.depth
+    }
+
+    /// Is its normal that of the face of a box, for any line of sight?
+    #[inline]
+    pub(in crate::render) fn is_of_face(self) -> bool {
+        self.face != Self::NO_FACE && self.kind != HitKind::Own
+    }
+
+    /// A number for each face of each box.
+    #[inline]
+    pub(in crate::render) fn key(self) -> u64 {
+        self.box_number.wrapping_mul(8) | u64::from(self.face)
+    }
+
+    fn face(self) -> Option<Face> {
+        (self.face != Self::NO_FACE).then(|| Face::new(usize::from(self.face / 2), self.face % 2 == 1))
+    }
+}
+
+/// A world point in the coordinates of a cell, -1..=1.
+pub(in crate::render) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
+    let at = space.to_grid(world);
+    std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
+}
+
+/// Finds the normals of a model in its place.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Normals<'a> {
+    view: &'a ModelView<'a>,
+    /// The cells, if the model has them: normals are of index space then.
+    cells: Option<Cells<'a>>,
+    space: &'a GridSpace,
+    blended: bool,
+    /// Have normals 24 bits?
+    fine: bool,
+    lod_edge_log2: u32,
+}
+
+impl<'a> Normals<'a> {
+    /// For a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
+    pub(crate) fn new(
+        view: &'a ModelView<'a>,
+        space: &'a GridSpace,
+        blended: bool,
+        lod_edge_log2: u32,
+    ) -> Self {
+        let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
+        Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
+    }
+
+    /// The hit along a line.
+    #[inline]
+    pub(crate) fn seen(&self, trace: &Trace, line: impl FnOnce() -> Line) -> PixelHit {
+        let mut seen = PixelHit::new(trace);
+        if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
+            && seen.kind == HitKind::Voxel
+            && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
+        {
+            (seen.kind, seen.code) = (HitKind::Own, self.corner_normal(cells, hit, line()));
+        }
+        seen
+    }
+
+    /// Code of the normal where a cell with corners was hit.
+    #[cold]
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    fn corner_normal(&self, cells: &Cells<'_>, hit: &Hit, (origin, direction): Line) -> u16 {
+        let at = std::array::from_fn(|i| origin[i] + hit.t * direction[i]);
+        let number = hit.box_number.wrapping_sub(self.view.node_count());
+        let u = cell_coordinates(self.space, hit.cell, at);
+        normal::encode(cells.normal(number, u).map(|c| c as f32))
+    }
+
+    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
+    #[inline]
+    fn blended(&self, seen: PixelHit, line: impl Fn() -> Line, own: [f64; 3]) -> [f64; 3] {
+        if !self.blended || seen.kind == HitKind::Node {
+            return own;
+        }
+        let (origin, sight) = line();
+        let world = add_scaled(origin, f64::from(seen.depth), sight);
+        blend::blended(self.view, self.space.to_grid(world), own)
+    }
+
+    /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
+    /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
+    pub(crate) fn normal(&self, around: &mut Surroundings, seen: PixelHit, line: Line) -> [f64; 3] {
+        match self.in_boxes(around, seen, || line) {
+            Some(normal) => self.space.normal_to_world(normal),
+            None => towards_eye(line),
+        }
+    }
+
+    /// The same in the frame of the boxes, of any length; `None` towards the eye.
+    #[inline]
+    pub(in crate::render) fn in_boxes(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+    ) -> Option<[f64; 3]> {
+        let Some(stored) = self.stored(seen, 0) else {
+            let face = seen.face()?;
+            let mut n = [0.0; 3];
+            n[usize::from(face.axis % 3)] = if face.high { 1.0 } else { -1.0 };
+            return Some(n);
+        };
+        let mut own = [f64::from(stored[0]), f64::from(stored[1]), f64::from(stored[2])];
+        if self.cells.is_some() {
+            let own = self.blended(seen, line, own);
+            let [x, y, z] = self.space.spacing_mm();
+            return Some([own[0] / x, own[1] / y, own[2] / z]);
+        }
+        if let Some(face) = seen.face()
+            && let Some(turned) = self.facing(around, seen, face, &line, stored)
+        {
+            own = turned;
+        }
+        Some(self.blended(seen, line, own))
+    }
+
+    /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
+    pub(crate) fn outward(&self, seen: PixelHit) -> Option<[f64; 3]> {
+        Some(self.to_world(self.stored(seen, 0)?.map(f64::from)))
+    }
+
+    /// Cosine of the angle between that vector and a direction of the world, both in the frame of the box: a placement
+    /// that draws a body out draws out what its normals err by, too.
+    pub(crate) fn along(&self, seen: PixelHit, direction: [f64; 3]) -> Option<f64> {
+        let stored = self.stored(seen, 0)?.map(f64::from);
+        let normal = if self.cells.is_some() { self.space.index_normal_to_frame(stored) } else { stored };
+        let direction = self.space.direction_to_frame(direction);
+        Some(dot(normal, direction) / (dot(normal, normal) * dot(direction, direction)).sqrt())
+    }
+
+    /// The same, blended where that is wanted.
+    pub(crate) fn smooth_outward(&self, seen: PixelHit, line: Line) -> Option<[f64; 3]> {
+        Some(self.to_world(self.blended(seen, || line, self.stored(seen, 0)?.map(f64::from))))
+    }
+
+    fn to_world(self, normal: [f64; 3]) -> [f64; 3] {
+        if self.cells.is_some() {
+            self.space.index_normal_to_world(normal)
+        } else {
+            self.space.normal_to_world(normal)
+        }
+    }
+
+    /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
+    /// the box, its parts' sizes adding up to [`normal::FINE_SCALE`].
+    #[inline]
+    fn stored(&self, seen: PixelHit, distance: i64) -> Option<[i32; 3]> {
+        let number = seen.box_number.wrapping_add_signed(distance);
+        let coarse = |code| normal::decode_fine(code, normal::FINE_NONE);
+        match seen.kind {
+            HitKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
+            HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(coarse),
+            HitKind::Own => Some(coarse(seen.code)),
+        }
+    }
+
+    /// A stored normal in the frame of the box, turned to the side that is seen; `None` where it stays.
+    #[inline]
+    fn facing(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        face: Face,
+        line: impl Fn() -> Line,
+        stored: [i32; 3],
+    ) -> Option<[f64; 3]> {
+        let space = self.space;
+        // In voxels instead of millimetres: a normal's components grow with the spacing.
+        let spacing = space.spacing_mm();
+        let scale = |n: [i32; 3]| {
+            [f64::from(n[0]) * spacing[0], f64::from(n[1]) * spacing[1], f64::from(n[2]) * spacing[2]]
+        };
+        let in_voxels = scale(stored);
+        let struck = || self.struck(seen, face, line);
+        let cubes = self.has_cubes();
+        let near = if cubes && !self.fine { self.codes_near(seen) } else { None };
+        let neighbourhood = match &near {
+            Some(codes) => repair::neighbourhood_of(codes),
+            None => repair::neighbourhood(|distance| match self.stored(seen, distance) {
+                Some(other) if cubes => repair::alike_whole(stored, other, normal::FINE_SCALE),
+                Some(other) => repair::alike(in_voxels, scale(other)),
+                None => true,
+            }),
+        };
+        let shown = repair::shown(self.view, around, face, struck, in_voxels, neighbourhood)?;
+        Some([shown[0] / spacing[0], shown[1] / spacing[1], shown[2] / spacing[2]])
+    }
+
+    /// Where a box was hit.
+    #[inline]
+    fn struck(&self, seen: PixelHit, face: Face, line: impl Fn() -> Line) -> repair::Struck {
+        let edge_log2 = if seen.kind == HitKind::Voxel { 0 } else { self.lod_edge_log2 };
+        let (origin, sight) = line();
+        let world = add_scaled(origin, f64::from(seen.depth), sight);
+        let edge = f64::from(1_u32 << edge_log2.min(31));
+        let at = self.space.world_to_grid().apply(world);
+        let at = [at[0] / edge, at[1] / edge, at[2] / edge];
+        repair::Struck { number: seen.box_number, at, edge_log2, face }
+    }
+
+    fn has_cubes(&self) -> bool {
+        let spacing = self.space.spacing_mm();
+        spacing[0] == spacing[1] && spacing[1] == spacing[2]
+    }
+
+    /// Codes of a box, of the four before and of the four behind it.
+    #[inline]
+    fn codes_near(&self, seen: PixelHit) -> Option<[u16; 9]> {
+        match seen.kind {
+            HitKind::Voxel => {
+                let voxel = BoxIndex::new(seen.box_number).voxel(self.view.node_count());
+                self.view.voxel_normals_near(voxel)
+            }
+            HitKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
+            HitKind::Own => None,
+        }
+    }
+
+    /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
+    pub(in crate::render) fn judged_together(&self) -> Option<f64> {
+        let plain = self.cells.is_none() && !self.fine && !self.blended && self.has_cubes();
+        plain.then(|| self.space.spacing_mm()[0])
+    }
+
+    /// Notes what a pixel hit, to be judged together with others; `false` where it must be looked at alone.
+    #[inline]
+    pub(in crate::render) fn note(&self, stored: &mut Stored, pixel: usize, seen: PixelHit) -> bool {
+        let found = seen.face().zip(self.codes_near(seen));
+        if let Some((face, codes)) = &found {
+            stored.set(pixel, codes, *face);
+        }
+        found.is_some()
+    }
+
+    /// The scatter of the boxes around a pixel that was noted, but is in doubt; `None` where its normal stays.
+    #[inline]
+    pub(in crate::render) fn scatter(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+    ) -> Option<[f64; 6]> {
+        repair::scatter_around(self.view, around, &self.struck(seen, seen.face()?, line))
+    }
+}
+
+/// Unit vector against a line of sight.
+pub(in crate::render) fn towards_eye((_, sight): Line) -> [f64; 3] {
+    let length = dot(sight, sight).sqrt();
+    sight.map(|c| -c / length)
+}
