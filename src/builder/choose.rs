@@ -1,7 +1,9 @@
 //! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
 
 use super::error::{BuildError, Criterion};
+use super::histogram::Kind;
 use super::range::{Ordered, SampleRange, highest_below};
+use super::report::BuildNote;
 use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
@@ -23,17 +25,44 @@ pub fn choose_selection(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Selection, BuildError> {
+    choose_noted(source, threshold, memory, threads, progress).map(|(selection, _)| selection)
+}
+
+/// As [`choose_selection`], with what is odd about the volume.
+pub(crate) fn choose_noted(
+    source: &dyn VolumeSource,
+    threshold: Threshold,
+    memory: MemoryCap,
+    threads: usize,
+    progress: &dyn Progress,
+) -> Result<(Selection, Option<BuildNote>), BuildError> {
     let chooser = Chooser { source, memory, threads, progress };
     Ok(match source.info().scalar {
-        ScalarType::U8 => chooser.choose::<u8>(threshold)?.0,
-        ScalarType::I8 => chooser.choose::<i8>(threshold)?.0,
-        ScalarType::U16 => chooser.choose::<u16>(threshold)?.0,
-        ScalarType::I16 => chooser.choose::<i16>(threshold)?.0,
-        ScalarType::U32 => chooser.choose::<u32>(threshold)?.0,
-        ScalarType::I32 => chooser.choose::<i32>(threshold)?.0,
-        ScalarType::F32 => chooser.choose::<f32>(threshold)?.0,
-        ScalarType::F64 => chooser.choose::<f64>(threshold)?.0,
+        ScalarType::U8 => chooser.choose::<u8>(threshold)?.noted(),
+        ScalarType::I8 => chooser.choose::<i8>(threshold)?.noted(),
+        ScalarType::U16 => chooser.choose::<u16>(threshold)?.noted(),
+        ScalarType::I16 => chooser.choose::<i16>(threshold)?.noted(),
+        ScalarType::U32 => chooser.choose::<u32>(threshold)?.noted(),
+        ScalarType::I32 => chooser.choose::<i32>(threshold)?.noted(),
+        ScalarType::F32 => chooser.choose::<f32>(threshold)?.noted(),
+        ScalarType::F64 => chooser.choose::<f64>(threshold)?.noted(),
     })
+}
+
+/// What is inside.
+pub(super) struct Chosen<T> {
+    /// In physical units.
+    pub(super) selection: Selection,
+    /// In samples.
+    pub(super) range: SampleRange<T>,
+    /// What is odd about the volume.
+    pub(super) note: Option<BuildNote>,
+}
+
+impl<T> Chosen<T> {
+    fn noted(self) -> (Selection, Option<BuildNote>) {
+        (self.selection, self.note)
+    }
 }
 
 #[derive(Clone, Copy)]
@@ -45,13 +74,11 @@ pub(super) struct Chooser<'a> {
 }
 
 impl Chooser<'_> {
-    /// The selection in physical units and in samples.
-    pub(super) fn choose<T: Ordered>(
-        &self,
-        threshold: Threshold,
-    ) -> Result<(Selection, SampleRange<T>), BuildError> {
+    /// What is inside.
+    pub(super) fn choose<T: Ordered>(&self, threshold: Threshold) -> Result<Chosen<T>, BuildError> {
         let rescale = self.source.info().rescale;
         let open = f64::INFINITY;
+        let mut note = None;
         let selection = match threshold {
             Threshold::Iso(lo) => Selection { kind: SelectionKind::Iso, lo, hi: open },
             Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
@@ -65,15 +92,29 @@ impl Chooser<'_> {
                 self.progress.advance(1);
                 // On a falling scale the samples below the split are the high values, and the split itself is
                 // not one of them.
-                let lowest = if rescale.slope > 0.0 { split } else { highest_below::<T>(split) };
-                Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open }
+                let lowest = if rescale.slope > 0.0 { split.at } else { highest_below::<T>(split.at) };
+                let by_otsu = Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open };
+                match split.kind {
+                    // Numbers that are scaled are measured.
+                    Kind::Labels { count, first }
+                        if rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0 =>
+                    {
+                        note = Some(BuildNote::Labels { count });
+                        Selection { kind: SelectionKind::Iso, lo: first, hi: open }
+                    }
+                    Kind::Padded { value } => {
+                        note = Some(BuildNote::Padding { value: rescale.apply(value) });
+                        by_otsu
+                    }
+                    _ => by_otsu,
+                }
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
             return Err(BuildFault::EmptyRange { lo: selection.lo, hi: selection.hi }.into());
         }
         match SampleRange::of_selection(&selection, rescale) {
-            Some(range) => Ok((selection, range)),
+            Some(range) => Ok(Chosen { selection, range, note }),
             None => Err(self.empty::<T>(Criterion::Within(selection))),
         }
     }

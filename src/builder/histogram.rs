@@ -1,5 +1,10 @@
 //! Value statistics in streamed passes: extremes, and Otsu's threshold from an exact histogram.
+//!
+//! Otsu's method takes values for a mixture of two kinds. Two sorts of volumes differ from that: those that a scanner has
+//! padded outside the circle that it reconstructs, and maps of labels. Counts of the same pass recognise them
+//! ([`Evidence`]).
 
+use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -7,6 +12,7 @@ use super::error::BuildError;
 use super::parallel::{Blocks, run_workers};
 use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
+use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::volume::{ScalarType, VolumeSource};
 
@@ -37,7 +43,7 @@ pub(super) fn extremes<T: Ordered>(
         (threads, EXTREMES_READ_BYTES),
         progress,
         &|| (f64::INFINITY, f64::NEG_INFINITY),
-        &|seen, samples| {
+        &|seen, _, samples| {
             for sample in samples {
                 let v = sample.to_f64();
                 if v.is_finite() {
@@ -54,8 +60,36 @@ pub(super) fn extremes<T: Ordered>(
     Ok((min <= max).then_some((min, max)))
 }
 
-/// Otsu's threshold in sample units: the sample value `t` that maximises the variance between the
-/// classes `< t` and `>= t`; `None` when all values are alike (or none is a number).
+/// What a histogram says of a volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Split {
+    /// Otsu's threshold in sample units: the sample value `t` that maximises the variance between the classes `< t` and
+    /// `>= t`, padding left out.
+    pub(super) at: f64,
+    /// What the volume is, if it is not a mixture of two kinds of values.
+    pub(super) kind: Kind,
+}
+
+/// Of what kind the values are.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Kind {
+    /// A mixture.
+    Values,
+    /// One besides a value that is outside the circle.
+    Padded {
+        /// The padding.
+        value: f64,
+    },
+    /// Labels, 0 for none.
+    Labels {
+        /// How many there are.
+        count: usize,
+        /// The smallest of them.
+        first: f64,
+    },
+}
+
+/// Otsu's threshold, with what is known of the volume; `None` when all values are alike (or none is a number).
 ///
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
 /// then 65,536 bins between them. Source: Otsu 1979, *A threshold selection method from gray-level
@@ -64,7 +98,7 @@ pub(super) fn otsu<T: Ordered>(
     source: &dyn VolumeSource,
     threads: usize,
     progress: &dyn Progress,
-) -> Result<Option<f64>, BuildError> {
+) -> Result<Option<Split>, BuildError> {
     let exact = |low: f64| (low, 1.0);
     let (low, width) = match T::TYPE {
         ScalarType::U8 | ScalarType::U16 => exact(0.0),
@@ -75,7 +109,7 @@ pub(super) fn otsu<T: Ordered>(
                 let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
                 if !width.is_normal() {
                     // Values so close that no bin can tell them apart: the largest is the upper class.
-                    return Ok(Some(max));
+                    return Ok(Some(Split { at: max, kind: Kind::Values }));
                 }
                 (min, width)
             }
@@ -88,12 +122,16 @@ pub(super) fn otsu<T: Ordered>(
             sum.fetch_add(u64::from(std::mem::take(n)), Ordering::Relaxed);
         }
     };
+    let dims = source.info().dims;
+    let evidence = Mutex::new(Evidence::default());
     for_each_part::<T, _>(
         source,
         (threads, READ_BYTES),
         progress,
-        &|| (vec![0_u32; BINS], 0_u64),
-        &|(local, seen), samples| {
+        &|| (vec![0_u32; BINS], 0_u64, Evidence::default()),
+        &|(local, seen, evidence), part, samples| {
+            evidence.add_edges(samples);
+            evidence.add_outside(dims, part, samples);
             *seen += samples.len() as u64;
             if *seen > u64::from(u32::MAX) {
                 spill(local);
@@ -112,10 +150,215 @@ pub(super) fn otsu<T: Ordered>(
                 }
             }
         },
-        &|(mut local, _)| spill(&mut local),
+        &|(mut local, _, own)| {
+            spill(&mut local);
+            evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&own);
+        },
     )?;
-    let counts: Vec<u64> = counts.into_iter().map(AtomicU64::into_inner).collect();
-    Ok(best_split(&counts).map(|bin| low + bin as f64 * width))
+    let mut counts: Vec<u64> = counts.into_iter().map(AtomicU64::into_inner).collect();
+    let evidence = evidence.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let value = |bin: usize| low + bin as f64 * width;
+    let mut kind = Kind::Values;
+    // A picture that a device has taken holds no labels, however few its greys are.
+    let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
+    if let Some(count) = evidence.labels(&counts).filter(|_| may_be_map) {
+        kind = Kind::Labels { count, first: evidence.first };
+    } else if let Some(bin) = evidence.padding(&counts, &value) {
+        kind = Kind::Padded { value: value(bin) };
+        counts[bin] = 0;
+    }
+    Ok(best_split(&counts).map(|bin| Split { at: value(bin), kind }))
+}
+
+/// A value at an end of the range, and how often it is there.
+#[derive(Clone, Copy, Debug)]
+struct End {
+    value: f64,
+    count: u64,
+}
+
+impl End {
+    /// Another sample, or several of one value: what lies farther out takes its place.
+    #[inline]
+    fn add(&mut self, other: End, is_farther: bool) {
+        if is_farther {
+            *self = other;
+        } else if other.value == self.value {
+            self.count += other.count;
+        }
+    }
+}
+
+/// Counts of a pass that tell paddings and labels from a mixture.
+#[derive(Clone, Copy, Debug)]
+struct Evidence {
+    /// Samples outside the circle, or ellipse, that a slice has room for; and the ends of their range.
+    outside: u64,
+    least: End,
+    most: End,
+    /// Are all samples whole numbers, and none below 0?
+    is_whole: bool,
+    /// The smallest value above 0.
+    first: f64,
+    /// Neighbours that are alike, but for those of 0; and those that differ.
+    alike: u64,
+    differ: u64,
+    /// Of those that differ, the ones of 0 and another value than the smallest that has 0 for a neighbour.
+    jumps: u64,
+    nearest: End,
+}
+
+impl Default for Evidence {
+    fn default() -> Self {
+        let [least, most] = [f64::INFINITY, f64::NEG_INFINITY].map(|value| End { value, count: 0 });
+        Self {
+            outside: 0,
+            least,
+            most,
+            is_whole: true,
+            first: f64::INFINITY,
+            alike: 0,
+            differ: 0,
+            jumps: 0,
+            nearest: least,
+        }
+    }
+}
+
+/// A part of outside samples that are padding, at least; a part of those within that are, at most.
+const OUTSIDE: f64 = 0.95;
+const WITHIN: f64 = 0.1;
+/// Distance of padding to all other values, as a part of the whole range, at least. What is nearer does no harm.
+const APART: f64 = 0.15;
+/// One of so many samples at either end of the others does not count.
+const STRAY: u64 = 1000;
+/// Values of a mixture, at least.
+const FEW: usize = 16;
+/// Shortest side of a slice that has a circle.
+const ROUND: u32 = 16;
+
+/// Labels of a map, at most.
+const MAX_LABELS: usize = 1024;
+/// Parts of the pairs of neighbours outside 0 that are alike in a map of labels, at least; and of those that differ
+/// that jump to 0 from a value that is not the nearest to it. A picture in few greys has as wide regions, but one after
+/// the other.
+const FLAT: f64 = 0.6;
+const JUMPS: f64 = 0.2;
+
+impl Evidence {
+    fn join(&mut self, other: &Self) {
+        self.outside += other.outside;
+        self.least.add(other.least, other.least.value < self.least.value);
+        self.most.add(other.most, other.most.value > self.most.value);
+        self.is_whole &= other.is_whole;
+        self.first = self.first.min(other.first);
+        self.alike += other.alike;
+        self.differ += other.differ;
+        self.jumps += other.jumps;
+        self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
+    }
+
+    /// Neighbours along rows; a row's last sample counts as that of the next one's first.
+    fn add_edges<T: Ordered>(&mut self, samples: &[T]) {
+        let mut last = samples.first().map_or(0.0, |sample| sample.to_f64());
+        self.see(last);
+        let mut alike = 0;
+        for sample in samples {
+            let v = sample.to_f64();
+            if v == last {
+                alike += u64::from(v != 0.0);
+                continue;
+            }
+            self.see(v);
+            self.differ += 1;
+            let other = if last == 0.0 { v } else { last };
+            if last == 0.0 || v == 0.0 {
+                self.jumps += 1;
+                self.nearest.add(End { value: other, count: 1 }, other < self.nearest.value);
+            }
+            last = v;
+        }
+        self.alike += alike;
+    }
+
+    /// A value that follows another one.
+    #[inline]
+    fn see(&mut self, v: f64) {
+        self.is_whole &= v >= 0.0 && v.trunc() == v;
+        if v > 0.0 {
+            self.first = self.first.min(v);
+        }
+    }
+
+    /// Samples of a part that lie outside.
+    fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
+        let (nx, ny) = (dims.nx(), dims.ny());
+        if nx.min(ny) < ROUND {
+            return;
+        }
+        for (row, y) in samples.chunks(part.columns.len().max(1)).zip(part.lines.clone()) {
+            let down = (f64::from(y) + 0.5) / f64::from(ny) - 0.5;
+            let across = f64::from(nx) * (0.5 - (0.25 - down * down).max(0.0).sqrt());
+            // A column to spare.
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a side")]
+            let ends = (across as u32).saturating_sub(1);
+            for (sample, x) in row.iter().zip(part.columns.clone()) {
+                if x >= ends && x < nx - ends {
+                    continue;
+                }
+                let one = End { value: sample.to_f64(), count: 1 };
+                self.outside += 1;
+                self.least.add(one, one.value < self.least.value);
+                self.most.add(one, one.value > self.most.value);
+            }
+        }
+    }
+
+    /// The number of labels, if these are some.
+    fn labels(&self, counts: &[u64]) -> Option<usize> {
+        let values = counts.iter().filter(|n| **n > 0).count();
+        let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
+        let is_map = self.is_whole
+            // Two values are told apart by any threshold between them.
+            && (3..=MAX_LABELS + 1).contains(&values)
+            && part(self.alike, self.alike + self.differ) >= FLAT
+            && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+        is_map.then_some(values - 1)
+    }
+
+    /// The bin of a value that pads what lies outside the circle.
+    fn padding(&self, counts: &[u64], value: &dyn Fn(usize) -> f64) -> Option<usize> {
+        let total: u64 = counts.iter().sum();
+        let first = counts.iter().position(|n| *n > 0)?;
+        let last = counts.iter().rposition(|n| *n > 0)?;
+        if self.outside == 0 || counts.iter().filter(|n| **n > 0).count() <= FEW {
+            return None;
+        }
+        let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
+        [(first, self.least), (last, self.most)].into_iter().find_map(|(bin, end)| {
+            let is_outside = (value(bin) - end.value).abs() <= (value(1) - value(0)).abs()
+                && part(end.count, self.outside) >= OUTSIDE
+                && part(counts[bin].saturating_sub(end.count), total - self.outside) <= WITHIN;
+            let stray = (total - counts[bin]) / STRAY;
+            let reached = |bins: &mut dyn Iterator<Item = usize>| {
+                let mut seen = 0;
+                bins.filter(|at| *at != bin).find(|at| {
+                    seen += counts[*at];
+                    seen > stray
+                })
+            };
+            let (low, high) = (reached(&mut (first..=last))?, reached(&mut (first..=last).rev())?);
+            let (near, far) = if bin == first { (low, high) } else { (high, low) };
+            let is_apart = near.abs_diff(bin) as f64 >= APART * far.abs_diff(bin) as f64;
+            (is_outside && is_apart).then_some(bin)
+        })
+    }
+}
+
+/// Where samples that a worker is given lie.
+struct Part {
+    columns: Range<u32>,
+    lines: Range<u32>,
 }
 
 /// First bin of the upper class; the middle of the gap where several splits are equally good.
@@ -148,7 +391,7 @@ fn for_each_part<T: Ordered, L>(
     (threads, read_bytes): (usize, usize),
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &[T]) + Sync),
+    work: &(dyn Fn(&mut L, &Part, &[T]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
     let blocks = Blocks::new(source.info().dims, read_bytes / size_of::<T>());
@@ -157,9 +400,10 @@ fn for_each_part<T: Ordered, L>(
         let mut buffer = vec![T::zeroed(); blocks.size().iter().product()];
         while !stop() {
             let Some((columns, lines, z)) = blocks.next() else { break };
-            let part = &mut buffer[..columns.len() * lines.len()];
-            source.read_rows(z, lines, columns, bytemuck::cast_slice_mut(part))?;
-            work(&mut local, part);
+            let samples = &mut buffer[..columns.len() * lines.len()];
+            let part = Part { columns: columns.clone(), lines: lines.clone() };
+            source.read_rows(z, lines, columns, bytemuck::cast_slice_mut(samples))?;
+            work(&mut local, &part, samples);
         }
         join(local);
         Ok(())

@@ -166,7 +166,7 @@ impl Job<'_> {
             threads: plan.threads,
             tile: plan.tile,
             seconds,
-            notes: notes(solid.dims(), solid.surface(), &totals),
+            notes: solid.note().into_iter().chain(notes(solid.dims(), solid.surface(), &totals)).collect(),
         })
     }
 

@@ -57,6 +57,7 @@ mod volume;
 mod walk;
 
 pub(crate) use bits::{BitVolume, scratch_error};
+pub(crate) use choose::choose_noted;
 pub use choose::choose_selection;
 pub use error::BuildError;
 pub(crate) use error::BuildFault;

@@ -3,6 +3,7 @@
 use std::fmt;
 
 use crate::format::Selection;
+use crate::text::Short;
 use crate::text::names::{ISO, RANGE};
 
 /// Results and costs of a build.
@@ -44,8 +45,18 @@ impl BuildReport {
 
 /// A note for the user who chose the threshold.
 #[non_exhaustive]
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub enum BuildNote {
+    /// The values are labels; all of them are inside.
+    Labels {
+        /// How many there are, 0 apart.
+        count: usize,
+    },
+    /// A value outside the circle that slices have room for was left out when a threshold was looked for.
+    Padding {
+        /// The value.
+        value: f64,
+    },
     /// Some samples are NaN, and so outside.
     NotNumbers,
     /// Every voxel is inside: the model is the box of the volume.
@@ -58,6 +69,15 @@ pub enum BuildNote {
 impl fmt::Display for BuildNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
+            Self::Labels { count } => write!(
+                f,
+                "its values are taken for labels, {count} of them, and everything above 0 is inside; {RANGE} takes a label alone, {ISO} those from one on"
+            ),
+            Self::Padding { value } => write!(
+                f,
+                "{} lies outside the circle that its slices have room for, and hardly anywhere else: taken for padding, and left out when the threshold was looked for",
+                Short(*value)
+            ),
             Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
             Self::AllInside { voxels } => write!(
                 f,

@@ -16,6 +16,7 @@ use std::time::Duration;
 
 use super::error::BuildError;
 use super::item::ItemForm;
+use super::report::BuildNote;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
 use crate::builder::BuildFault;
 use crate::format::{Channel, Channels, Metadata, SurfaceKind};
@@ -139,6 +140,11 @@ pub trait Solid: Sync {
     /// The input that was changed meanwhile.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         Ok(())
+    }
+
+    /// What is odd about the choice of what is inside.
+    fn note(&self) -> Option<BuildNote> {
+        None
     }
 
     /// Why no voxel is inside, for the user.

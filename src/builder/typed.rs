@@ -4,10 +4,11 @@
 //! made of, and the builder exists once.
 
 use super::cells::{CellSolid, cell_dims};
-use super::choose::Chooser;
+use super::choose::{Chooser, Chosen};
 use super::error::BuildError;
 use super::lanes::RingSample;
 use super::range::Ordered;
+use super::report::BuildNote;
 use super::ring::{Depths, RingForm, Samples};
 use super::solid::Solid;
 use super::volume::VolumeSolid;
@@ -58,25 +59,27 @@ impl<'a> TypedVolume<'a> {
 
     /// Types that can stand in the ring as they are, if the range has only a lower end.
     fn samples<T: Ordered + RingSample>(self) -> Result<Box<dyn Solid + 'a>, BuildError> {
-        let (selection, range) = self.chooser.choose::<T>(self.threshold)?;
+        let Chosen { selection, range, note } = self.chooser.choose::<T>(self.threshold)?;
         if range.is_open_above() {
-            self.solid_of(Samples(range), selection)
+            self.solid_of(Samples(range), selection, note)
         } else {
-            self.solid_of(Depths(range), selection)
+            self.solid_of(Depths(range), selection, note)
         }
     }
 
     fn depths<T: Ordered>(self) -> Result<Box<dyn Solid + 'a>, BuildError> {
-        let (selection, range) = self.chooser.choose::<T>(self.threshold)?;
-        self.solid_of(Depths(range), selection)
+        let Chosen { selection, range, note } = self.chooser.choose::<T>(self.threshold)?;
+        self.solid_of(Depths(range), selection, note)
     }
 
     fn solid_of<F: RingForm + 'a>(
         self,
         form: F,
         selection: Selection,
+        note: Option<BuildNote>,
     ) -> Result<Box<dyn Solid + 'a>, BuildError> {
-        let volume = VolumeSolid::new(form, selection, self.options, self.chooser);
+        let mut volume = VolumeSolid::new(form, selection, self.options, self.chooser);
+        volume.note = note;
         Ok(match self.surface {
             SurfaceKind::Skin => Box::new(volume),
             SurfaceKind::Cells => {

@@ -15,6 +15,7 @@ use super::estimator::Gradient;
 use super::gradient::{Codes, Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
 use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
 use super::options::BuildOptions;
+use super::report::BuildNote;
 use super::ring::{RingForm, border_unit};
 use super::skin::Exposed;
 use super::slices::{Reach, RingShape, Slices};
@@ -52,6 +53,8 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) rule: NormalRule,
     /// Says which values there are, if none lies in the range.
     pub(super) chooser: Chooser<'a>,
+    /// What is odd about the choice.
+    pub(super) note: Option<BuildNote>,
 }
 
 impl<'a, F: RingForm> VolumeSolid<'a, F> {
@@ -60,7 +63,7 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
         let source = chooser.source;
         let (gradient, bits) = (options.gradient, options.normal_bits);
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
-        Self { source, form, selection, gradient, bits, rule, chooser }
+        Self { source, form, selection, gradient, bits, rule, chooser, note: None }
     }
 
     /// Where the range begins, in samples of the file, if that is its only end.
@@ -123,6 +126,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
         self.source.check_unchanged()
+    }
+
+    fn note(&self) -> Option<BuildNote> {
+        self.note
     }
 
     fn nothing_inside(&self) -> BuildError {

@@ -42,7 +42,7 @@ use std::time::Instant;
 
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::{
-    self, BuildError, BuildFault, BuildOptions, Progress, choose_selection, for_each_block, range_test,
+    self, BuildError, BuildFault, BuildNote, BuildOptions, Progress, choose_noted, for_each_block, range_test,
 };
 use crate::format::Selection;
 use crate::geom::Dims;
@@ -302,6 +302,8 @@ pub struct CleanReport {
     pub scratch_bytes: u64,
     /// Wall time.
     pub seconds: f64,
+    /// What is odd about the volume, or its threshold.
+    pub note: Option<BuildNote>,
 }
 
 /// A volume with a cleaned occupancy.
@@ -347,11 +349,11 @@ impl<'a> CleanJob<'_, 'a> {
         self.check_budget()?;
         let info = self.source.info();
         let BuildOptions { threshold, memory, threads, .. } = *self.options;
-        let selection = choose_selection(self.source, threshold, memory, threads, self.progress)?;
+        let (selection, note) = choose_noted(self.source, threshold, memory, threads, self.progress)?;
         let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
             return Err(CleanFault::NoSample { selection }.into());
         };
-        let mut report = CleanReport { passes: self.clean.extra_passes(), ..CleanReport::default() };
+        let mut report = CleanReport { passes: self.clean.extra_passes(), note, ..CleanReport::default() };
         let mut bits = BitVolume::create(&self.scratch, info.dims)?;
         report.scratch_bytes = bits.bytes();
         report.voxels = self.test_range(&bits, &*test)?;

@@ -6,8 +6,9 @@
 //! text --parse--> tree --flatten--> leaves on the lattice, program --boxes--> bits, normals --builder--> .oct
 //! ```
 //!
-//! The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or all
-//! out in a box take no part in it.
+//! A middle that lies on a surface counts as moved by (-e, e^2, e^3), whatever the leaf: of two that share a face it lies
+//! in one. The bytes depend neither on memory or threads nor on boxes. Cost follows the surface: leaves that are all in or
+//! all out in a box take no part in it.
 //!
 //! | part | what it holds |
 //! |---|---|

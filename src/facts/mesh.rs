@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::budget::Bytes;
 use crate::text::names::{CHANNELS, FILL, FOLLOW_LINKS, GRID, KEEP_THIN, MEMORY, VOXEL};
-use crate::text::shown;
+use crate::text::{Short, shown};
 
 /// What is wrong with a mesh or with the grid that it is to be built on.
 #[non_exhaustive]
@@ -80,6 +80,8 @@ pub(crate) enum MeshFault {
         "cannot be built as cells with {KEEP_THIN} or {FILL} surface, which add voxels that lie outside; leave one of them out"
     )]
     ThinCells,
+    #[error("is {} mm long with its grid; voxels are 1e-15 to 1e15 mm long: scale it, or give the unit of its numbers", Short(*.mm))]
+    Extent { mm: f64 },
     #[error("its grid would be {side} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}")]
     GridSize { side: f64 },
 }

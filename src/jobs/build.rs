@@ -254,6 +254,8 @@ impl BuildJob<'_> {
         let mut warnings = sentences(&source.info().notes);
         warnings.extend(report.notes.iter().map(|note| note.to_string()));
         warnings.extend(doubt.map(|doubt| doubt.to_string()));
+        warnings
+            .extend(cleaned.as_ref().and_then(|cleaned| cleaned.report.note).map(|note| note.to_string()));
         let hints = hints(&*source, threshold, options.surface, &report);
         Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
     }

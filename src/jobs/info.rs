@@ -270,8 +270,10 @@ impl Measured {
             )
         };
         let enclosed = measures.enclosed;
+        let uneven = "not known: voxels are more than 100 times as long along one axis as along another";
+        let no_area = if measures.is_uneven { uneven } else { "not known without normals" };
         let no_volume = if measures.area_mm2.is_none() {
-            "not known without normals"
+            no_area
         } else if measures.is_part {
             "not known: the model keeps only what can be seen from outside or the views that were given"
         } else {
@@ -283,7 +285,7 @@ impl Measured {
         }
         vec![
             ("extent", format!("{} mm (LPS)", sides.join(", "))),
-            ("surface area", known(measures.area_mm2, "mm²", "not known without normals")),
+            ("surface area", known(measures.area_mm2, "mm²", no_area)),
             ("volume", volume),
         ]
     }

@@ -1,37 +1,51 @@
-//! Extents, surface area and enclosed volume of a model, from its skin and normals alone.
+//! Extents, surface area and enclosed volume of a model, from its surface and normals alone.
 //!
-//! Memory: the skin of 32 slices, and the runs and normals of two. Cost: each node about once, and some 20 ns a run
-//! and 50 ns a skin voxel.
+//! | | volume | area |
+//! |---|---|---|
+//! | skin | voxels inside, each of them whole | a voxel for each column that the surface crosses |
+//! | cells | voxels inside, and of each cell the part that its plane or corners enclose | the same, of as many cells as there are |
+//!
+//! What these lack where a surface bends or has edges is estimated from neighbours' normals ([`Bends`]). Errors are what
+//! an experiment asks for: 660 balls, tori, cylinders and boxes of 32 to 128 voxels a side, anywhere and turned anyhow,
+//! and along the axes. More than 19 of 20 truths lie within them. Those of volumes of cells at 128 voxels a side are
+//! 0.02 % of a ball and up to half a percent of others (0.6 % of thin boxes). Cells of a mask, whose samples have two
+//! values, have their planes a little too far in: the volume of a ball of 54 voxels lacks 0.15 %, more than its error.
+//!
+//! Memory: the skin of 32 slices, and the runs and normals of two. Cost: each node about once, and some 20 ns a run,
+//! 50 ns a skin voxel and half a microsecond a cell.
 
+use super::within::Within;
 pub use crate::enclosed::Enclosed;
 use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
 use crate::format::normal;
-use crate::geom::{Affine, Dims, VoxelIndex};
+use crate::geom::{Affine, Dims, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::GridSpace;
-
-/// The error of an area is what normals this far off would make of it, all to the same side (3 degrees).
-const NORMAL_ERROR_RAD: f64 = 0.052;
 
 /// Neighbours whose normals are at least 30 degrees apart (as a cosine) lie at an edge.
 const EDGE: f64 = 0.866;
 /// At more than 120 degrees they are the two sides of a thin wall.
 const WALL: f64 = -0.5;
 
+/// Voxels that are longer than this along one axis than along another have normals that say too little.
+const MAX_UNEVEN: f64 = 100.0;
+
 /// What was measured. Lengths are in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Measures {
     /// First voxel of the skin along each axis, and the one after the last.
     pub voxels: [[u32; 3]; 2],
-    /// Least and greatest coordinate (LPS) of the skin's voxels, to within 1/2048 of the grid and never too tight.
+    /// Least and greatest coordinate (LPS) of the skin's voxels; over 2048 voxels a side to within 1/2048 of the grid, and
+    /// never too tight.
     pub box_mm: [[f64; 3]; 2],
     /// Area of the skin, walls of enclosed cavities included, with its error; a sheet one voxel thick counts
-    /// once. A voxel on a sharp edge counts for one of its faces; what the others lack is in the error. `None` without
-    /// normals.
+    /// once. `None` without normals, and of voxels that are too uneven.
     pub area_mm2: Option<(f64, f64)>,
     /// Volume of the skin's voxels and of what is deep inside, with its error. `None` where the normals do not
-    /// tell what is inside: there are none, walls are one voxel thick, or only a part was kept.
+    /// tell what is inside: there are none, walls are one voxel thick, only a part was kept, or voxels are too uneven.
     pub volume_mm3: Option<(f64, f64)>,
+    /// Are voxels more than 100 times as long along one axis as along another?
+    pub is_uneven: bool,
     /// Does the model keep only what can be seen from somewhere?
     pub is_part: bool,
     /// Voxels that are deep inside, in enclosed cavities, and neither for sure.
@@ -53,39 +67,49 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
     let mut slices = SkinSlices::new(view);
-    let (mut area, mut edges) = (Area::default(), Edges::default());
-    let mut seen = 0;
+    let (mut bends, mut facets) = (Bends::default(), Facets::default());
+    let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
     let has_normals = view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
     for z in voxels[0][2]..voxels[1][2] {
         let skin = slices.slice(z)?;
         seen += skin.len() as u64;
-        edges.begin();
+        bends.begin();
         for voxel in skin {
-            if let Some(code) = view.voxel_normal(voxel.voxel)
-                && let Some((normal, part)) = area.add(&weights, code)
-            {
-                edges.now.push(Patch { y: voxel.y, x: voxel.x, normal, part });
+            let within =
+                view.cells().map(|cells| Within::of(&cells.shape(voxel.voxel.get()), &weights.columns));
+            of_skin += within.map_or(1.0, |within| within.inside);
+            area_within += within.map_or(0.0, |within| within.area);
+            let code = view.voxel_normal(voxel.voxel);
+            if let Some(patch) = code.and_then(|code| weights.patch(code, within, [voxel.y, voxel.x])) {
+                area += patch.part;
+                facets.add(&patch);
+                bends.now.push(patch);
             }
         }
-        area.error += edges.lacking();
+        bends.end(&weights);
         sweep.slice(view, skin);
     }
     sweep.slice(view, &[]);
     let (enclosed, _) = sweep.finish();
-    let (skin, each) = (count(seen), weights.voxel_mm3);
+    let skin = count(seen);
     let unknown = count(enclosed.unknown) / 2.0;
-    // A surface of voxels lies on the outside of these, one of cells within them.
-    let of_skin = if weights.cells { skin / 2.0 } else { skin };
-    let volume = (of_skin + count(enclosed.inside) + unknown) * each;
-    let error = (skin / 2.0 + unknown) * each;
+    let (lacking, error) =
+        if cells { bends.volume(area / weights.voxel_mm3) } else { (0.0, facets.volume_error()) };
+    let volume = of_skin + lacking + count(enclosed.inside) + unknown;
     // Half of it unknown is not known.
     let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
+    let [least, most] =
+        affine.spacing_mm().iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
+    let is_uneven = most > MAX_UNEVEN * least;
+    let (lacking_mm2, error_mm2) = bends.area(cells.then_some(area_within), area);
     Some(Measures {
         voxels,
         box_mm,
-        area_mm2: has_normals.then_some((area.sum, area.error)),
-        volume_mm3: known.then_some((volume, error)),
+        area_mm2: (has_normals && !is_uneven).then_some((area + lacking_mm2, error_mm2)),
+        volume_mm3: (known && !is_uneven)
+            .then(|| [volume, error + unknown].map(|voxels| voxels * weights.voxel_mm3).into()),
+        is_uneven,
         is_part,
         enclosed,
     })
@@ -102,6 +126,7 @@ struct Weights {
     cells: bool,
     voxel_mm3: f64,
     columns: [[f64; 3]; 3],
+    spacing_mm: [f64; 3],
     space: GridSpace,
 }
 
@@ -111,82 +136,128 @@ impl Weights {
             cells,
             voxel_mm3: affine.determinant().abs(),
             columns: [0, 1, 2].map(|axis| affine.column(axis)),
+            spacing_mm: affine.spacing_mm(),
             space: space.clone(),
         }
     }
-}
 
-/// Area of the skin so far.
-///
-/// The skin of a surface has one voxel in each column along the axis that its normal is nearest to, counted in
-/// voxels. The part of the surface in that column is the voxel's volume over its normal's part along that axis.
-/// Of cells, which are all boxes that the surface passes through, a column has as many as the sum of the parts along
-/// the axes over the greatest.
-#[derive(Default)]
-struct Area {
-    sum: f64,
-    error: f64,
-}
-
-impl Area {
-    /// Adds a voxel; its unit normal and what it counts for.
-    fn add(&mut self, weights: &Weights, code: u16) -> Option<([f64; 3], f64)> {
+    /// The part of the surface in a box with this normal.
+    ///
+    /// The skin of a surface has one voxel in each column along the axis that its normal is nearest to, counted in
+    /// voxels. The part of the surface in that column is the voxel's volume over its normal's part along that axis. Of
+    /// cells, which are all boxes that the surface passes through, a column has as many as the sum of the parts along
+    /// the axes over the greatest. (The surface within a cell itself may be off by as much as its plane: of a binary ball
+    /// its sum lacks a seventh.)
+    fn patch(&self, code: u16, within: Option<Within>, [y, x]: [u32; 2]) -> Option<Patch> {
         let n = normal::decode_l1(code).map(f64::from);
-        let n = if weights.cells {
-            weights.space.index_normal_to_world(n)
-        } else {
-            weights.space.normal_to_world(n)
-        };
-        let along = weights.columns.map(|c| (n[0] * c[0] + n[1] * c[1] + n[2] * c[2]).abs());
-        let axis = (0..3).fold(0, |best, a| if along[a] > along[best] { a } else { best });
-        let c = weights.columns[axis];
-        let length = (c[0] * c[0] + c[1] * c[1] + c[2] * c[2]).sqrt();
-        let size = n.iter().map(|c| c * c).sum::<f64>().sqrt();
-        if along[axis] <= 0.0 || along[axis].is_nan() || !size.is_normal() {
-            return None;
-        }
-        let across = if weights.cells { along.iter().sum() } else { along[axis] };
-        let part = weights.voxel_mm3 / across;
-        let cosine = (along[axis] / length).min(1.0);
-        self.sum += part;
-        self.error += part * NORMAL_ERROR_RAD * (1.0 - cosine * cosine).sqrt() / cosine;
-        Some((n.map(|c| c / size), part))
+        let normal =
+            if self.cells { self.space.index_normal_to_world(n) } else { self.space.normal_to_world(n) };
+        let along = self.columns.map(|column| dot(normal, column));
+        let axis = (0..3).fold(0, |best, a| if along[a].abs() > along[best].abs() { a } else { best });
+        let across = if self.cells { along.iter().map(|c| c.abs()).sum() } else { along[axis].abs() };
+        let part = self.voxel_mm3 / across;
+        let length = dot(along, along).sqrt();
+        (length.is_normal() && part.is_finite()).then(|| Patch {
+            y,
+            x,
+            normal,
+            along: along.map(|c| c / length),
+            axis,
+            part,
+            part_of_voxels: within.map_or(part, |within| within.area) * length / self.voxel_mm3,
+        })
     }
 }
 
-/// A skin voxel of a slice, for its neighbours.
+/// The surface in a box, for its neighbours.
 struct Patch {
     y: u32,
     x: u32,
+    /// Unit vector of the world.
     normal: [f64; 3],
+    /// Unit vector of index space, and its longest part.
+    along: [f64; 3],
+    axis: usize,
+    /// Area in mm2.
     part: f64,
+    /// In index space, of a cell that of the surface within it.
+    part_of_voxels: f64,
 }
 
-/// What sharp edges lack, told by normals of neighbours that share a face: a voxel on an edge of 90 degrees belongs to
-/// two faces and counts for one.
+impl Patch {
+    /// Area in index space that a cell with this normal has on average.
+    fn usual_part(&self) -> f64 {
+        1.0 / self.along.iter().map(|c| c.abs()).sum::<f64>()
+    }
+}
+
+/// What the neighbours in a slice and the one before say of bends and edges.
 ///
-/// Neighbours whose normals are an angle t apart lack 1 - cos t of a face: all of it where the normals of an edge are
-/// those of its faces, and as much in two steps of 45 degrees as a voxel lacks whose normal lies between.
+/// A cell on a bend has a chord for an arc, one on an edge cuts it off; the skin lies half a voxel below the surface, and
+/// a voxel on an edge counts for one of its faces. On a bend that is in proportion to the mean curvature, whose sum over
+/// the surface is that of the changes of normals along the axes; on an edge to 1 less the cosine between its faces. The
+/// factors are those that fit the bodies of the experiment best.
 #[derive(Default)]
-struct Edges {
+struct Bends {
     before: Vec<Patch>,
     now: Vec<Patch>,
+    /// In mm2.
+    of_area: Bend,
+    /// In index space.
+    of_volume: Bend,
 }
 
-impl Edges {
+/// Sums over pairs of neighbours.
+#[derive(Default)]
+struct Bend {
+    /// Change of the normal along the axis, outward bends above 0, times area.
+    bend: f64,
+    /// The same without its sign.
+    change: f64,
+    /// What edges lack.
+    edges: f64,
+}
+
+impl Bend {
+    fn add(&mut self, cosine: f64, change: f64, [mean, least]: [f64; 2]) {
+        if cosine >= EDGE {
+            self.bend += change * mean;
+            self.change += change.abs() * mean;
+        } else if cosine >= WALL {
+            self.edges += (1.0 - cosine) * least;
+        }
+    }
+}
+
+impl Bends {
     /// Begins the next slice.
     fn begin(&mut self) {
         std::mem::swap(&mut self.before, &mut self.now);
         self.now.clear();
     }
 
-    /// What the edges of this slice lack, and those to the one before. Both are ordered by rows.
-    fn lacking(&self) -> f64 {
-        let lacks = |a: &Patch, b: &Patch| {
-            let cosine: f64 = a.normal.iter().zip(&b.normal).map(|(a, b)| a * b).sum();
-            if (WALL..EDGE).contains(&cosine) { (1.0 - cosine) * a.part.min(b.part) } else { 0.0 }
+    /// Adds the pairs of this slice, and those to the one before. Both are ordered by rows.
+    fn end(&mut self, weights: &Weights) {
+        let Self { before, now, of_area, of_volume } = self;
+        let mut add = |low: &Patch, high: &Patch, axis: usize| {
+            let cosine = dot(low.normal, high.normal);
+            let column = weights.columns[axis];
+            let part = |n: [f64; 3]| dot(n, column) / weights.spacing_mm[axis];
+            // The voxel on an edge is the one that faces along the axis; it lacks a face like its neighbour's.
+            let faces_along = |patch: &Patch| patch.along[axis].abs();
+            let lacking = if weights.cells {
+                low.part.min(high.part)
+            } else if faces_along(low) < faces_along(high) {
+                low.part
+            } else {
+                high.part
+            };
+            let parts = [(low.part + high.part) / 2.0, lacking];
+            of_area.add(cosine, part(high.normal) - part(low.normal), parts);
+            let usual = (low.usual_part() + high.usual_part()) / 2.0;
+            let parts = [usual, low.part_of_voxels.min(high.part_of_voxels)];
+            of_volume.add(cosine, high.along[axis] - low.along[axis], parts);
         };
-        let mut sum = 0.0;
         let (mut above, mut behind) = (0, 0);
         let reached = |all: &[Patch], at: &mut usize, y: u32, x: u32| {
             while all.get(*at).is_some_and(|p| (p.y, p.x) < (y, x)) {
@@ -194,22 +265,78 @@ impl Edges {
             }
             all.get(*at).is_some_and(|p| (p.y, p.x) == (y, x))
         };
-        for (i, patch) in self.now.iter().enumerate() {
+        for (i, patch) in now.iter().enumerate() {
             let Patch { y, x, .. } = *patch;
-            if let Some(left) = i.checked_sub(1).map(|i| &self.now[i])
+            if let Some(left) = i.checked_sub(1).map(|i| &now[i])
                 && left.y == y
                 && left.x + 1 == x
             {
-                sum += lacks(left, patch);
+                add(left, patch, 0);
             }
-            if y > 0 && reached(&self.now, &mut above, y - 1, x) {
-                sum += lacks(&self.now[above], patch);
+            if y > 0 && reached(now, &mut above, y - 1, x) {
+                add(&now[above], patch, 1);
             }
-            if reached(&self.before, &mut behind, y, x) {
-                sum += lacks(&self.before[behind], patch);
+            if reached(before, &mut behind, y, x) {
+                add(&before[behind], patch, 2);
             }
         }
-        sum
+    }
+
+    /// What the volume of cells lacks, and its error; of so many faces of voxels. Normals that turn to and fro are those
+    /// of a rough surface.
+    fn volume(&self, faces: f64) -> (f64, f64) {
+        let Bend { bend, change, edges } = self.of_volume;
+        let rough = change - bend.abs();
+        (0.116 * bend + 0.188 * edges, 0.03 * change + rough + 0.28 * edges + 0.001 * faces)
+    }
+
+    /// What the area lacks, and its error. That of cells holds the difference to the surface `within` them: the count
+    /// is off where a bend faces along an axis, the surface within where planes are.
+    fn area(&self, within: Option<f64>, area: f64) -> (f64, f64) {
+        let Bend { bend, change, edges } = self.of_area;
+        match within {
+            Some(within) => {
+                let apart = (area - within).abs();
+                (0.343 * edges, 0.02 * change + 0.9 * edges + 0.005 * area + apart)
+            }
+            None => (0.6 * bend + 0.924 * edges, 0.1 * change + 0.85 * edges + 0.004 * area),
+        }
+    }
+}
+
+/// Boxes of the surface that face one way.
+///
+/// The middle of a voxel says whether it is inside, so a flat face seems to lie up to half a voxel off its place, all of
+/// it to the same side; faces of different directions are off by themselves.
+struct Facets([u64; 6 * Facets::ACROSS * Facets::ACROSS]);
+
+impl Default for Facets {
+    fn default() -> Self {
+        Self([0; _])
+    }
+}
+
+impl Facets {
+    /// Directions told apart along each side of a face of the cube of directions: faces along the axes are in the middle
+    /// of one.
+    const ACROSS: usize = 9;
+
+    fn add(&mut self, patch: &Patch) {
+        let (along, axis) = (patch.along, patch.axis);
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 9")]
+        let across = |k: usize| {
+            let part = along[(axis + k) % 3] / along[axis].abs();
+            (((part + 1.0) / 2.0 * Self::ACROSS as f64) as usize).min(Self::ACROSS - 1)
+        };
+        let side = 2 * axis + usize::from(along[axis] < 0.0);
+        if let Some(boxes) = self.0.get_mut((side * Self::ACROSS + across(1)) * Self::ACROSS + across(2)) {
+            *boxes += 1;
+        }
+    }
+
+    /// Error of a volume counted in voxels: 2.5 times the standard deviation.
+    fn volume_error(&self) -> f64 {
+        2.5 * (self.0.iter().map(|boxes| count(*boxes).powi(2)).sum::<f64>() / 12.0).sqrt()
     }
 }
 
@@ -279,7 +406,7 @@ mod tests {
         assert!(found.box_mm[1].iter().all(|v| (v - 32.75).abs() < 0.1), "{:?}", found.box_mm);
     }
 
-    /// A voxel on an edge counts for one face of two: the error says so.
+    /// A voxel on an edge counts for one face of two: what the other lacks is added.
     #[test]
     fn the_true_area_of_a_box_lies_within_the_error() {
         let inside = |p: [i32; 3]| p.iter().all(|c| (4..44).contains(c));
@@ -298,8 +425,8 @@ mod tests {
             let dims = Dims::new(48, 48, 48).unwrap();
             let found = measure(&tree.view(), dims, &Affine::from_spacing([0.5; 3]), false).unwrap();
             let (area, error) = found.area_mm2.unwrap();
-            let lacks = 6.0 * 20.0 * 20.0 - area;
-            assert!(lacks > 0.0 && lacks <= 1.02 * error && error < 2.0 * lacks, "{area} {error}");
+            let off = 6.0 * 20.0 * 20.0 - area;
+            assert!(off.abs() <= error && error < 0.12 * area, "{area} {error}");
         }
     }
 
@@ -356,11 +483,10 @@ mod tests {
         let found = measure(&tree.view(), Dims::new(48, 48, 48).unwrap(), &affine, false).unwrap();
         let (volume, _) = found.volume_mm3.unwrap();
         assert!((volume - count(voxels) * 0.5).abs() < 1e-9 && voxels == 40 * 40 * 8, "{volume}");
-        // Voxels on an edge count once: 1600 of the flat faces, 40 x 6 of the upright and 38 x 6 of the slanting ones.
         let slant = (0.5_f64 * 0.5 + 1.0).sqrt();
-        let faces = 2.0 * (1600.0 * 0.25 + 240.0 * 1.0 + 228.0 * slant);
-        let (area, _) = found.area_mm2.unwrap();
-        assert!((area - faces).abs() < 1e-3 * faces, "{area} {faces}");
+        let faces = 2.0 * (1600.0 * 0.25 + 320.0 * 1.0 + 320.0 * slant);
+        let (area, error) = found.area_mm2.unwrap();
+        assert!((area - faces).abs() < error && error < 0.15 * faces, "{area} {error} {faces}");
     }
 
     /// Nothing lies between: rows and slices without skin must cost nothing, or a file of 100 bytes takes a minute.
@@ -371,6 +497,21 @@ mod tests {
         let found = measure(&far.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!(found.voxels, [[0; 3], [65536; 3]]);
         assert_eq!(found.enclosed, Enclosed::default());
+    }
+
+    /// Their normals hold no direction but the longest axis'.
+    #[test]
+    fn of_voxels_that_are_far_too_long_nothing_is_known() {
+        let (r, c) = (14.0, 20.0);
+        let (tree, _) = skin(40, |p| radius(p.map(f64::from), c) <= r, Some(&|p| p.map(|v| v - c)));
+        let dims = Dims::new(40, 40, 40).unwrap();
+        for (spacing, known) in [([1e-3, 1.0, 1e3], false), ([1.0, 1.0, 5.0], true)] {
+            let found = measure(&tree.view(), dims, &Affine::from_spacing(spacing), false).unwrap();
+            assert_eq!(
+                (found.is_uneven, found.area_mm2.is_some(), found.volume_mm3.is_some()),
+                (!known, known, known)
+            );
+        }
     }
 
     #[test]

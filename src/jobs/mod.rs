@@ -23,5 +23,6 @@ pub mod scene;
 mod schema;
 pub mod shots;
 pub mod verify;
+mod within;
 
 pub use crate::platform::{give_back, map_large_buffers};

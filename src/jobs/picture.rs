@@ -155,7 +155,8 @@ pub fn render_file(
     let size = [request.width, request.height];
     let give_back = || model.give_back();
     let held_pixels = outputs.shots.held_pixels(size);
-    let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, &give_back);
+    let pages = (model.bytes().len() as u64, &give_back as &(dyn Fn() + Sync));
+    let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, pages);
     let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
     if outputs.shots == Shots::One {
         let mut rows = layers.begin(size)?;

@@ -24,6 +24,12 @@ const MAX_STEP: u64 = 20 << 20;
 /// Pages of the model that are kept in any case; fewer, and they come and go all the time.
 const KEPT_PAGES: u64 = 3 << 20;
 
+/// Bytes of a file that the system maps together.
+const MAPPED_AT_A_TIME: u64 = 64 << 10;
+
+/// Pixels along a tile of rays.
+const TILE: u32 = 8;
+
 /// Fewest pixels of a band, if its 8 rows are not more.
 const MIN_BAND: u32 = 1 << 13;
 
@@ -42,17 +48,22 @@ pub(super) struct Relief<'a> {
     threads: u64,
     /// Pixels of whole pictures that are held beside the bands.
     held_pixels: u64,
+    /// Pages that the model has.
+    model_bytes: u64,
+    /// Is there room for all of them, so that nothing has to be looked at?
+    fits_whole: AtomicBool,
     /// What there is in any case: known before the first picture is made.
     base_bytes: OnceLock<u64>,
 }
 
 impl<'a> Relief<'a> {
-    /// Keeps to a cap, if there is one, by giving pages back; `held_pixels` of whole pictures are in memory together.
+    /// Keeps to a cap, if there is one, by giving pages of a model of so many bytes back; `held_pixels` of whole pictures
+    /// are in memory together.
     pub(super) fn new(
         limit_bytes: Option<u64>,
         threads: usize,
         held_pixels: u64,
-        give_back: &'a (dyn Fn() + Sync),
+        (model_bytes, give_back): (u64, &'a (dyn Fn() + Sync)),
     ) -> Self {
         if limit_bytes.is_some() {
             // Code that started the program and opened the model.
@@ -66,6 +77,8 @@ impl<'a> Relief<'a> {
             step_bytes: AtomicU64::new(STEP),
             threads: threads.max(1) as u64,
             held_pixels,
+            model_bytes: model_bytes.next_multiple_of(MAPPED_AT_A_TIME),
+            fits_whole: AtomicBool::new(false),
             base_bytes: OnceLock::new(),
         }
     }
@@ -76,10 +89,16 @@ impl<'a> Relief<'a> {
     /// [`RenderError`] when the fewest do not fit.
     pub(super) fn band_pixels(&self, canvas: &Canvas, boxes_wide: f64) -> Result<Option<u32>, RenderError> {
         let Some(limit_bytes) = self.limit_bytes else { return Ok(None) };
+        // A flat picture has fewer rays to a tile.
+        let side = |pixels: u32| f64::from(pixels.min(TILE)) / f64::from(TILE);
+        let wide = boxes_wide.max(0.0) * side(canvas.width) * side(canvas.height);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to a limit")]
-        let step_bytes = (STEP + (STEP_A_BOX * boxes_wide.max(0.0)) as u64).min(MAX_STEP);
+        let step_bytes = (STEP + (STEP_A_BOX * wide) as u64).min(MAX_STEP);
         self.step_bytes.store(step_bytes, Ordering::Relaxed);
-        let base = *self.base_bytes.get_or_init(|| self.base());
+        // No picture touches more than the model has.
+        let pages = KEPT_PAGES + self.under_way();
+        self.fits_whole.store(self.model_bytes <= pages, Ordering::Relaxed);
+        let base = *self.base_bytes.get_or_init(|| self.base()) + pages.min(self.model_bytes);
         let mut most = None;
         loop {
             let minimum_bytes = base + parts_bytes(&Canvas { most_band_pixels: most, ..*canvas });
@@ -104,7 +123,7 @@ impl<'a> Relief<'a> {
     ///
     /// Cost: without a cap none; a look reads a file of the system, some microseconds.
     pub(super) fn look(&self) {
-        if self.limit_bytes.is_none() {
+        if self.limit_bytes.is_none() || self.fits_whole.load(Ordering::Relaxed) {
             return;
         }
         if self.steps.fetch_sub(1, Ordering::Relaxed) <= 0 {
@@ -132,10 +151,10 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// What the process has in any case, whole pictures, and room for pages of the model.
+    /// What the process has in any case, and whole pictures.
     fn base(&self) -> u64 {
         let held = WHOLE_PIXEL * self.held_pixels;
-        own_rss_bytes() + costs::CODE_BYTES + held + KEPT_PAGES + self.under_way()
+        own_rss_bytes() + costs::CODE_BYTES + held
     }
 
     /// Room for the steps that all threads are at, and for one more.

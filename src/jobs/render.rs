@@ -180,7 +180,7 @@ pub fn render_view_watched(
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<(Image, RenderReport), RenderError> {
-    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, 1, 0, &|| {}))
+    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, 1, 0, (0, &|| {})))
 }
 
 /// As [`render_view_watched`], with a look at the process's memory now and then.

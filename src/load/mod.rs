@@ -32,6 +32,6 @@ pub(crate) use model::open_regular;
 pub use model::{Items, Model, ModelView};
 pub use stream::{Cursor, Fault, ReadAt};
 pub use verify::verify;
-pub(crate) use verify::{check_storage, walk, walked_channels};
+pub(crate) use verify::{check_minor, check_storage, walk, walked_channels};
 pub use view::NodeView;
 pub use voxels::{StoredVoxel, StoredVoxels};

@@ -4,9 +4,10 @@
 //! the order in which they are stored: one sequential cursor per depth and channel is all that is
 //! needed, and no rank is ever used.
 
+use crate::format::packed::GROUPS_MINOR;
 use crate::format::{
-    Channel, FormatError, MeanRule, SectionEntry, SectionKind, SelectionKind, Sum, SurfaceKind, cell, number,
-    rank,
+    Channel, Encoding, FormatError, MeanRule, SectionEntry, SectionKind, SelectionKind, Sum, SurfaceKind,
+    VERSION_MINOR, cell, least_minor, number, rank,
 };
 use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
 
@@ -17,7 +18,7 @@ use super::stream::{Cursor, Fault, ReadAt};
 /// a check of the means one more per channel and depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
-/// Checks every invariant of a mapped file (SPEC I1 to I18).
+/// Checks every invariant of a mapped file (SPEC I1 to I19).
 ///
 /// Memory: under 2 MiB for any file. Cost: three passes over the nodes, two over the rest.
 ///
@@ -26,12 +27,26 @@ const CURSOR_BYTES: usize = 16 << 10;
 pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     let frame = Frame::read(source)?;
     frame.refuse_packed()?;
+    check_minor(&frame)?;
     check_storage(source, &frame)?;
     check_metadata(&frame)?;
     check_rank(source, &frame)?;
     check_corners(source, &frame)?;
     check_means(source, &frame)?;
     Ok(frame)
+}
+
+/// SPEC I19: the minor version is the lowest that suffices, of a packed file also that of its groups, or one that is not
+/// known here.
+///
+/// # Errors
+/// It is another one.
+pub(crate) fn check_minor(frame: &Frame) -> Result<(), FormatError> {
+    let minor = frame.header.minor;
+    let of_groups = frame.header.encoding == Encoding::Packed && minor == GROUPS_MINOR;
+    let suffices = minor == least_minor(frame.surface(), &frame.sections);
+    let is_sound = suffices || of_groups || minor > VERSION_MINOR;
+    if is_sound { Ok(()) } else { Err(FormatError::MinorApart { minor }) }
 }
 
 /// SPEC I8 and I9: checksums of the stored bytes, and zeros between the sections.

@@ -8,7 +8,7 @@
 //! all decisions are made in integers, so that they do not depend on order, memory or threads.
 
 use crate::facts::MeshFault;
-use crate::geom::Dims;
+use crate::geom::{Affine, Dims};
 
 /// Lattice steps of a voxel.
 pub(crate) const STEPS: i32 = 1 << 12;
@@ -139,6 +139,9 @@ impl Grid {
         let sound = scale.is_finite() && scale > 0.0 && shift.iter().all(|s| s.is_finite());
         if side > MAX_SIDE || !sound {
             return Err(MeshFault::GridSize { side });
+        }
+        if Affine::from_spacing([voxel_mm; 3]).inverse().is_none() {
+            return Err(MeshFault::Extent { mm: side * voxel_mm });
         }
         Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
     }

@@ -20,10 +20,6 @@ pub struct GridSpace {
     frame_mm: [f64; 3],
 }
 
-/// Boxes that [`GridSpace::support`] looks at before it settles for a looser bound; a sound model needs
-/// a few hundred.
-const SUPPORT_VISITS: u32 = 1 << 16;
-
 impl GridSpace {
     /// Places a volume by its affine (voxel index to LPS mm).
     ///
@@ -128,10 +124,11 @@ impl GridSpace {
         self.world_to_grid.apply(world)
     }
 
-    /// Greatest value of `direction . p` over the skin's points p, to within 1/2048 of the grid and never
-    /// too small. Of an empty model: over the volume's box.
+    /// Greatest value of `direction . p` over the skin's points p. Of an empty model: over the volume's box.
     ///
-    /// Descends only where a box could still exceed the best so far: a few hundred nodes.
+    /// Exact for models of up to 2048 voxels a side; of larger ones over boxes 1/2048 of the grid wide that hold
+    /// skin, so never too small. Descends only where a box with children that far out could still exceed the best so
+    /// far: a few hundred nodes, and of a large flat face square to the direction one in eight of its boxes.
     pub fn support(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
         self.support_to(view, direction, 0)
     }
@@ -142,41 +139,84 @@ impl GridSpace {
         let finest = depth.saturating_sub(11).max(finest);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
         let constant = dot(direction, self.grid_to_world.origin());
-        let bound = |low: [u32; 3], edge: u32| {
-            (0..3).fold(constant, |sum, a| {
-                let at = if weight[a] > 0.0 { low[a] + edge } else { low[a] };
-                sum + weight[a] * f64::from(at)
-            })
-        };
         if view.voxel_count() == 0 || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
             let corner = self.dims.to_array();
             return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
         }
+        let way = Way { weight, constant, view, farthest: farthest_octants(weight) };
+        let root = (way.bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth);
         let mut best = f64::NEG_INFINITY;
-        let mut waiting = vec![(bound([0; 3], 1 << depth), BoxIndex::ROOT, [0_u32; 3], depth)];
+        let mut waiting = vec![root];
+        // Nodes of a damaged model may have children in common.
         let mut visits = 0;
         while let Some((most, number, low, level)) = waiting.pop() {
-            visits += 1;
             if most <= best {
                 continue;
             }
-            if level <= finest || visits > SUPPORT_VISITS {
+            visits += 1;
+            if level <= finest || visits > view.node_count() {
                 best = most;
                 continue;
             }
             let half = 1_u32 << (level - 1);
+            let infobyte = view.infobyte(number.node());
+            let children = view.first_child(number.node());
             let first = waiting.len();
-            for octant in Octant::ALL {
-                if let Some(child) = view.child(number.node(), octant) {
-                    let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
-                    waiting.push((bound(at, half), child, at, level - 1));
+            for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
+                let child = children.after(octant.rank_in(infobyte));
+                let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
+                if level - 1 == finest {
+                    best = best.max(way.bound(at, half));
+                    continue;
+                }
+                // No farther than the farthest of its own children.
+                let most = way.bound_of_node(child, at, level - 1);
+                if most > best && level - 2 == finest {
+                    best = most;
+                } else if most > best {
+                    waiting.push((most, child, at, level - 1));
                 }
             }
             // The most promising child is taken first.
             waiting[first..].sort_by(|a, b| a.0.total_cmp(&b.0));
         }
-        if best.is_finite() { best } else { bound([0; 3], 1 << depth) }
+        if best.is_finite() { best } else { root.0 }
     }
+}
+
+/// A direction in the grid, and how far along it the boxes of a model lie.
+struct Way<'a> {
+    weight: [f64; 3],
+    constant: f64,
+    view: &'a ModelView<'a>,
+    farthest: [Octant; 8],
+}
+
+impl Way<'_> {
+    /// Greatest value within a box.
+    fn bound(&self, low: [u32; 3], edge: u32) -> f64 {
+        (0..3).fold(self.constant, |sum, a| {
+            let at = if self.weight[a] > 0.0 { low[a] + edge } else { low[a] };
+            sum + self.weight[a] * f64::from(at)
+        })
+    }
+
+    /// Greatest value within a node's children.
+    fn bound_of_node(&self, node: BoxIndex, low: [u32; 3], level: u32) -> f64 {
+        let (half, infobyte) = (1_u32 << (level - 1), self.view.infobyte(node.node()));
+        let farthest = self.farthest.iter().find(|octant| octant.is_in(infobyte));
+        let bound =
+            |octant: &Octant| self.bound(std::array::from_fn(|a| low[a] + octant.high()[a] * half), half);
+        farthest.map_or(f64::NEG_INFINITY, bound)
+    }
+}
+
+/// Octants, those that lie farthest along a direction first.
+fn farthest_octants(weight: [f64; 3]) -> [Octant; 8] {
+    let mut all = Octant::ALL;
+    let along = |octant: &Octant| (0..3).map(|a| weight[a] * f64::from(octant.high()[a])).sum::<f64>();
+    all.sort_by(|a, b| along(b).total_cmp(&along(a)));
+    all
 }
 
 #[cfg(test)]
@@ -217,6 +257,50 @@ mod tests {
                 }
             }
             assert!((space.support(&tree.view(), d) - want).abs() < 1e-9, "{d:?}");
+        }
+    }
+
+    /// Such a face has a hundred thousand boxes that may reach farther than its voxels do.
+    #[test]
+    fn the_support_of_a_large_flat_face_is_exact() {
+        let dims = Dims::new(1024, 1024, 128).unwrap();
+        let turned = |angle: f64| {
+            let (sin, cos) = (angle.sin(), angle.cos());
+            Affine {
+                rows: [
+                    [0.5, 0.0, 0.0, 1.0],
+                    [0.0, 0.5 * cos, -0.5 * sin, 2.0],
+                    [0.0, 0.5 * sin, 0.5 * cos, 3.0],
+                ],
+            }
+        };
+        // A plate with holes and a slope, each at an odd height.
+        let holes = |x: u32, y: u32| !(x * 7 + y * 3).is_multiple_of(11);
+        let plate = |x: u32, y: u32| Some(if holes(x, y) { 101_u32 } else { 98 });
+        let slope = |x: u32, y: u32| Some(1 + (x + 3 * y) / 64);
+        for height in [&plate as &dyn Fn(u32, u32) -> Option<u32>, &slope] {
+            let mut voxels: Vec<[u32; 3]> = Vec::new();
+            for y in 0..1024 {
+                voxels.extend((0..1024).filter_map(|x| Some([x, y, height(x, y)?])));
+            }
+            let mut codes: Vec<u64> = voxels.iter().map(|p| morton::encode(p[0], p[1], p[2])).collect();
+            codes.sort_unstable();
+            let tree = MemoryTree::new(dims, &codes).unwrap();
+            for angle in [0.0, 0.01, -0.3] {
+                let space = GridSpace::new(dims, &turned(angle)).unwrap();
+                // Square to the slope, or the axes of the world.
+                let square = space.normal_to_world([-1.0, -3.0, 64.0]);
+                for d in [[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], square, square.map(|c| -c)] {
+                    let w: [f64; 3] = std::array::from_fn(|a| dot(d, space.grid_to_world.column(a)));
+                    let farthest = |p: &[u32; 3]| {
+                        (0..3).map(|a| w[a] * f64::from(p[a] + u32::from(w[a] > 0.0))).sum::<f64>()
+                    };
+                    let want = voxels.iter().map(farthest).fold(f64::NEG_INFINITY, f64::max)
+                        + dot(d, space.grid_to_world.origin());
+                    let found = space.support(&tree.view(), d);
+                    assert!((found - want).abs() < 1e-9, "{angle} {d:?}: {found} {want}");
+                }
+            }
         }
     }
 

@@ -20,6 +20,11 @@ use super::world::{From, Lot, World};
 /// Least share of a point's light that a line is followed for.
 const MIN_SHARE: f64 = 1.0 / 1024.0;
 
+/// Cosine between a normal and the line of sight up to which the surface is seen from its outside, near its rim: normals
+/// there lead away from the eye by what they err, and by what the surface bends within a voxel. Beyond it the surface is
+/// seen from within.
+const BEYOND_RIM: f64 = 0.35;
+
 /// A line that is still to be followed.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Branch {
@@ -144,8 +149,13 @@ impl Stage<'_> {
             }
             Met::Surface(hit) => (body.part.color(&hit), self.surface_normal(kept, branch, number, hit)),
         };
-        if dot(normal, sight) > 0.0 {
+        let away = dot(normal, sight);
+        if away > BEYOND_RIM {
             normal = normal.map(|c| -c);
+        } else if away > 0.0 {
+            let rim = add_scaled(normal, -away, sight);
+            let length = dot(rim, rim).sqrt();
+            normal = rim.map(|c| c / length);
         }
         let point = add_scaled(line.0, met.t(), line.1);
         Spot { number, material, color, point, sight, normal, enters, met }
@@ -155,7 +165,9 @@ impl Stage<'_> {
     fn surface_normal(&self, kept: &mut Kept, branch: &Branch, number: usize, hit: Hit) -> ([f64; 3], bool) {
         let (body, line) = (&self.world.bodies[number], branch.line);
         let outward = body.outward(line, hit);
-        let enters = !branch.media.has(number) && outward.is_none_or(|outward| dot(outward, line.1) < 0.0);
+        let length = dot(line.1, line.1).sqrt();
+        let from_outside = |outward| dot(outward, line.1) <= BEYOND_RIM * length;
+        let enters = !branch.media.has(number) && outward.is_none_or(from_outside);
         let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
         let smooth = if smooth { body.smooth_outward(line, hit) } else { None };
         let shown = match (smooth, kept.around.get_mut(body.part.file())) {
@@ -167,12 +179,14 @@ impl Stage<'_> {
             }
             (None, None) => outward.unwrap_or(line.1),
         };
-        (shown, enters)
+        // At a rim a line may come in by a face that looks the other way.
+        let is_turned = enters && outward.is_some_and(|outward| dot(shown, outward) < 0.0);
+        (if is_turned { shown.map(|c| -c) } else { shown }, enters)
     }
 
     /// Mirrored and bent lines.
     fn follow(&self, kept: &mut Kept, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
-        let (material, cosine) = (spot.material, -dot(spot.normal, spot.sight));
+        let (material, cosine) = (spot.material, (-dot(spot.normal, spot.sight)).max(0.0));
         if branch.bounces >= self.most_bounces {
             return;
         }

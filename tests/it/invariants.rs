@@ -10,6 +10,8 @@ use infobyte::format::SectionEntry;
 use infobyte::format::assemble::join_sections;
 use infobyte::format::{Selection, SelectionKind};
 use infobyte::geom::Level;
+use infobyte::jobs::pack::{pack, unpack};
+use infobyte::jobs::verify::verify_file;
 use infobyte::load::Fault;
 use support::shell;
 
@@ -452,4 +454,29 @@ fn i17_metadata_and_sections_agree() {
     ]);
     let nan = with_metadata(&full, |m| m.selection.lo = f64::NAN);
     assert!(matches!(fault(&nan), E::SelectionRange { .. }));
+}
+
+/// Pack and unpack refuse what verify does: the mapped file that a packed one holds has the lowest version that suffices.
+#[test]
+fn i19_minor_version() {
+    let folder = tempfile::tempdir().unwrap();
+    let [mapped, packed, other] = ["a.oct", "b.oct", "c.oct"].map(|name| folder.path().join(name));
+    let file = sound();
+    std::fs::write(&mapped, &file).unwrap();
+    pack(&mapped, &packed).unwrap();
+    let stating = |file: &[u8], minor: u8| with_header(file, |h| h[10] = minor);
+    for minor in 1..=2 {
+        let file = stating(&file, minor);
+        assert!(
+            matches!(verify(file.as_slice()), Err(Fault::Format(E::MinorApart { minor: m })) if m == u16::from(minor))
+        );
+        std::fs::write(&other, &file).unwrap();
+        assert!(verify_file(&other).is_err() && pack(&other, &folder.path().join("d.oct")).is_err());
+    }
+    let file = std::fs::read(&packed).unwrap();
+    std::fs::write(&other, stating(&file, 1)).unwrap();
+    assert!(verify_file(&other).is_err() && unpack(&other, &folder.path().join("d.oct")).is_err());
+    // Of a later version nothing is known.
+    assert!(verify(stating(&sound(), 3).as_slice()).is_ok());
+    verify_file(&packed).unwrap();
 }

@@ -86,6 +86,23 @@ fn pictures_of_every_kind_keep_to_their_cap() {
     held_to(&model, folder.path(), "200x200", "2", &["--turntable", "2"]);
 }
 
+/// A picture of one row sees little, and no picture more than the model has.
+#[test]
+fn flat_pictures_need_no_more_than_what_they_touch() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = noise(folder.path(), if is_slow() { 192 } else { 384 }, "skin");
+    let whole = fs::metadata(&model).unwrap().len();
+    let output = text(&folder.path().join("picture.png"));
+    for size in ["1024x1", "1x1024", "1024x1024"] {
+        let refused = oct(&["render", &text(&model), "-o", &output, "--size", size, "--memory", "2MiB"]);
+        refused.refused(4, &["too small for this picture"]);
+        let least = parse_size(smallest_budget(&refused.stderr)).unwrap();
+        // The program, a band of the picture, and all of the model.
+        assert!(least < 12 * MIB + whole, "{size}: {least}");
+    }
+    held_to(&model, folder.path(), "1024x1", "2", &[]);
+}
+
 /// What is given back comes again, and shows the same.
 #[test]
 fn a_cap_changes_no_pixel() {

@@ -99,6 +99,67 @@ fn sphere((origin, direction): ([f64; 3], [f64; 3]), middle: [f64; 3], radius: f
         .and_then(|t| t.into_iter().find(|t| *t > 1e-6))
 }
 
+/// Normals at the rim of a ball are those of the ball, within what they are stored and blended to; none leads the other
+/// way.
+#[test]
+fn normals_at_silhouettes_are_not_negated() {
+    for (spacing, radius, surface, most_deg) in [
+        ([1.0; 3], 24.0_f64, SurfaceKind::Skin, 15.0),
+        ([0.7, 1.3, 2.0], 24.0, SurfaceKind::Skin, 20.0),
+        ([1.0; 3], 6.0, SurfaceKind::Skin, 30.0),
+        ([1.0; 3], 24.0, SurfaceKind::Cells, 15.0),
+        ([0.7, 1.3, 2.0], 24.0, SurfaceKind::Cells, 20.0),
+    ] {
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small bodies")]
+        let dims = spacing.map(|spacing| (2.0 * radius / spacing).ceil() as u32 + 6);
+        let middle: [f64; 3] = std::array::from_fn(|a| f64::from(dims[a] - 1) / 2.0);
+        #[expect(clippy::cast_possible_truncation, reason = "a depth")]
+        let depth = |p: [u32; 3]| {
+            let at: [f64; 3] = std::array::from_fn(|a| (f64::from(p[a]) - middle[a]) * spacing[a]);
+            (radius - dot(at, at).sqrt()) as f32
+        };
+        let mut affine = Affine::from_spacing(spacing);
+        (0..3).for_each(|a| affine.rows[a][3] = -middle[a] * spacing[a]);
+        let [x, y, z] = dims;
+        let volume = Voxels::from_fn(Dims::new(x, y, z).unwrap(), depth).placed(affine);
+        let options =
+            BuildOptions { threshold: Threshold::Iso(0.0), surface, threads: 1, ..BuildOptions::default() };
+        let folder = TempDir::new().unwrap();
+        let path = folder.path().join("ball.oct");
+        infobyte::build(&volume, &options, &path).unwrap();
+        let model = Model::open(&path).unwrap();
+        let view = model.view();
+        for material in [plain([1.0; 3]), Material { mirror: 0.5, ..plain([1.0; 3]) }] {
+            let parts = [part(&model, (&view, 0), STAY, material)];
+            let mut look = look([-90.0, -120.0, 70.0], [0.0; 3], Projection::Perspective, 25.0, 96);
+            look.normals = true;
+            let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
+            let normals = image.normals.as_ref().unwrap();
+            let (mut seen, mut far, mut farthest) = (0, 0, 0.0_f64);
+            for y in 0..96 {
+                for x in 0..96 {
+                    let at = 3 * (y * 96 + x) as usize;
+                    if normals[at..at + 3] == [0; 3] {
+                        continue;
+                    }
+                    seen += 1;
+                    let n: [f64; 3] = std::array::from_fn(|a| f64::from(normals[at + a]) / 127.5 - 1.0);
+                    let (origin, sight) = line(&look, [x, y]);
+                    let t = sphere((origin, sight), [0.0; 3], radius).unwrap_or(-dot(origin, sight));
+                    let p = add_scaled(origin, t, sight);
+                    let cosine = dot(n, p) / (dot(n, n) * dot(p, p)).sqrt();
+                    farthest = farthest.max(cosine.clamp(-1.0, 1.0).acos().to_degrees());
+                    far += u32::from(cosine < 0.0);
+                }
+            }
+            assert!(
+                far == 0 && farthest < most_deg,
+                "{spacing:?} {surface:?}: {far} of {seen} negated, {farthest} degrees off"
+            );
+        }
+    }
+}
+
 /// The x of the wall that a pixel sees through balls about the origin, and how far behind them the wall is. A step has
 /// a radius and the indices before and behind the surface; nothing near a rim or where all is thrown back.
 fn seen_through(

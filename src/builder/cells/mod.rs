@@ -32,6 +32,7 @@ mod window;
 
 use super::error::BuildError;
 use super::item::ItemForm;
+use super::report::BuildNote;
 use super::ring::{RingForm, border_unit};
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -138,6 +139,10 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             batch: Batch::new(),
             items: CellItems::new(),
         })
+    }
+
+    fn note(&self) -> Option<BuildNote> {
+        self.volume.note()
     }
 
     fn nothing_inside(&self) -> BuildError {

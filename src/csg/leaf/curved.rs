@@ -3,7 +3,7 @@
 //! A leaf has a frame: a middle m and three axes e on the lattice. u(p), with p = m + u1 e1 + u2 e2 + u3 e3, is a
 //! rational number of whole numbers: u = q / D, D the determinant of the axes, q the adjugate times p - m.
 //!
-//! | leaf | inside is | as whole numbers |
+//! | leaf | inside is, or on it | as whole numbers |
 //! |---|---|---|
 //! | ellipsoid | `|u| <= 1` | `q1^2 + q2^2 + q3^2 <= D^2` |
 //! | cylinder, cone | `u1^2 + u2^2 <= w(u3)^2`, `0 <= u3 <= 1`, `w = r0 + u3 (r1 - r0)` | `(S q1)^2 + (S q2)^2 <= (D R0 + q3 (R1 - R0))^2`, radii being R / S |
@@ -11,7 +11,9 @@
 //!
 //! Squares have up to 226 bits. They are only asked for where double precision leaves doubt: each leaf has a
 //! function g of u, below 0 inside, that nowhere changes faster than u does (times two for a cylinder), so that one
-//! value of g decides for a whole box or for part of a row.
+//! value of g decides for a whole box or for part of a row. Middles on the surface are moved, as those of all leaves.
+
+use std::cmp::Ordering;
 
 use super::{Face, Rows};
 use crate::builder::Cover;
@@ -177,19 +179,27 @@ impl Curved {
         if g.abs() > self.unsure { g < 0.0 } else { self.decide(p) }
     }
 
-    /// By the definition.
+    /// By the definition; a middle on the surface by where it is moved.
     fn decide(&self, p: [i64; 3]) -> bool {
         let d: [i128; 3] = std::array::from_fn(|k| i128::from(p[k] - self.middle[k]));
         let (adjugate, whole) = adjugate(&self.axes);
         let q = adjugate.map(|row| row[0] * d[0] + row[1] * d[1] + row[2] * d[2]);
-        match self.round {
-            Round::Ellipsoid => sum(sum(square(q[0]), square(q[1])), square(q[2])) <= square(whole),
+        let (side, part) = match self.round {
+            Round::Ellipsoid => {
+                let squares = sum(sum(square(q[0]), square(q[1])), square(q[2]));
+                (squares.cmp(&square(whole)), 0)
+            }
             Round::Cylinder(radii) => {
                 let [r0, r1] = radii.map(i128::from);
                 let scale = i128::from(RATIO);
-                (0..=whole).contains(&q[2])
-                    && sum(square(scale * q[0]), square(scale * q[1]))
-                        <= square(whole * r0 + q[2] * (r1 - r0))
+                let width = square(whole * r0 + q[2] * (r1 - r0));
+                let sides = [
+                    sum(square(scale * q[0]), square(scale * q[1])).cmp(&width),
+                    0.cmp(&q[2]),
+                    q[2].cmp(&whole),
+                ];
+                // Where it lies on several parts it is inside if it is of each.
+                return sides.into_iter().enumerate().all(|(part, side)| self.is_within(side, part, p));
             }
             Round::Torus(tube) => {
                 // Tubes have 16 major radii at most: beyond 18 there is nothing, and nothing overflows.
@@ -199,9 +209,49 @@ impl Curved {
                 let [u, v, w] = q.map(|c| (2 * c * FIXED + whole).div_euclid(2 * whole));
                 let radial = u * u + v * v;
                 let left = radial + w * w + FIXED * FIXED - i128::from(tube).pow(2);
-                left <= 0 || left * left <= 4 * FIXED * FIXED * radial
+                (if left < 0 { Ordering::Less } else { (left * left).cmp(&(4 * FIXED * FIXED * radial)) }, 0)
+            }
+        };
+        self.is_within(side, part, p)
+    }
+
+    /// Is a point on this side of a part of the surface inside of it?
+    #[expect(clippy::cast_precision_loss, reason = "below 2^31")]
+    fn is_within(&self, side: Ordering, part: usize, p: [i64; 3]) -> bool {
+        match side {
+            Ordering::Less => true,
+            Ordering::Greater => false,
+            Ordering::Equal => {
+                super::leads_in(self.outwards(self.slope(self.local(p.map(|c| c as f64)), part)))
             }
         }
+    }
+
+    /// How g grows with u on a part of the surface: the round one, and the ends of a cylinder.
+    #[expect(clippy::cast_precision_loss, reason = "below 2^21")]
+    fn slope(&self, u: [f64; 3], part: usize) -> [f64; 3] {
+        let r = (u[0] * u[0] + u[1] * u[1]).sqrt().max(f64::MIN_POSITIVE);
+        match self.round {
+            Round::Ellipsoid => {
+                let length = dot(u, u).sqrt().max(f64::MIN_POSITIVE);
+                u.map(|c| c / length)
+            }
+            Round::Cylinder(radii) => match part {
+                0 => [u[0] / r, u[1] / r, -((radii[1] - radii[0]) as f64 / RATIO as f64)],
+                1 => [0.0, 0.0, -1.0],
+                _ => [0.0, 0.0, 1.0],
+            },
+            Round::Torus(_) => {
+                let around = ((r - 1.0).powi(2) + u[2] * u[2]).sqrt().max(f64::MIN_POSITIVE);
+                let ring = (r - 1.0) / around;
+                [u[0] / r * ring, u[1] / r * ring, u[2] / around]
+            }
+        }
+    }
+
+    /// The gradient in lattice coordinates: the transposed inverse times that in u.
+    fn outwards(&self, of_u: [f64; 3]) -> [f64; 3] {
+        [0, 1, 2].map(|k| (0..3).map(|j| self.inverse[j][k] * of_u[j]).sum::<f64>())
     }
 
     /// The part of the surface that lies between a voxel and its neighbour.
@@ -210,11 +260,8 @@ impl Curved {
         let here = self.local(voxel.map(|c| c as f64));
         let there = self.local(beside.map(|c| c as f64));
         let (inner, outer) = if is_inside { (here, there) } else { (there, here) };
-        let (value, of_u) = match self.round {
-            Round::Ellipsoid => {
-                let length = dot(here, here).sqrt().max(f64::MIN_POSITIVE);
-                (length - 1.0, here.map(|c| c / length))
-            }
+        let (value, part) = match self.round {
+            Round::Ellipsoid => (dot(here, here).sqrt().max(f64::MIN_POSITIVE) - 1.0, 0),
             Round::Cylinder(radii) => {
                 let radial = |u: [f64; 3]| (u[0] * u[0] + u[1] * u[1]).sqrt();
                 let parts = |u: [f64; 3]| [radial(u) - width(radii, u[2]), -u[2], u[2] - 1.0];
@@ -222,24 +269,15 @@ impl Curved {
                 // The way out leads through the part that it meets first.
                 let met = |k: usize| if b[k] > 0.0 { a[k] / (a[k] - b[k]) } else { f64::INFINITY };
                 let first = (1..3).fold(0, |best, k| if met(k).abs() < met(best).abs() { k } else { best });
-                let slope = (radii[1] - radii[0]) as f64 / RATIO as f64;
-                let r = radial(here).max(f64::MIN_POSITIVE);
-                let of_u = match first {
-                    0 => [here[0] / r, here[1] / r, -slope],
-                    1 => [0.0, 0.0, -1.0],
-                    _ => [0.0, 0.0, 1.0],
-                };
-                (parts(here)[first], of_u)
+                (parts(here)[first], first)
             }
             Round::Torus(tube) => {
                 let r = (here[0] * here[0] + here[1] * here[1]).sqrt().max(f64::MIN_POSITIVE);
                 let around = ((r - 1.0).powi(2) + here[2] * here[2]).sqrt().max(f64::MIN_POSITIVE);
-                let ring = (r - 1.0) / around;
-                (around - tube_of(tube), [here[0] / r * ring, here[1] / r * ring, here[2] / around])
+                (around - tube_of(tube), 0)
             }
         };
-        // The gradient in lattice coordinates: the transposed inverse times that in u.
-        let outwards = [0, 1, 2].map(|k| (0..3).map(|j| self.inverse[j][k] * of_u[j]).sum::<f64>());
+        let outwards = self.outwards(self.slope(here, part));
         let slope = dot(outwards, outwards).sqrt().max(f64::MIN_POSITIVE);
         Face { outwards, distance: (value / slope).abs() }
     }

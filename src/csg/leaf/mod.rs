@@ -9,7 +9,8 @@
 //!
 //! A leaf is placed once: corners, middles and axes are rounded to the lattice of 2^-12 voxel (radii along with the
 //! axes). From then on a voxel is inside if its middle is, decided in whole numbers for that placed solid; only a
-//! torus rounds once more, middles to 2^-26 of its major radius.
+//! torus rounds once more, middles to 2^-26 of its major radius. A middle that lies on a surface is moved by
+//! (-e, e^2, e^3), as for meshes: of two leaves that share a face it lies in one, whatever they are.
 
 mod body;
 mod cross;
@@ -73,6 +74,17 @@ pub(super) fn middles(region: &VoxelBox) -> [(i64, i64); 3] {
 pub(super) fn bits(first: i64, last: i64) -> u64 {
     let (first, last) = (first.max(0), last.min(63));
     if first > last { 0 } else { u64::MAX << first & u64::MAX >> (63 - last) }
+}
+
+/// What of a gradient is rounding.
+const ROUNDING: f64 = 1e-9;
+
+/// Is a point on a surface that faces this way inside, moved by (-e, e^2, e^3)?
+#[inline]
+pub(super) fn leads_in(outwards: [f64; 3]) -> bool {
+    let size = outwards.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
+    let moved = [-outwards[0], outwards[1], outwards[2]];
+    moved.into_iter().find(|c| c.abs() > ROUNDING * size).is_some_and(|along| along < 0.0)
 }
 
 impl Leaf {

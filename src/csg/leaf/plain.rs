@@ -1,10 +1,12 @@
 //! Spheres, boxes along the axes and half-spaces: whole numbers throughout.
 
-use super::{Face, Rows, bits};
+use std::cmp::Ordering;
+
+use super::{Face, Rows, bits, leads_in};
 use crate::builder::Cover;
 use crate::csg::place::{centre, voxels_between};
 
-/// Points whose distance from a middle is at most a radius.
+/// Points whose distance from a middle is less than a radius, and of those at that distance the ones that are moved in.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::csg) struct Ball {
     /// Below 2^29, as the radius.
@@ -38,7 +40,7 @@ impl Ball {
             farthest += (low - c).abs().max((high - c).abs()).pow(2);
         }
         match self.squared() {
-            r if farthest <= r => Cover::Inside,
+            r if farthest < r => Cover::Inside,
             r if nearest > r => Cover::Outside,
             _ => Cover::Mixed,
         }
@@ -55,7 +57,11 @@ impl Ball {
                 0
             } else {
                 let half = root(left);
-                let (from, to) = voxels_between(cx - half, cx + half);
+                // Moved by -e, a middle at the high end is inside, and one at the low end is not.
+                let open = i64::from(
+                    half * half == left && !(half == 0 && self.contains([cx, centre(y), centre(at.z)])),
+                );
+                let (from, to) = voxels_between(cx - half + open, cx + half);
                 bits(from - first, to - first)
             };
         }
@@ -64,7 +70,11 @@ impl Ball {
     #[inline]
     pub(super) fn contains(&self, p: [i64; 3]) -> bool {
         let away: i64 = (0..3).map(|k| (p[k] - i64::from(self.middle[k])).pow(2)).sum();
-        away <= self.squared()
+        match away.cmp(&self.squared()) {
+            Ordering::Less => true,
+            Ordering::Equal => leads_in(self.outwards(p)),
+            Ordering::Greater => false,
+        }
     }
 
     /// Away from the middle.
@@ -80,8 +90,7 @@ impl Ball {
     }
 }
 
-/// A box along the axes. Middles of voxels are moved by (-e, e^2, e^3), as for meshes: of two boxes that share a
-/// face, a middle on it lies in one.
+/// A box along the axes.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::csg) struct Block {
     pub(in crate::csg) low: [i64; 3],
@@ -146,7 +155,7 @@ impl Block {
     }
 }
 
-/// Points p with normal . p <= bound.
+/// Points p with normal . p < bound, and of those with normal . p = bound the ones that are moved in.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::csg) struct Half {
     /// Its largest part is 2^28.
@@ -156,6 +165,12 @@ pub(in crate::csg) struct Half {
 }
 
 impl Half {
+    /// The greatest normal . p of a point inside.
+    #[inline]
+    fn most(&self) -> i64 {
+        self.bound - i64::from(!leads_in(self.outwards()))
+    }
+
     pub(super) fn cover(&self, region: &[(i64, i64); 3]) -> Cover {
         let (mut least, mut most) = (0, 0);
         for ((low, high), n) in region.iter().zip(self.normal) {
@@ -163,9 +178,9 @@ impl Half {
             least += a.min(b);
             most += a.max(b);
         }
-        if most <= self.bound {
+        if most <= self.most() {
             Cover::Inside
-        } else if least > self.bound {
+        } else if least > self.most() {
             Cover::Outside
         } else {
             Cover::Mixed
@@ -174,9 +189,9 @@ impl Half {
 
     pub(super) fn fill(&self, at: Rows, out: &mut [u64]) {
         let [nx, ny, nz] = self.normal;
-        let first = i64::from(at.x);
+        let (first, most) = (i64::from(at.x), self.most());
         for (word, y) in out.iter_mut().zip(at.y..) {
-            let left = self.bound - ny * centre(y) - nz * centre(at.z);
+            let left = most - ny * centre(y) - nz * centre(at.z);
             *word = if nx > 0 {
                 bits(0, voxels_between(0, left.div_euclid(nx)).1 - first)
             } else if nx < 0 {
@@ -191,7 +206,7 @@ impl Half {
     }
 
     pub(super) fn contains(&self, p: [i64; 3]) -> bool {
-        (0..3).map(|k| self.normal[k] * p[k]).sum::<i64>() <= self.bound
+        (0..3).map(|k| self.normal[k] * p[k]).sum::<i64>() <= self.most()
     }
 
     #[expect(clippy::cast_precision_loss, reason = "a direction")]

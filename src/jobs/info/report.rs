@@ -157,13 +157,14 @@ pub struct MeasuredFigures {
     /// Lowest and highest coordinates (LPS) of the skin's voxels, in mm; at most 1/2048 of the grid too wide, never too
     /// tight.
     pub bounding_box_mm: Option<[[f64; 3]; 2]>,
-    /// Area of the skin, walls of cavities included; a sheet one voxel thick counts once; null without normals.
+    /// Area of the skin, walls of cavities included; a sheet one voxel thick counts once; null without normals,
+    /// and where voxels are more than 100 times as long along one axis as along another.
     pub surface_area_mm2: Option<f64>,
-    /// Change of the area if all normals were off by 3 degrees to the same side.
+    /// The true area lies within it in 19 of 20 cases.
     pub surface_area_error_mm2: Option<f64>,
     /// Volume of the skin's voxels and of the inside; null where the inside is not known.
     pub volume_mm3: Option<f64>,
-    /// Half a voxel on all sides, and half of the voxels that may be inside or outside.
+    /// The true volume lies within it in 19 of 20 cases; half of the voxels that may be inside or outside are part of it.
     pub volume_error_mm3: Option<f64>,
     /// Voxels enclosed by the skin.
     pub enclosed_voxels: Option<Enclosed>,

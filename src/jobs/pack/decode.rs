@@ -15,7 +15,7 @@ use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
 use crate::geom::Level;
-use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
+use crate::load::{Cursor, Fault, Frame, ReadAt, check_minor, check_storage, walk, walked_channels};
 use crate::platform::give_back;
 
 use super::encode::finish_frame;
@@ -103,6 +103,7 @@ fn decode_rest<R: ReadAt + ?Sized>(
 
 /// The sections of the mapped file: the same ones, plus the rank directory, one after the other.
 fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
+    check_minor(packed)?;
     let mut mapped = packed.clone();
     mapped.header.encoding = Encoding::Mapped;
     mapped.header.minor = mapped_minor(packed);

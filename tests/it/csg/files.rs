@@ -80,7 +80,7 @@ fn a_volume_is_cut_by_a_mesh_and_a_torus() {
             let mm = [at[0], at[1], 2.0 * at[2]];
             let ring = ((mm[0] - 35.0).hypot(mm[1] - 33.0) - 20.3).hypot(mm[2] - 20.0) - 5.17;
             let guide = mm[1] < 40.25 && mm[2] > 35.25 && mm[2] < 60.75;
-            value(at.map(|c| c as u32)) >= 80 && !guide && ring > 0.0
+            value(at.map(|c| c.round() as u32)) >= 80 && !guide && ring > 0.0
         },
         dims,
     );
