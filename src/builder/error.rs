@@ -161,7 +161,7 @@ impl fmt::Display for Criterion {
     }
 }
 
-/// Damage of a scratch file that can be read; held by the [`io::Error`] of [`BuildError::Scratch`].
+/// Damage of a scratch file that can be read; held by the [`io::Error`] of [`BuildFault::Scratch`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub(crate) enum ScratchFault {
     #[error("its contents were changed by someone else")]

@@ -74,7 +74,7 @@ impl Tree {
     /// grown solid and the solid.
     ///
     /// # Errors
-    /// [`CsgFault::Offset`] for anything else; [`CsgFault::Size`] for a distance or sizes that are not numbers.
+    /// Refused by name for anything else, and for a distance or sizes that are not numbers.
     ///
     /// # Panics
     /// The node is of another tree.

@@ -40,7 +40,7 @@ fn begins_with_module(text: &str) -> bool {
 /// Memory: at most what a build leaves of the cap. Files that it names are not opened.
 ///
 /// # Errors
-/// [`CsgFault`], with the line; the file cannot be read; the tree does not fit.
+/// A fault of the text, with its line; the file cannot be read; the tree does not fit.
 pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), BuildError> {
     let least = MIN_WORKER + WORKER_OVERHEAD;
     let most = Budget::of_job(memory).left_bytes().saturating_sub(least);
@@ -89,7 +89,7 @@ fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, Sou
 /// Reads a tree from text in memory; files that it names lie in `folder`.
 ///
 /// # Errors
-/// [`CsgFault`], with the line.
+/// A fault of the text, with its line.
 pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault> {
     text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
         Stop::Text(fault) => fault,

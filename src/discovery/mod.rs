@@ -64,7 +64,7 @@ const MAX_ALIKE: usize = 16;
 const DEPTH: u32 = 16;
 
 impl Catalogue {
-    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`] volumes; folders are
+    /// Searches the inputs: files are taken as they are, and descriptions of [`synthetic`](crate::synthetic) volumes; folders are
     /// searched with everything below them (hidden entries are left out, and links to folders). The result does not depend on the order in
     /// which a folder lists its files.
     ///

@@ -134,7 +134,7 @@ impl Subject {
     /// read yet.
     ///
     /// # Errors
-    /// As [`discovery::open_unprepared`](super::open_unprepared); [`Misuse::SeveralTrees`].
+    /// As [`discovery::open_unprepared`](super::open_unprepared), and several trees.
     pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Self> {
         // A stated layout is believed.
         let kind = if options.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(inputs) };

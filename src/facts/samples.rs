@@ -55,7 +55,7 @@ pub(crate) enum StoredFault {
 }
 
 /// Why rows cannot be delivered, other than by the system: it stands as the cause in
-/// [`SourceError`].
+/// [`SourceFault::ReadFailed`](super::SourceFault::ReadFailed).
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
     #[error("it has not been unrolled")]

@@ -158,8 +158,7 @@ impl RenderReport {
 /// The picture depends on the model and the request only: not on the machine, nor on the threads.
 ///
 /// # Errors
-/// [`RenderError`] and [`RenderError`] for what makes no sense, [`RenderError`] for a
-/// model without a volume.
+/// [`RenderError`] for a camera or a size that makes no sense, and for a model without a volume.
 pub fn render_view(
     view: &ModelView<'_>,
     dims: Dims,
@@ -415,8 +414,7 @@ const SELFCHECK_TASK: u64 = 1 << 15;
 /// The rays depend on `rays` and `seed` only. Memory: one bit per grid cell, at most 128 MiB.
 ///
 /// # Errors
-/// [`RenderError`] when the grid is too deep to be decoded, [`RenderError`] when the threads
-/// do not start.
+/// [`RenderError`] when the grid is too deep to be decoded, or the threads do not start.
 pub fn selfcheck(
     view: &ModelView<'_>,
     rays: u64,

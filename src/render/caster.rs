@@ -176,7 +176,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// ```
     ///
     /// # Errors
-    /// [`RenderError`] for the first ray that is not finite or has no direction, and [`RenderError`]
+    /// [`RenderError`] for the first ray that is not finite or has no direction, and
     /// unless there are as many directions as origins; `hits` is empty then.
     pub fn first_hits(
         &self,
@@ -211,7 +211,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// less. Otherwise as [`RayCaster::first_hits`].
     ///
     /// # Errors
-    /// As [`RayCaster::first_hits`]; [`RenderError`] also unless there are as many answers as rays. What is in
+    /// As [`RayCaster::first_hits`]; also unless there are as many answers as rays. What is in
     /// `met` then means nothing.
     pub fn any_hit(
         &self,

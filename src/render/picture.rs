@@ -246,8 +246,7 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
 /// byte a pixel.
 ///
 /// # Errors
-/// [`RenderError`] when the size is not possible, [`RenderError`] when the threads do not start,
-/// [`RenderError`] for discrete rays in a model of cells.
+/// [`RenderError`] when the size is not possible or the threads do not start, and for discrete rays in a model of cells.
 pub fn paint(
     view: &ModelView<'_>,
     space: &GridSpace,

@@ -60,7 +60,7 @@ pub struct Look {
 /// Memory: the image, and for every thread 20 KiB for each file, 1.5 KiB a tile.
 ///
 /// # Errors
-/// [`RenderError`] when the size is not possible, [`RenderError`] when the threads do not start.
+/// [`RenderError`] when the size is not possible, or the threads do not start.
 pub fn paint(
     parts: &[Part<'_>],
     look: &Look,

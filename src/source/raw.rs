@@ -48,10 +48,8 @@ impl RawVolume {
     /// files in natural order of their names (hidden files and subfolders are left out).
     ///
     /// # Errors
-    /// [`SourceError`] when a file is not exactly `skip` plus its share of the dims;
-    /// [`SourceError`] when the number of files is not the number of slices;
-    /// [`SourceError`] for an empty folder; [`SourceError`] for impossible options;
-    /// [`SourceError`] when the system refuses.
+    /// [`SourceError`] when a file is not exactly `skip` plus its share of the dims, or the number of files is not the
+    /// number of slices; for an empty folder, for impossible options, and when the system refuses.
     pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self> {
         let (list, name) = list_files(inputs)?;
         let first = || inputs.first().cloned().unwrap_or_default();

@@ -20,7 +20,7 @@ impl<'a> Crop<'a> {
     /// The voxels with indices in `roi` (along x, y, z; the ends are not included).
     ///
     /// # Errors
-    /// [`SourceError`] when the box is empty or not within the volume.
+    /// [`SourceError`](super::SourceError) when the box is empty or not within the volume.
     pub fn new(source: Box<dyn VolumeSource + 'a>, roi: [Range<u32>; 3]) -> Result<Self> {
         let mut info = source.info().clone();
         let size = roi.clone().map(|r| r.end.saturating_sub(r.start));

@@ -33,7 +33,7 @@ impl<'a> Downsample<'a> {
     /// Blocks of `factor`^3 voxels; `factor` is 2 or 4.
     ///
     /// # Errors
-    /// [`SourceError`] for other factors.
+    /// [`SourceError`](super::SourceError) for other factors.
     pub fn new(source: Box<dyn VolumeSource + 'a>, factor: u32) -> Result<Self> {
         let mut info = source.info().clone();
         let sides = info.dims.to_array().map(|n| n.div_ceil(factor.max(1)));

@@ -231,7 +231,7 @@ pub trait VolumeSource: Send + Sync {
     /// was made of it is given its name: samples of two states of a file make a volume that never was.
     ///
     /// # Errors
-    /// [`Fault::ChangedInUse`](crate::facts::Fault::ChangedInUse) with the first file that is not. What comes from
+    /// [`SourceError`] with the first file that is not. What comes from
     /// [`discovery::open`](fn@crate::discovery::open) notices; a volume opened otherwise does not.
     fn check_unchanged(&self) -> Result {
         Ok(())

@@ -41,7 +41,7 @@ impl Placement {
 /// file that are replaced are reported in a note, and recorded among the treatments.
 ///
 /// # Errors
-/// [`SourceError`] for a spacing that makes no sound affine, such as 1e-300 mm.
+/// [`SourceError`](super::SourceError) for a spacing that makes no sound affine, such as 1e-300 mm.
 pub(crate) fn place(
     source: Box<dyn VolumeSource>,
     asked: Placement,

@@ -2,15 +2,15 @@
 //!
 //! | module | codec |
 //! |---|---|
-//! | [`tables`] | adaptive tables of sixteen symbols, and the coder that these go through |
-//! | [`group`] | the subtrees that are coded together |
-//! | [`nibbles`] | infobytes of a group, from the boxes around |
-//! | [`directions`] | normals of a group, from the voxels around |
-//! | [`distances`] | offsets of a group's cells, from the planes around |
-//! | [`planes`] | everything else: differences, byte planes, zstd |
+//! | `tables` | adaptive tables of sixteen symbols, and the coder that these go through |
+//! | `group` | the subtrees that are coded together |
+//! | `nibbles` | infobytes of a group, from the boxes around |
+//! | `directions` | normals of a group, from the voxels around |
+//! | `distances` | offsets of a group's cells, from the planes around |
+//! | `planes` | everything else: differences, byte planes, zstd |
 //! | [`CodingError`] | what can be wrong with coded bytes |
 //!
-//! Encoder and decoder of each codec are one function over a [`tables::SymbolCoder`], so that they cannot
+//! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot
 //! disagree about a context.
 //!
 //! Variants tried, in bits a voxel: infobytes, normals, offsets.

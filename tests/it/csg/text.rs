@@ -139,7 +139,7 @@ fn numbers_that_make_no_sense_are_refused() {
         assert!(refused(text).contains("is missing or makes no sense"), "{text}");
     }
     let open = "polyhedron(points = [[0,0,0],[5,0,0],[0,5,0],[0,0,5]], faces = [[0,1,2],[0,1,3],[1,2,3]]);";
-    assert!(refused(open).starts_with("line 1: the faces of the polyhedron leave holes"));
+    assert!(refused(open).contains("line 1: the faces of the polyhedron leave holes"));
     for text in [
         "cube(",
         "cube)",
