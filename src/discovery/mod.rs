@@ -8,8 +8,8 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `kind` | [`Subject::open`](crate::Subject::open): volume, mesh or tree, by content |
-//! | `open` | one volume of some inputs, the one that is meant |
+//! | `kind` | volume, mesh or tree, by content |
+//! | `open` | [`Subject::open`](crate::Subject::open), and the volume of some inputs that is meant |
 //! | `walk`, `surveyor` | folders entry by entry; what each file is, and what it belongs to |
 //! | `item` | series, stacks and files, and how they are opened |
 //! | `content` | names and copies by content |

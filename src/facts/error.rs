@@ -154,7 +154,7 @@ impl SourceError {
         }
     }
 
-    /// Is nothing wrong but slices that are missing, or lie unevenly, so that whoever asks may choose?
+    /// Are missing or uneven slices all that is wrong? The caller may then choose what to do about them.
     pub(crate) fn has_gaps(&self) -> bool {
         matches!(
             self.fault(),

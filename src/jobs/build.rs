@@ -39,11 +39,11 @@ use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 pub struct GridOptions {
     /// How fine the grid is; with a volume in a tree it is that of the volume.
     pub grid: Option<GridChoice>,
-    /// Millimetres of a unit of the files.
+    /// Length of one unit of the files, in millimetres.
     pub unit_mm: f64,
     /// What is inside a mesh; what fits it, if not given.
     pub fill: Option<Fill>,
-    /// Are walls of meshes kept that are thinner than a voxel? See [`MeshOptions::keep_thin`].
+    /// Keep walls of meshes that are thinner than a voxel? See [`MeshOptions::keep_thin`].
     pub keep_thin: bool,
     /// May links lead from files that a mesh or a tree names out of its folder?
     pub follow_links: bool,
@@ -57,7 +57,7 @@ impl Default for GridOptions {
 }
 
 impl GridOptions {
-    /// What is said of a mesh, if anything says how fine its grid is.
+    /// The options of a mesh, if the grid is given.
     pub fn mesh(&self) -> Option<MeshOptions> {
         let Self { grid, unit_mm, fill, keep_thin, follow_links } = *self;
         grid.map(|grid| MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
@@ -181,7 +181,7 @@ fn hints(
 impl BuildJob<'_> {
     /// Opens what lies at the inputs, within what the cap leaves for that.
     fn open(&self, kind: SubjectKind, inputs: &[PathBuf], how: &OpenOptions) -> Result<Subject, Error> {
-        // Where not even a little is left, the builder says it better.
+        // If less than this is left, the builder refuses, with the smallest cap that works.
         let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::MIN_OPENING);
         let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
         Ok(Subject::open_as(kind, inputs, &how, &self.options.scratch_folder(self.output))?)

@@ -13,7 +13,7 @@
 //! 1. **Two levels at once.** `occupancy` gives the 4 x 4 x 4 boxes below a node as 64 bits.
 //! 2. **Order for free.** In mirrored coordinates no ray runs backwards, so Morton order is front to back for
 //!    all of them, and the first hit is the lowest set bit of intersected and occupied.
-//! 3. **BoxEntry boxes by three projections.** Three intervals on a line have a point in common if every two
+//! 3. **Boxes by three projections.** Three intervals on a line have a point in common if every two
 //!    have; so a line intersects a box if and only if it does so in the projections onto xy, xz and yz. Each is
 //!    a plane of 16 cells: one comparison of 16 lanes, extruded along the third axis to 64 bits.
 //! 4. **Estimates are wide, the decision is exact.** Nodes are estimated for the whole beam with singles that
