@@ -23,7 +23,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("platform", ""),
     ("scratch", "budget"),
     ("identity", ""),
-    ("facts", "budget codec exit geom text"),
+    ("facts", "budget codec exit geom progress text"),
     ("volume", "budget exit facts geom progress scratch identity"),
     ("source", "budget codec cpu exit facts geom mark progress scratch volume"),
     ("synthetic", "facts geom volume"),
