@@ -104,6 +104,8 @@
 //! To build from a shape that has no samples, implement [`Solid`](builder::Solid) and call
 //! [`builder::build_solid`]. Progress, scratch folders and batches are in [`builder`] and [`jobs`].
 //!
+//! Modules that the documentation hides are for the program `oct` and the tests; they may change with any release.
+//!
 //! # How data flows
 //!
 //! ```text
@@ -143,7 +145,9 @@ pub mod render;
 pub mod scene;
 mod scratch;
 pub mod source;
+#[doc(hidden)]
 pub mod synthetic;
+#[doc(hidden)]
 pub mod text;
 pub mod volume;
 

@@ -31,46 +31,46 @@
 /// read in bit by bit, so compare two programs as copies that were made together. Such a copy
 /// passes this figure by up to 0.6 MiB where a build counts a histogram or decodes; what workers reserve and never
 /// touch covers that, as `tests/it/memory.rs` and `scripts/memory.py` show.
-pub const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
+pub(crate) const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
 
 /// By how much [`super::MemoryCap::held`] differs between two runs of the same job: largest less smallest
 /// `RssAnon` at the same place. Added where the smallest cap is stated, so that it does work.
-pub const HELD_SPREAD: u64 = 192 << 10;
+pub(crate) const HELD_SPREAD: u64 = 192 << 10;
 
 /// By how much the peak differs between two runs that open the same input, code included: which pages are mapped
 /// with those that run depends on where the program lies in memory.
-pub const OPENING_SPREAD: u64 = 384 << 10;
+pub(crate) const OPENING_SPREAD: u64 = 384 << 10;
 
 /// The smallest cap is stated in steps of this: less than the spread, and a number that people can read.
 pub const STATED_STEP: u64 = 64 << 10;
 
-pub use crate::platform::MAPPED_FROM;
+pub(crate) use crate::platform::MAPPED_FROM;
 
 // ---- Workers.
 
 /// Stack of a worker; only what is touched becomes resident, and that is part of [`WORKER_OVERHEAD`].
-pub const WORKER_STACK: usize = 512 << 10;
+pub(crate) const WORKER_STACK: usize = 512 << 10;
 
 /// A worker's stack as far as it is touched, its allocator arena and small change: anonymous memory of a build
 /// with two threads, less that with one, less the buffers of one worker.
-pub const WORKER_OVERHEAD: u64 = 192 << 10;
+pub(crate) const WORKER_OVERHEAD: u64 = 192 << 10;
 
 /// Memory that a job holds outside its workers, and that the allocator wastes, in a process that does other things too:
 /// the census, the output's buffer, the walk over the bricks, and the rounding of some twenty buffers.
-pub const SHARE_OVERHEAD: u64 = 256 << 10;
+pub(crate) const SHARE_OVERHEAD: u64 = 256 << 10;
 
 /// Least buffers that a worker of a build is counted with, however few channels are stored: what merging normals and
 /// values of 16 bits took when it was measured. The histograms of a threshold that is to be found fit in it, so that
 /// the smallest cap that is stated does for every threshold.
-pub const MIN_WORKER: u64 = 1124 << 10;
+pub(crate) const MIN_WORKER: u64 = 1124 << 10;
 
 // ---- Opening.
 
 /// Putting the images of a series in order may always take this: some 2,600 images.
-pub const MIN_OPENING: u64 = 1 << 20;
+pub(crate) const MIN_OPENING: u64 = 1 << 20;
 
 /// Memory of a frame of a DICOM image while the images of its series are put in order: heap of opening a
 /// series of 10,000 images, by image (`tests/it/catalogue_memory.rs` counts it).
-pub const OPENING_FRAME: u64 = 400;
+pub(crate) const OPENING_FRAME: u64 = 400;
 
 const _: () = assert!(HELD_SPREAD.is_multiple_of(STATED_STEP) && OPENING_SPREAD.is_multiple_of(STATED_STEP));

@@ -21,10 +21,10 @@
 pub mod costs;
 mod size;
 
-pub use crate::platform::{
-    current_rss_bytes, file_rss_bytes, mapped_rss_bytes, own_rss_bytes, peak_rss_bytes, resident_bytes,
-};
-pub use size::{Bytes, ExactSize, SizeArgument, parse_size};
+pub use crate::platform::{current_rss_bytes, peak_rss_bytes};
+pub(crate) use crate::platform::{file_rss_bytes, mapped_rss_bytes, own_rss_bytes, resident_bytes};
+pub(crate) use size::SizeArgument;
+pub use size::{Bytes, ExactSize, parse_size};
 
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
@@ -144,13 +144,13 @@ impl Budget {
 
     /// Like [`Budget::of`], with what a job holds outside its workers taken, too. (In a process of its own that is
     /// part of what code is counted for.)
-    pub fn of_job(cap: MemoryCap) -> Self {
+    pub(crate) fn of_job(cap: MemoryCap) -> Self {
         let budget = Self::of(cap);
         budget.take_overhead();
         budget
     }
 
-    /// Like [`Budget::of_job`] under a cap of this kind, but without a limit: what a job reserves from it is measured.
+    /// Like `Budget::of_job` under a cap of this kind, but without a limit: what a job reserves from it is measured.
     pub fn dry(kind: MemoryCap) -> Self {
         let budget = Self::with(u64::MAX, kind.is_process(), None);
         budget.take(kind.held());
@@ -179,7 +179,7 @@ impl Budget {
     }
 
     /// Is it the whole process that is bounded?
-    pub fn is_process(&self) -> bool {
+    pub(crate) fn is_process(&self) -> bool {
         self.0.alone
     }
 
@@ -245,14 +245,18 @@ impl Budget {
     ///
     /// # Errors
     /// There is not enough for one.
-    pub fn reserve_workers(&self, each_bytes: u64, most: usize) -> Result<(usize, Reservation), TooSmall> {
+    pub(crate) fn reserve_workers(
+        &self,
+        each_bytes: u64,
+        most: usize,
+    ) -> Result<(usize, Reservation), TooSmall> {
         let fit = usize::try_from(self.left_bytes() / each_bytes.max(1)).unwrap_or(usize::MAX);
         let count = fit.clamp(1, most.max(1));
         Ok((count, self.reserve(each_bytes.saturating_mul(count as u64))?))
     }
 
     /// Takes all that is left, if only 0 bytes.
-    pub fn reserve_rest(&self) -> Reservation {
+    pub(crate) fn reserve_rest(&self) -> Reservation {
         let mut state = self.0.lock();
         let bytes = self.0.left(&state);
         state.add(bytes);
@@ -270,7 +274,7 @@ impl Budget {
     }
 
     /// The smallest limit, likewise, under which so many bytes would be granted on top of what is reserved now.
-    pub fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
+    pub(crate) fn smallest_limit_with(&self, more_bytes: u64) -> u64 {
         self.0.stated(self.reserved_bytes().saturating_add(more_bytes), 1)
     }
 }

@@ -53,7 +53,7 @@ impl fmt::Display for Bytes {
 
 /// A byte count as [`parse_size`] reads it back, never less: `6784KiB`, `8MiB`.
 #[derive(Clone, Copy, Debug)]
-pub struct SizeArgument(
+pub(crate) struct SizeArgument(
     /// The count.
     pub u64,
 );

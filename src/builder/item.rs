@@ -33,7 +33,7 @@ impl ItemForm {
     }
 
     /// Bytes of an item in the scratch file.
-    pub fn swapped_bytes(self) -> usize {
+    pub(crate) fn swapped_bytes(self) -> usize {
         match self {
             Self::AsIs { bytes } => bytes,
             Self::Scaled { .. } => size_of::<f32>(),

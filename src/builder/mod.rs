@@ -69,7 +69,7 @@ pub use options::{BuildOptions, Threshold};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{
-    Cover, EdgeCrossing, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    Cover, EdgeCrossing, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 
 pub use visible::ViewedFrom;

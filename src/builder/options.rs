@@ -72,7 +72,7 @@ impl Default for BuildOptions {
 
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
-    pub fn volume_surface(&self) -> SurfaceKind {
+    pub(crate) fn volume_surface(&self) -> SurfaceKind {
         if self.channels.contains(Channel::Offset) { SurfaceKind::Cells } else { self.surface }
     }
 

@@ -28,7 +28,7 @@ pub(super) const BRICK: u32 = 32;
 const BRICK_ROWS: usize = BRICK as usize;
 
 /// Slices by which [`SolidWorker::occupancy`] is ahead of [`SolidWorker::describe`].
-pub const LOOKAHEAD: u32 = 2;
+pub(crate) const LOOKAHEAD: u32 = 2;
 
 /// A box of voxels, each range below the side of the solid's dims.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -105,7 +105,7 @@ pub trait Solid: Sync {
         SurfaceKind::Skin
     }
 
-    /// Slices before a column whose occupancy its worker wants, too; at least [`LOOKAHEAD`].
+    /// Slices before a column whose occupancy its worker wants, too; at least `LOOKAHEAD`.
     fn lookbehind(&self) -> u32 {
         LOOKAHEAD
     }
@@ -169,7 +169,7 @@ pub struct EdgeCrossing {
 /// One thread's view of a [`Solid`]: owns its buffers and walks one column of voxels after the other.
 pub trait SolidWorker {
     /// Begins a column. Until the next call, [`SolidWorker::occupancy`] is asked for slices that rise from
-    /// [`Solid::lookbehind`] before the column to [`LOOKAHEAD`] after it, as far as they exist.
+    /// [`Solid::lookbehind`] before the column to `LOOKAHEAD` after it, as far as they exist.
     ///
     /// # Errors
     /// The solid cannot be read.
@@ -188,7 +188,7 @@ pub trait SolidWorker {
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError>;
 
     /// Computes the items of skin voxels, of all channels of the tile; the occupancy of the next
-    /// [`LOOKAHEAD`] slices has been asked for (except for boxes whose cover was given).
+    /// `LOOKAHEAD` slices has been asked for (except for boxes whose cover was given).
     ///
     /// # Errors
     /// The solid cannot be read.

@@ -33,7 +33,7 @@ mod stream;
 pub use components::ComponentConnectivity;
 use error::CleanFault;
 pub use error::{CleanError, MAX_LARGEST};
-pub use preset::{Preset, PresetDoubt};
+pub use preset::Preset;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -128,7 +128,7 @@ impl CleanOptions {
     }
 
     /// Passes beyond those of the build.
-    pub fn extra_passes(&self) -> ExtraPasses {
+    pub(crate) fn extra_passes(&self) -> ExtraPasses {
         ExtraPasses {
             volume: u32::from(self.works_on_bits()),
             occupancy: u32::from(self.close > 0)

@@ -72,14 +72,14 @@ impl Preset {
     }
 
     /// A warning when the input is not, or not surely, a CT.
-    pub fn doubt(self, modality: Option<&str>) -> Option<PresetDoubt> {
+    pub(crate) fn doubt(self, modality: Option<&str>) -> Option<PresetDoubt> {
         (modality != Some("CT")).then(|| PresetDoubt { preset: self, modality: modality.map(str::to_owned) })
     }
 }
 
 /// A range of Hounsfield units is used on values that may not be.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct PresetDoubt {
+pub(crate) struct PresetDoubt {
     /// The preset.
     pub preset: Preset,
     /// The input's modality, which is not CT; `None` where it states none.

@@ -30,7 +30,8 @@ mod surveyor;
 mod walk;
 
 pub use left_out::LeftOut;
-pub use open::{open, open_unprepared, open_unprepared_in};
+pub(crate) use open::open_unprepared_in;
+pub use open::{open, open_unprepared};
 
 use std::path::{Path, PathBuf};
 
@@ -78,7 +79,7 @@ impl Catalogue {
     ///
     /// # Errors
     /// As [`Catalogue::survey`].
-    pub fn survey_to_depth(
+    pub(crate) fn survey_to_depth(
         inputs: &[PathBuf],
         options: &OpenOptions,
         scratch: &Path,
@@ -201,7 +202,7 @@ impl Catalogue {
     ///
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
     /// cannot be read is no copy.
-    pub fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
+    pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
         let mut others = self.first_of_many(self.open_unnamed(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
@@ -213,7 +214,7 @@ impl Catalogue {
     }
 
     /// Bounds what [`Catalogue::open`] may take for a moment; items that need more are refused.
-    pub fn allow_opening(&mut self, bytes: u64) {
+    pub(crate) fn allow_opening(&mut self, bytes: u64) {
         self.options.opening_bytes = Some(bytes);
     }
 

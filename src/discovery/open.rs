@@ -48,10 +48,10 @@ pub fn open(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeS
     Ok(volume)
 }
 
-/// Like [`open_unprepared_in`], with the system's folder for temporary files.
+/// Like `open_unprepared_in`, with the system's folder for temporary files.
 ///
 /// # Errors
-/// As [`open_unprepared_in`].
+/// As `open_unprepared_in`.
 pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
     open_unprepared_in(inputs, options, &std::env::temp_dir())
 }
@@ -68,7 +68,7 @@ pub fn open_unprepared(inputs: &[PathBuf], options: &OpenOptions) -> Result<Box<
 /// # Errors
 /// A [`SourceError`] that names the input and says what was found and what to add: nothing that is a
 /// volume, or only what must be refused; of the volume that is chosen, why it cannot be used.
-pub fn open_unprepared_in(
+pub(crate) fn open_unprepared_in(
     inputs: &[PathBuf],
     options: &OpenOptions,
     scratch: &Path,

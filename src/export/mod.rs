@@ -96,7 +96,7 @@ impl ExportForm {
     }
 
     /// Does the file hold coordinates, of 32 bits?
-    pub fn has_coordinates(self) -> bool {
+    pub(crate) fn has_coordinates(self) -> bool {
         !self.is_mask()
     }
 

@@ -241,7 +241,7 @@ impl fmt::Display for Note {
 
 impl Note {
     /// Does it tell of a spacing that was assumed, along one axis at least?
-    pub fn assumes_spacing(&self) -> bool {
+    pub(crate) fn assumes_spacing(&self) -> bool {
         match self {
             Self::AssumedSpacing { .. } | Self::AssumedAxisSpacing => true,
             Self::NotFinite(number) => matches!(number, StatedNumber::Spacing { .. }),
@@ -251,7 +251,7 @@ impl Note {
     }
 
     /// Does it tell of directions that were assumed?
-    pub fn assumes_directions(&self) -> bool {
+    pub(crate) fn assumes_directions(&self) -> bool {
         matches!(self, Self::AssumedDirections { .. } | Self::AssumedSpace { .. } | Self::AssumedRas)
     }
 }

@@ -8,17 +8,17 @@ use super::normal;
 pub const CORNERS: usize = 8;
 
 /// The offset of a cell that has corners instead of a plane.
-pub const HAS_CORNERS: i8 = i8::MIN;
+pub(crate) const HAS_CORNERS: i8 = i8::MIN;
 
 /// Cells of a block of the directory of corners.
-pub const CORNER_BLOCK: u64 = 512;
+pub(crate) const CORNER_BLOCK: u64 = 512;
 
 /// The same as an index into memory.
 const BLOCK: usize = 512;
 const _: () = assert!(BLOCK as u64 == CORNER_BLOCK);
 
 /// Blocks of the directory for so many cells.
-pub const fn corner_blocks(cells: u64) -> u64 {
+pub(crate) const fn corner_blocks(cells: u64) -> u64 {
     cells.div_ceil(CORNER_BLOCK)
 }
 
@@ -39,7 +39,7 @@ pub struct Plane {
 }
 
 impl Plane {
-    /// The plane of a normal code and an offset that is not [`HAS_CORNERS`].
+    /// The plane of a normal code and an offset that is not `HAS_CORNERS`.
     #[inline(always)]
     pub fn new(code: u16, offset: i8) -> Self {
         Self { normal: normal::decode_l1(code), offset: i32::from(offset) }
@@ -53,14 +53,14 @@ impl Plane {
 
 /// Builds the directory of corners from offsets fed in order.
 #[derive(Debug, Default)]
-pub struct CornerRankBuilder {
+pub(crate) struct CornerRankBuilder {
     cells: u64,
     with_corners: u64,
 }
 
 impl CornerRankBuilder {
     /// Feeds the next offsets, and calls `on_block` with the cells that have corners before every block.
-    pub fn feed(&mut self, offsets: &[u8], mut on_block: impl FnMut(u64)) {
+    pub(crate) fn feed(&mut self, offsets: &[u8], mut on_block: impl FnMut(u64)) {
         let mut rest = offsets;
         while !rest.is_empty() {
             if self.cells.is_multiple_of(CORNER_BLOCK) {
@@ -75,7 +75,7 @@ impl CornerRankBuilder {
     }
 
     /// Cells that have corners so far.
-    pub fn with_corners(&self) -> u64 {
+    pub(crate) fn with_corners(&self) -> u64 {
         self.with_corners
     }
 }
@@ -95,7 +95,7 @@ fn count(offsets: &[u8]) -> u64 {
 
 /// Number of a cell's corners, by the directory. Any bytes are safe: what lies outside counts 0.
 #[inline]
-pub fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) -> u64 {
+pub(crate) fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) -> u64 {
     let block = cell / BLOCK;
     let base = directory.get(block).map_or(0, |b| u64::from_le_bytes(*b));
     base.wrapping_add(offsets.get(block * BLOCK..cell).map_or(0, count))

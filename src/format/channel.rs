@@ -222,7 +222,7 @@ pub struct Sum {
 }
 
 /// A mean, little-endian; as many bytes as an item has are stored.
-pub type MeanBytes = [u8; 8];
+pub(crate) type MeanBytes = [u8; 8];
 
 /// Longest item that can be averaged.
 const LONGEST_MEAN: usize = size_of::<MeanBytes>();
@@ -230,7 +230,7 @@ const LONGEST_MEAN: usize = size_of::<MeanBytes>();
 impl MeanRule {
     /// Adds voxels that follow in Morton order, `item_bytes` each, at most 2^24.
     #[inline]
-    pub fn add_items(self, sum: &mut Sum, items: &[u8], item_bytes: usize) {
+    pub(crate) fn add_items(self, sum: &mut Sum, items: &[u8], item_bytes: usize) {
         match self {
             Self::Direction => {
                 let codes = items.as_chunks::<2>().0;

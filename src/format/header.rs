@@ -7,10 +7,10 @@ use crate::geom::Dims;
 /// First eight bytes of every file (SPEC 4.1).
 pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 /// Major version written and read.
-pub const VERSION_MAJOR: u16 = 1;
+pub(crate) const VERSION_MAJOR: u16 = 1;
 /// Highest minor version written; a file is given the lowest that has all it needs
 /// ([`least_minor`](super::least_minor), or [`GROUPS_MINOR`](super::packed::GROUPS_MINOR) of a packed one).
-pub const VERSION_MINOR: u16 = super::packed::GROUPS_MINOR;
+pub(crate) const VERSION_MINOR: u16 = super::packed::GROUPS_MINOR;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 

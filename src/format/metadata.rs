@@ -6,7 +6,7 @@ use super::error::FormatError;
 use crate::geom::Dims;
 
 /// Longest metadata section.
-pub const METADATA_LIMIT: usize = 1 << 20;
+pub(crate) const METADATA_LIMIT: usize = 1 << 20;
 
 /// Where the voxels came from.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -126,7 +126,7 @@ impl Metadata {
     /// The record's bytes.
     ///
     /// # Errors
-    /// Strings so long that the record passes [`METADATA_LIMIT`].
+    /// Strings so long that the record passes `METADATA_LIMIT`.
     pub fn to_bytes(&self) -> Result<Vec<u8>, FormatError> {
         let wire = Wire {
             program: self.program.clone(),

@@ -3,7 +3,9 @@
 //! ---
 //! This module turns those bytes into values and back; it opens no file.
 
+#[doc(hidden)]
 pub mod assemble;
+#[doc(hidden)]
 pub mod cell;
 mod channel;
 mod error;
@@ -11,16 +13,19 @@ mod header;
 mod kind;
 mod metadata;
 pub mod normal;
+#[doc(hidden)]
 pub mod packed;
+#[doc(hidden)]
 pub mod rank;
 mod section;
 
 pub(crate) use channel::number;
-pub use channel::{ChannelRow, Channels, MeanBytes, MeanRule, Means, Sum};
+pub use channel::{ChannelRow, Channels, MeanRule, Means, Sum};
 pub use error::FormatError;
-pub use header::{Encoding, HEADER_BYTES, Header, MAGIC, VERSION_MAJOR, VERSION_MINOR};
+pub use header::{Encoding, HEADER_BYTES, Header, MAGIC};
+pub(crate) use header::{VERSION_MAJOR, VERSION_MINOR};
 pub use kind::{Channel, SectionKind, SurfaceKind};
-pub use metadata::{METADATA_LIMIT, Metadata, Selection, SelectionKind, SourceMeta};
-pub use section::{
-    ENTRY_BYTES, MAX_SECTIONS, SECTION_ALIGN, SectionEntry, align_up, least_minor, parse_table, table_bytes,
-};
+pub(crate) use metadata::METADATA_LIMIT;
+pub use metadata::{Metadata, Selection, SelectionKind, SourceMeta};
+pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
+pub(crate) use section::{least_minor, parse_table};

@@ -6,7 +6,7 @@
 //! machine.
 
 /// Largest component of a code.
-pub const SCALE: i32 = 127;
+pub(crate) const SCALE: i32 = 127;
 
 /// The L1-127 integer vector of a code; also defined for the illegal component -128, which reads as -127.
 #[inline(always)]
@@ -20,17 +20,17 @@ pub fn decode_l1(code: u16) -> [i32; 3] {
 }
 
 /// Steps of a fine part to one of the code.
-pub const FINE_STEPS: i32 = 8;
+pub(crate) const FINE_STEPS: i32 = 8;
 
 /// Largest component of a code with its fine part.
-pub const FINE_SCALE: i32 = SCALE * FINE_STEPS;
+pub(crate) const FINE_SCALE: i32 = SCALE * FINE_STEPS;
 
 /// The fine part that adds nothing.
-pub const FINE_NONE: u8 = 0x88;
+pub(crate) const FINE_NONE: u8 = 0x88;
 
 /// The vector of a code and its fine part, of L1 length 1016: the same map on steps of an eighth (SPEC 4.6).
 #[inline(always)]
-pub fn decode_fine(code: u16, fine: u8) -> [i32; 3] {
+pub(crate) fn decode_fine(code: u16, fine: u8) -> [i32; 3] {
     let [lo, hi] = code.to_le_bytes();
     let at = |coarse: u8, fine: u8| {
         (FINE_STEPS * i32::from(coarse as i8) + i32::from(fine) - FINE_STEPS).clamp(-FINE_SCALE, FINE_SCALE)
@@ -65,7 +65,7 @@ pub fn encode(direction: [f32; 3]) -> u16 {
 ///
 /// Its components are of the 64 that [`coarse_number`] knows.
 #[inline(always)]
-pub fn encode_coarse(direction: [f32; 3]) -> u16 {
+pub(crate) fn encode_coarse(direction: [f32; 3]) -> u16 {
     let (unit, u, v) = chart(direction);
     let ([u0, u1], [v0, v1]) = (coarse_around(u), coarse_around(v));
     nearest(unit, [u0, u1], [v0, v1])
@@ -93,7 +93,7 @@ fn coarse_around(place: f32) -> [f32; 2] {
 
 /// The number of a component among the 64 of normals of 12 bits, -32..=31 as they rise; `None` for others.
 #[inline]
-pub fn coarse_number(component: i32) -> Option<i32> {
+pub(crate) fn coarse_number(component: i32) -> Option<i32> {
     let size = component.abs();
     let number = match size % 8 {
         2 => size / 8 * 2,
@@ -105,7 +105,7 @@ pub fn coarse_number(component: i32) -> Option<i32> {
 
 /// The component of a number, -32..=31.
 #[inline]
-pub fn coarse_component(number: i32) -> i32 {
+pub(crate) fn coarse_component(number: i32) -> i32 {
     let at = if number < 0 { -1 - number } else { number };
     let size = at / 2 * 8 + if at % 2 == 0 { 2 } else { 5 };
     if number < 0 { -size } else { size }
@@ -119,7 +119,7 @@ pub fn is_coarse(code: u16) -> bool {
 
 /// The fine part of a direction whose code is known: how far it is from that in the map, in eighths.
 #[inline(always)]
-pub fn encode_fine(direction: [f32; 3], code: u16) -> u8 {
+pub(crate) fn encode_fine(direction: [f32; 3], code: u16) -> u8 {
     let (_, u, v) = chart(direction);
     let [lo, hi] = code.to_le_bytes();
     let part = |exact: f32, coarse: u8| {

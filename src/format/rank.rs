@@ -1,9 +1,9 @@
 //! The rank directory (SPEC 4.5): how a pointerless octree finds its children.
 
 /// Nodes per superblock.
-pub const SUPER_NODES: u64 = 8192;
+pub(crate) const SUPER_NODES: u64 = 8192;
 /// Nodes per block.
-pub const BLOCK_NODES: u64 = 32;
+pub(crate) const BLOCK_NODES: u64 = 32;
 
 /// The same as indices into memory.
 const SUPER: usize = 8192;
@@ -11,14 +11,14 @@ const BLOCK: usize = 32;
 const _: () = assert!(SUPER as u64 == SUPER_NODES && BLOCK as u64 == BLOCK_NODES);
 
 /// Bytes of the superblocks, then of the whole directory, for `nodes` nodes.
-pub const fn directory_bytes(nodes: u64) -> (u64, u64) {
+pub(crate) const fn directory_bytes(nodes: u64) -> (u64, u64) {
     let supers = nodes.div_ceil(SUPER_NODES) * 8;
     (supers, supers + nodes.div_ceil(BLOCK_NODES) * 2)
 }
 
 /// Builds the directory's two parts from infobytes fed in order; holds a few bytes of state.
 #[derive(Debug, Default)]
-pub struct RankBuilder {
+pub(crate) struct RankBuilder {
     nodes: u64,
     ones: u64,
     super_ones: u64,
@@ -26,7 +26,12 @@ pub struct RankBuilder {
 
 impl RankBuilder {
     /// Feeds the next infobytes, and calls `on_super` and `on_block` for every boundary passed.
-    pub fn feed(&mut self, infobytes: &[u8], mut on_super: impl FnMut(u64), mut on_block: impl FnMut(u16)) {
+    pub(crate) fn feed(
+        &mut self,
+        infobytes: &[u8],
+        mut on_super: impl FnMut(u64),
+        mut on_block: impl FnMut(u16),
+    ) {
         let mut rest = infobytes;
         while !rest.is_empty() {
             if self.nodes.is_multiple_of(SUPER_NODES) {
@@ -46,7 +51,8 @@ impl RankBuilder {
     }
 
     /// Set bits so far: boxes below the root.
-    pub fn ones(&self) -> u64 {
+    #[cfg(test)]
+    fn ones(&self) -> u64 {
         self.ones
     }
 }
@@ -82,7 +88,7 @@ pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
 
 /// Where in a directory for `nodes` nodes the entry of the block of node `at` stands.
 #[inline(always)]
-pub fn block_entry(nodes: usize, at: usize) -> usize {
+pub(crate) fn block_entry(nodes: usize, at: usize) -> usize {
     nodes.div_ceil(SUPER) * 8 + at / BLOCK * 2
 }
 

@@ -6,13 +6,13 @@ use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::packed::{CODEC_DERIVED, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES};
 
 /// Sections start at multiples of this: a cache line.
-pub const SECTION_ALIGN: u64 = 64;
+pub(crate) const SECTION_ALIGN: u64 = 64;
 /// Size of a table entry.
 pub const ENTRY_BYTES: usize = 48;
 /// Most sections a file may have.
 pub const MAX_SECTIONS: u16 = 64;
 
-/// The next multiple of [`SECTION_ALIGN`] at or after `offset` (saturating).
+/// The next multiple of `SECTION_ALIGN` at or after `offset` (saturating).
 pub const fn align_up(offset: u64) -> u64 {
     match offset.checked_add(SECTION_ALIGN - 1) {
         Some(sum) => sum / SECTION_ALIGN * SECTION_ALIGN,
@@ -165,7 +165,7 @@ impl SectionEntry {
 }
 
 /// The lowest minor version of the format that has this surface and these sections.
-pub fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
+pub(crate) fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
     sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
         Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
         _ => minor,
@@ -185,7 +185,7 @@ pub fn table_bytes(entries: &[SectionEntry]) -> Vec<u8> {
 ///
 /// # Errors
 /// The first rule that is broken.
-pub fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, FormatError> {
+pub(crate) fn parse_table(header: &Header, bytes: &[u8]) -> Result<Vec<SectionEntry>, FormatError> {
     if header.sections == 0 || header.sections > MAX_SECTIONS {
         return Err(FormatError::SectionCount { sections: header.sections });
     }

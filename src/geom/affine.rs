@@ -128,7 +128,7 @@ impl Affine {
     }
 
     /// The world direction that each index axis runs along most, as letters such as `LPS`.
-    pub fn orientation_letters(&self) -> String {
+    pub(crate) fn orientation_letters(&self) -> String {
         (0..3)
             .map(|axis| {
                 let c = self.column(axis);

@@ -80,7 +80,7 @@ impl Octant {
 
     /// Children that a node with this infobyte has before this octant.
     #[inline]
-    pub const fn rank_in(self, infobyte: u8) -> u32 {
+    pub(crate) const fn rank_in(self, infobyte: u8) -> u32 {
         (infobyte as u32 & 1_u32.wrapping_shl(self.get()).wrapping_sub(1)).count_ones()
     }
 }

@@ -196,7 +196,7 @@ impl BuildJob<'_> {
     }
 
     /// The least memory of a share in which a reshaped subject can be built; of what is no volume about that.
-    pub fn least_share(&self, subject: &Subject) -> u64 {
+    pub(crate) fn least_share(&self, subject: &Subject) -> u64 {
         match subject {
             Subject::Volume(volume) => {
                 let unrolling = volume.preparation().memory_bytes;

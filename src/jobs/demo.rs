@@ -133,11 +133,6 @@ pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
 }
 
 impl DemoSummary {
-    /// Peak resident memory of the process when the build was done.
-    pub fn build_peak_bytes(&self) -> u64 {
-        self.build_peak_bytes
-    }
-
     /// The report for `--json`.
     pub fn json(&self) -> DemoFigures {
         DemoFigures {

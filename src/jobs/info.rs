@@ -19,7 +19,7 @@ use crate::volume::ScalarType;
 
 /// Bytes a voxel of the paper's uniform volume: 2 bytes of density and 33 bits of normal, colour and
 /// optics, as its table 1 counts.
-pub const PAPER_BYTES_PER_VOXEL: f64 = 6.125;
+pub(crate) const PAPER_BYTES_PER_VOXEL: f64 = 6.125;
 
 /// Facts of one file.
 #[derive(Clone, Debug)]
@@ -113,7 +113,7 @@ pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
 
 /// CRC over the kinds and content CRCs of all sections but the rank directory: the same for the
 /// mapped and the packed file of one model.
-pub fn content_checksum(frame: &Frame) -> u32 {
+pub(crate) fn content_checksum(frame: &Frame) -> u32 {
     frame
         .sections
         .iter()

@@ -5,7 +5,7 @@
 //! | skin | voxels inside, each of them whole | a voxel for each column that the surface crosses |
 //! | cells | voxels inside, and of each cell the part that its plane or corners enclose | the same, of as many cells as there are |
 //!
-//! What these lack where a surface bends or has edges is estimated from neighbours' normals ([`Bends`]). Errors are what
+//! What these lack where a surface bends or has edges is estimated from neighbours' normals (`Bends`). Errors are what
 //! an experiment asks for: 660 balls, tori, cylinders and boxes of 32 to 128 voxels a side, anywhere and turned anyhow,
 //! and along the axes. More than 19 of 20 truths lie within them. Those of volumes of cells at 128 voxels a side are
 //! 0.02 % of a ball and up to half a percent of others (0.6 % of thin boxes). Cells of a mask, whose samples have two

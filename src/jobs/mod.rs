@@ -6,21 +6,26 @@
 
 pub mod batch;
 pub mod build;
+#[doc(hidden)]
 pub mod demo;
 pub mod export;
 mod hint;
 pub mod info;
 pub mod intersect;
+#[doc(hidden)]
 pub mod measure;
+#[doc(hidden)]
 pub mod opened;
 pub mod pack;
 pub mod picture;
 mod relief;
 pub mod render;
+#[doc(hidden)]
 pub mod report;
 pub mod scan;
 pub mod scene;
 mod schema;
+#[doc(hidden)]
 pub mod shots;
 pub mod verify;
 mod within;

@@ -100,7 +100,7 @@ impl Frame {
     }
 
     /// First node of depth L-1: the number of coarse nodes, those with an edge of 4 cells and more.
-    pub fn coarse_nodes(&self) -> u64 {
+    pub(crate) fn coarse_nodes(&self) -> u64 {
         coarse_nodes(&self.header, &self.levels)
     }
 

@@ -65,7 +65,7 @@ impl Mapping {
     ///
     /// # Errors
     /// The operating system refused.
-    pub fn is_unchanged(&self) -> io::Result<bool> {
+    pub(crate) fn is_unchanged(&self) -> io::Result<bool> {
         Ok(FileIdentity::of(&self.file)? == self.then)
     }
 }

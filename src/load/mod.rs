@@ -9,7 +9,7 @@
 //! | [`StoredVoxels`] | the voxels or cells of a model, one after the other |
 //! | [`Items`] | what one section says of every voxel or coarse node |
 //! | [`verify()`] | the full check of every invariant, in small memory |
-//! | [`ReadAt`], [`Cursor`] | reading by position, and in sequence |
+//! | [`ReadAt`], `Cursor` | reading by position, and in sequence |
 
 mod cells;
 mod error;
@@ -30,7 +30,8 @@ pub use map::Mapping;
 pub use memory::MemoryTree;
 pub(crate) use model::open_regular;
 pub use model::{Items, Model, ModelView};
-pub use stream::{Cursor, Fault, ReadAt};
+pub(crate) use stream::Cursor;
+pub use stream::{Fault, ReadAt};
 pub use verify::verify;
 pub(crate) use verify::{check_minor, check_storage, walk, walked_channels};
 pub use view::NodeView;

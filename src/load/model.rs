@@ -364,13 +364,13 @@ impl<'a> ModelView<'a> {
     /// Normal codes of a voxel, of the four before and of the four behind it in the order of the file; `None` if one of
     /// them is missing.
     #[inline]
-    pub fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
+    pub(crate) fn voxel_normals_near(&self, voxel: VoxelIndex) -> Option<[u16; 9]> {
         codes_near(self.normals, voxel.index())
     }
 
     /// The same of a node with an edge of 4 cells or more.
     #[inline]
-    pub fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
+    pub(crate) fn node_normals_near(&self, node: NodeIndex) -> Option<[u16; 9]> {
         codes_near(self.node_normals, node.index())
     }
 }

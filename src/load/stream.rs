@@ -80,7 +80,7 @@ impl Fault {
 
 /// Sequential reader of one byte range; holds one buffer.
 #[derive(Debug)]
-pub struct Cursor<'a, R: ?Sized> {
+pub(crate) struct Cursor<'a, R: ?Sized> {
     source: &'a R,
     /// Next byte to fetch into the buffer.
     at: u64,
@@ -92,12 +92,12 @@ pub struct Cursor<'a, R: ?Sized> {
 
 impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     /// A cursor over `start..end` with a buffer of at most `capacity` bytes (allocated as needed).
-    pub fn new(source: &'a R, start: u64, end: u64, capacity: usize) -> Self {
+    pub(crate) fn new(source: &'a R, start: u64, end: u64, capacity: usize) -> Self {
         Self { source, at: start, end, buffer: Vec::new(), used: 0, capacity: capacity.max(16) }
     }
 
     /// Bytes not yet taken.
-    pub fn left(&self) -> u64 {
+    pub(crate) fn left(&self) -> u64 {
         self.end.saturating_sub(self.at) + (self.buffer.len() - self.used) as u64
     }
 
@@ -105,7 +105,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     ///
     /// # Errors
     /// Reading failed.
-    pub fn next_part(&mut self) -> Result<&[u8], Fault> {
+    pub(crate) fn next_part(&mut self) -> Result<&[u8], Fault> {
         if self.used == self.buffer.len() {
             self.refill()?;
         }
@@ -118,7 +118,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     ///
     /// # Errors
     /// Reading failed, or nothing is left.
-    pub fn next_part_up_to(&mut self, most: usize) -> Result<&[u8], Fault> {
+    pub(crate) fn next_part_up_to(&mut self, most: usize) -> Result<&[u8], Fault> {
         if self.used == self.buffer.len() {
             self.refill()?;
         }
@@ -135,7 +135,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     /// # Errors
     /// Reading failed.
     #[inline]
-    pub fn take<const K: usize>(&mut self) -> Result<Option<[u8; K]>, Fault> {
+    pub(crate) fn take<const K: usize>(&mut self) -> Result<Option<[u8; K]>, Fault> {
         if self.buffer.len() - self.used < K {
             if self.left() < K as u64 {
                 return Ok(None);
@@ -154,7 +154,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     /// # Errors
     /// Reading failed.
     #[inline]
-    pub fn take_item(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
+    pub(crate) fn take_item(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
         if self.buffer.len() - self.used < len {
             if self.left() < len as u64 {
                 return Ok(None);
@@ -171,7 +171,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     /// # Errors
     /// Reading failed.
     #[inline]
-    pub fn peek(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
+    pub(crate) fn peek(&mut self, len: usize) -> Result<Option<&[u8]>, Fault> {
         if self.buffer.len() - self.used < len && self.left() >= len as u64 {
             self.refill()?;
         }
@@ -180,7 +180,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
 
     /// Takes what [`Cursor::peek`] showed.
     #[inline]
-    pub fn skip(&mut self, len: usize) {
+    pub(crate) fn skip(&mut self, len: usize) {
         self.used = (self.used + len).min(self.buffer.len());
     }
 

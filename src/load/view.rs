@@ -41,7 +41,7 @@ pub trait NodeView: Sync {
         None
     }
 
-    /// The vector of a voxel's normal as well as the model knows it, of L1 length [`normal::FINE_SCALE`].
+    /// The vector of a voxel's normal as well as the model knows it, of L1 length `normal::FINE_SCALE`.
     #[inline]
     fn voxel_direction(&self, voxel: VoxelIndex) -> Option<[i32; 3]> {
         let code = self.voxel_normal(voxel)?;

@@ -324,7 +324,7 @@ impl Camera {
     }
 
     /// Height in mm of a pixel at a depth, for a picture `height` pixels high.
-    pub fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
+    pub(crate) fn pixel_mm(&self, height: u32, depth_mm: f64) -> f64 {
         let per_pixel = 2.0 * self.half_height / f64::from(height);
         match self.projection {
             Projection::Parallel => per_pixel,

@@ -62,7 +62,7 @@ impl<'a> Cells<'a> {
 
     /// Has the cell corners instead of a plane?
     #[inline]
-    pub fn has_corners(&self, cell: u64) -> bool {
+    pub(crate) fn has_corners(&self, cell: u64) -> bool {
         self.items.plane(cell).is_none()
     }
 }

@@ -46,7 +46,7 @@ impl Form {
 
     /// Can this machine run it?
     #[inline]
-    pub fn is_available(self) -> bool {
+    pub(crate) fn is_available(self) -> bool {
         match self {
             Self::Portable => true,
             #[cfg(target_arch = "x86_64")]

@@ -105,7 +105,7 @@ impl MirroredRay {
 impl Crossing {
     /// Is this crossing earlier than another, by cross-multiplication?
     #[inline]
-    pub fn is_before(&self, other: &Self) -> bool {
+    pub(crate) fn is_before(&self, other: &Self) -> bool {
         self.distance.wrapping_mul(other.component) < other.distance.wrapping_mul(self.component)
     }
 }

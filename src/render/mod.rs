@@ -41,11 +41,14 @@ mod band;
 pub mod batch;
 pub mod camera;
 mod caster;
+#[doc(hidden)]
 pub mod cells;
 mod colors;
+#[doc(hidden)]
 pub mod discrete;
 mod error;
 mod font;
+#[doc(hidden)]
 pub mod form;
 pub mod image;
 mod lanes;
@@ -57,14 +60,21 @@ pub(crate) mod normals;
 mod occupancy;
 pub mod picture;
 pub mod ray;
+#[doc(hidden)]
 pub mod reference;
+#[doc(hidden)]
 pub mod selfcheck;
 pub mod shade;
+#[doc(hidden)]
 pub mod sight;
+#[doc(hidden)]
 pub mod single;
 pub mod space;
+#[doc(hidden)]
 pub mod surface;
+#[doc(hidden)]
 pub mod tile;
+#[doc(hidden)]
 pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};

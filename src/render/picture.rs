@@ -135,7 +135,7 @@ impl Counts {
 ///
 /// # Errors
 /// [`RenderError`] for no pixels or too many.
-pub fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
+pub(crate) fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
     let pixels = u64::from(width) * u64::from(height);
     if width == 0 || height == 0 || width > MAX_SIDE || height > MAX_SIDE || pixels > MAX_PIXELS {
         return Err(RenderFault::Size { width, height, most_side: MAX_SIDE, most_pixels: MAX_PIXELS }.into());
@@ -221,7 +221,7 @@ pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderE
 
 /// Bytes that [`paint`] takes for a picture of this size with smooth edges, besides the model: the picture,
 /// a band of hits, edges if a quarter of it is silhouette; and a stack for each thread.
-pub fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
+pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let pixels = u64::from(width) * u64::from(height);
     let band = pixels.next_multiple_of(TILE_PIXELS as u64).min(BAND_PIXELS as u64 + 4096 * u64::from(width));
     4 * pixels + band * size_of::<PixelHit>() as u64 + 2 * pixels + ((threads as u64) << 17)

@@ -13,7 +13,7 @@ pub const FRACTION_BITS: u32 = 16;
 pub const DIRECTION_BITS: u32 = 30;
 
 /// Greatest octree depth.
-pub const MAX_DEPTH: u32 = 16;
+pub(crate) const MAX_DEPTH: u32 = 16;
 
 // A product of a plane-to-origin distance with a direction component is all that a traversal
 // multiplies: the distance is at most one cell more than the grid, the component at most
@@ -83,7 +83,7 @@ impl Ray {
     /// without a limit).
     ///
     /// # Errors
-    /// [`BadRay`] for NaN, infinity, a null direction, or `depth` over [`MAX_DEPTH`].
+    /// [`BadRay`] for NaN, infinity, a null direction, or `depth` over `MAX_DEPTH`.
     #[inline]
     pub fn new(
         depth: u32,
@@ -175,7 +175,7 @@ impl Ray {
 
     /// Parameter t, along the ray that was given, of the quantised origin.
     #[inline]
-    pub fn t_start(&self) -> f64 {
+    pub(crate) fn t_start(&self) -> f64 {
         self.t_start
     }
 

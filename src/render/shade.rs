@@ -24,7 +24,7 @@ const STEPS: usize = 4096;
 
 /// Turns normals into colours.
 #[derive(Clone, Debug)]
-pub struct Shader {
+pub(crate) struct Shader {
     srgb: Vec<u8>,
     /// Linear light of every sRGB code.
     lights: Vec<f64>,
@@ -38,7 +38,7 @@ impl Default for Shader {
 
 impl Shader {
     /// Prepares the sRGB table.
-    pub fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let mut srgb = Vec::with_capacity(STEPS + 1);
         let mut code = 0_u8;
         let ends = |code: u8| linear((f64::from(code) + 0.5) / 255.0);
@@ -60,19 +60,19 @@ impl Shader {
     ///
     /// Both sides of a surface are lit alike, so that a model can be looked at from within.
     #[inline]
-    pub fn light(&self, normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn light(&self, normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
         Self::lit(SURFACE, normal, sight)
     }
 
     /// Linear light of a colour (sRGB).
     #[inline]
-    pub fn decode(&self, color: [u8; 3]) -> [f64; 3] {
+    pub(crate) fn decode(&self, color: [u8; 3]) -> [f64; 3] {
         color.map(|code| self.lights.get(usize::from(code)).copied().unwrap_or_default())
     }
 
     /// [`Shader::light`] of a surface of this colour (linear RGB).
     #[inline]
-    pub fn lit(color: [f64; 3], normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn lit(color: [f64; 3], normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
         let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
         let length = (sight[0] * sight[0] + sight[1] * sight[1] + sight[2] * sight[2]).sqrt();
         let cosine = (along / length).abs().min(1.0);
@@ -89,7 +89,7 @@ impl Shader {
 
     /// sRGB code of linear light 0..=1.
     #[inline]
-    pub fn encode(&self, light: f64) -> u8 {
+    pub(crate) fn encode(&self, light: f64) -> u8 {
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
         let at = (light.clamp(0.0, 1.0) * STEPS as f64 + 0.5) as usize;
         self.srgb.get(at).copied().unwrap_or(255)

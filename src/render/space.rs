@@ -66,7 +66,7 @@ impl GridSpace {
     }
 
     /// Longest edge of a voxel in mm.
-    pub fn largest_spacing_mm(&self) -> f64 {
+    pub(crate) fn largest_spacing_mm(&self) -> f64 {
         self.spacing_mm.iter().fold(0.0, |m: f64, s| m.max(*s))
     }
 
@@ -92,7 +92,7 @@ impl GridSpace {
 
     /// Unit world normal of a box-frame vector that is not null.
     #[inline]
-    pub fn normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
         let world = self.normal_rows.map(|r| r[0] * n[0] + r[1] * n[1] + r[2] * n[2]);
         let length = dot(world, world).sqrt();
         if length > 0.0 { world.map(|c| c / length) } else { world }
@@ -101,7 +101,7 @@ impl GridSpace {
     /// Unit world normal of a vector of index space that is not null: a gradient along the index axes, not
     /// divided by spacings.
     #[inline]
-    pub fn index_normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn index_normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {
         self.normal_to_world(self.index_normal_to_frame(n))
     }
 

@@ -35,7 +35,7 @@ const MATT: Material = Material {
 };
 
 /// Materials by name, in the order in which they are listed.
-pub const PRESETS: &[(&str, Material)] = &[
+pub(crate) const PRESETS: &[(&str, Material)] = &[
     ("matt", MATT),
     ("bone", Material { specular: 0.15, exponent: 24, ..MATT }),
     ("skin", Material { color: [0.791, 0.491, 0.356], specular: 0.08, exponent: 12, ..MATT }),

@@ -19,9 +19,9 @@ use super::spec::{Place, Scene, SceneCamera, SceneModel};
 /// Longest text in bytes.
 pub const MAX_BYTES: u64 = 1 << 20;
 /// Most models, and most lights.
-pub const MAX_MODELS: usize = 4096;
+pub(crate) const MAX_MODELS: usize = 4096;
 /// See [`MAX_MODELS`].
-pub const MAX_LIGHTS: usize = 64;
+pub(crate) const MAX_LIGHTS: usize = 64;
 /// Most planes that cut one model.
 const MAX_PLANES: usize = 64;
 /// How often a line is thrown back or bent, unless that is said.

@@ -14,6 +14,7 @@
 #![doc = include_str!("READING.md")]
 
 mod axis_reversal;
+#[doc(hidden)]
 pub mod dicom;
 mod files;
 mod finding;
@@ -39,7 +40,7 @@ pub use finding::{BurnedIn, Finding, InputFiles};
 pub(crate) use formats::{FORMATS, STACKS, Slices};
 pub(crate) use header::stays;
 pub(crate) use known::{HEAD_BYTES, known};
-pub use natural::natural_cmp;
+pub(crate) use natural::natural_cmp;
 pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};

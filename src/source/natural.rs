@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 ///
 /// Numbers may be of any length. Names that differ only in leading zeros are ordered by their bytes,
 /// so the order is total and only equal names are equal.
-pub fn natural_cmp(a: &[u8], b: &[u8]) -> Ordering {
+pub(crate) fn natural_cmp(a: &[u8], b: &[u8]) -> Ordering {
     let (mut rest_a, mut rest_b) = (a, b);
     loop {
         let (run_a, run_b) = (digits(rest_a), digits(rest_b));

@@ -113,12 +113,12 @@ impl Body {
     }
 
     /// Is the surface one that a cast and a normal make sense for everywhere: one that bends, without cubes?
-    pub fn is_smooth(&self) -> bool {
+    pub(crate) fn is_smooth(&self) -> bool {
         !matches!(self.shape, Shape::Lattice(_))
     }
 
     /// Does the body end within its volume, so that all of the model's surface is the body's?
-    pub fn is_closed(&self) -> bool {
+    pub(crate) fn is_closed(&self) -> bool {
         match &self.shape {
             Shape::Smooth { shape, .. } => !matches!(shape, Smooth::Slab { .. }),
             Shape::Wave(_) => false,

@@ -56,7 +56,6 @@ use std::path::Path;
 
 pub use body::{Body, TrueSurface};
 pub use head::SyntheticHead;
-pub use spec::Sampling;
 pub use volume::AnalyticVolume;
 
 use crate::facts::{Misuse, SourceFault, SyntheticFault};
@@ -64,7 +63,7 @@ use crate::volume::{SourceError, VolumeSource};
 use spec::{PREFIX, Request};
 
 /// Is an input the description of a synthetic volume, and not a file? (`./synthetic:...` is a file.)
-pub fn is_synthetic(input: &Path) -> bool {
+pub(crate) fn is_synthetic(input: &Path) -> bool {
     input.to_str().is_some_and(|text| text.starts_with(PREFIX))
 }
 

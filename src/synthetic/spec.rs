@@ -30,7 +30,7 @@ pub(super) const BODIES: [&str; 11] = [
 
 /// How a body becomes samples.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Sampling {
+pub(crate) struct Sampling {
     /// Inside or outside at the sample's place, nothing in between?
     pub binary: bool,
     /// Standard deviation of the point spread in units of the finest spacing; 0 for a sharp edge.

@@ -87,7 +87,8 @@ impl AnalyticVolume {
     }
 
     /// How it is sampled.
-    pub fn sampling(&self) -> &Sampling {
+    #[cfg(test)]
+    pub(crate) fn sampling(&self) -> &Sampling {
         &self.sampling
     }
 
@@ -102,7 +103,7 @@ impl AnalyticVolume {
     }
 
     /// The place in units, from the volume's low corner, of a point of the model's world in LPS mm.
-    pub fn place_of(&self, world_mm: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn place_of(&self, world_mm: [f64; 3]) -> [f64; 3] {
         std::array::from_fn(|a| world_mm[a] / self.unit_mm + 0.5 * self.spacing[a])
     }
 

@@ -14,5 +14,5 @@ mod system;
 
 pub use foreign::{Foreign, Shown, data, json, plain, shown};
 pub use names::{Name, spell};
-pub use number::{Short, WithError};
+pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};

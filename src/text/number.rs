@@ -7,7 +7,7 @@ const DIGITS: i32 = 6;
 
 /// A number of which at most six digits are shown; whole numbers below 10^15 are shown whole.
 #[derive(Clone, Copy, Debug)]
-pub struct Short(
+pub(crate) struct Short(
     /// The number.
     pub f64,
 );
@@ -24,7 +24,7 @@ impl fmt::Display for Short {
 
 /// A number and its error, rounded alike: the error to two digits.
 #[derive(Clone, Copy, Debug)]
-pub struct WithError {
+pub(crate) struct WithError {
     /// The number.
     pub value: f64,
     /// How far it may be off, to either side.

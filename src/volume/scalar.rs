@@ -77,7 +77,7 @@ pub enum Endian {
 
 impl Endian {
     /// Is this the machine's own order?
-    pub fn is_native(self) -> bool {
+    pub(crate) fn is_native(self) -> bool {
         (self == Self::Little) == cfg!(target_endian = "little")
     }
 

@@ -66,7 +66,7 @@ const ROOT: &str = "1.2.840.10008.1.2";
 
 impl TransferSyntax {
     /// Classifies a UID; never fails.
-    pub fn from_uid(uid: &str) -> Self {
+    pub(crate) fn from_uid(uid: &str) -> Self {
         match uid.strip_prefix(ROOT) {
             Some("") => Self::ImplicitLe,
             Some(".1") => Self::ExplicitLe,
@@ -91,7 +91,7 @@ impl TransferSyntax {
     }
 
     /// Are pixels stored as plain integers at one offset?
-    pub fn is_native(&self) -> bool {
+    pub(crate) fn is_native(&self) -> bool {
         matches!(self, Self::ImplicitLe | Self::ExplicitLe | Self::ExplicitBe)
     }
 

@@ -51,22 +51,22 @@ pub(crate) mod tables;
 pub use error::CodingError;
 
 /// Stored bytes are the content (SPEC 5.1).
-pub const CODEC_NONE: u8 = 0;
+pub(crate) const CODEC_NONE: u8 = 0;
 /// Differences, byte planes, zstd (SPEC 5.5).
-pub const CODEC_PLANES: u8 = 1;
+pub(crate) const CODEC_PLANES: u8 = 1;
 /// Nothing is stored; the content follows from other sections (SPEC 5.6).
-pub const CODEC_DERIVED: u8 = 2;
+pub(crate) const CODEC_DERIVED: u8 = 2;
 /// Infobytes (SPEC 5.9).
-pub const CODEC_NIBBLES: u8 = 6;
+pub(crate) const CODEC_NIBBLES: u8 = 6;
 /// Normals (SPEC 5.10).
-pub const CODEC_DIRECTIONS: u8 = 7;
+pub(crate) const CODEC_DIRECTIONS: u8 = 7;
 /// Offsets of cells (SPEC 5.11).
-pub const CODEC_DISTANCES: u8 = 8;
+pub(crate) const CODEC_DISTANCES: u8 = 8;
 /// Minor version of the format that has the last three.
-pub const GROUPS_MINOR: u16 = 2;
+pub(crate) const GROUPS_MINOR: u16 = 2;
 
 /// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
 /// memory, for any model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
-pub const SUBTREE_DEPTH: u32 = 6;
+pub(crate) const SUBTREE_DEPTH: u32 = 6;
 /// Longest stored group that is read: 64 bytes a voxel of the fullest one.
-pub const GROUP_BYTES_LIMIT: u32 = 32 << 20;
+pub(crate) const GROUP_BYTES_LIMIT: u32 = 32 << 20;

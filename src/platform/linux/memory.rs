@@ -13,7 +13,7 @@ pub fn current_rss_bytes() -> u64 {
 
 /// The same at less cost, some 2 us: pages of `/proc/self/statm`, of 4 KiB; 0 where the system does not tell. Of other
 /// pages this is too little, and a cap that is kept by it too large.
-pub fn resident_bytes() -> u64 {
+pub(crate) fn resident_bytes() -> u64 {
     let statm = std::fs::read_to_string("/proc/self/statm").unwrap_or_default();
     let pages = statm.split(' ').nth(1).and_then(|pages| pages.parse::<u64>().ok()).unwrap_or(0);
     pages.saturating_mul(4096)
@@ -21,7 +21,7 @@ pub fn resident_bytes() -> u64 {
 
 /// Resident memory of this process that is no file's, in bytes; all of it where the system does not tell them
 /// apart (old kernels, some sandboxes), and 0 where it does not tell that either.
-pub fn own_rss_bytes() -> u64 {
+pub(crate) fn own_rss_bytes() -> u64 {
     let status = std::fs::read_to_string("/proc/self/status").unwrap_or_default();
     own_rss_of(&status)
 }
@@ -35,7 +35,7 @@ fn own_rss_of(status: &str) -> u64 {
 
 /// Resident pages of files in this process (`RssFile`), its own code above all, in bytes; 0 where the system
 /// does not tell.
-pub fn file_rss_bytes() -> u64 {
+pub(crate) fn file_rss_bytes() -> u64 {
     proc_status_bytes("RssFile:")
 }
 
@@ -43,7 +43,7 @@ pub fn file_rss_bytes() -> u64 {
 /// where the system does not tell.
 ///
 /// Cost: the kernel walks the pages of all mappings once.
-pub fn mapped_rss_bytes(mapped: &[u8]) -> Option<u64> {
+pub(crate) fn mapped_rss_bytes(mapped: &[u8]) -> Option<u64> {
     let smaps = std::fs::read_to_string("/proc/self/smaps").ok()?;
     resident_of(&smaps, mapped.as_ptr().addr())
 }

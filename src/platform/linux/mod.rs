@@ -8,5 +8,6 @@ mod resident;
 pub(crate) use files::*;
 pub(crate) use machine::*;
 pub use memory::*;
+pub(crate) use resident::MAPPED_FROM;
 pub(crate) use resident::give_back_pages;
-pub use resident::{MAPPED_FROM, give_back, map_large_buffers};
+pub use resident::{give_back, map_large_buffers};

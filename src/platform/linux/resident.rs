@@ -9,7 +9,7 @@ use std::fs;
 /// Buffers from this size on are mapped on their own, so that freeing them returns them at once
 /// ([`map_large_buffers`]): glibc's own first threshold, kept from growing. Buffers below it come from heaps that
 /// keep what is freed; stages whose memory the next one needs read through such small ones.
-pub const MAPPED_FROM: usize = 128 << 10;
+pub(crate) const MAPPED_FROM: usize = 128 << 10;
 
 /// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
 ///

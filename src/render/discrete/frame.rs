@@ -11,20 +11,20 @@ use super::walk::{Order, first_hit};
 
 /// The discrete rays of a picture: by increments where that can be, else each by itself.
 #[derive(Clone, Copy, Debug)]
-pub struct DiscreteRays<'a> {
+pub(crate) struct DiscreteRays<'a> {
     sight: Sight<'a>,
     frame: Option<ParallelFrame>,
 }
 
 impl<'a> DiscreteRays<'a> {
     /// Those of a picture of this size in pixels.
-    pub fn new(sight: Sight<'a>, width: u32, height: u32) -> Self {
+    pub(crate) fn new(sight: Sight<'a>, width: u32, height: u32) -> Self {
         Self { sight, frame: ParallelFrame::new(&sight, width, height) }
     }
 
     /// First hits of those pixels of a tile that are bits of `asked` and lie in the picture; `each` gets the pixel's
     /// number in the tile.
-    pub fn trace_tile<V: NodeView>(
+    pub(crate) fn trace_tile<V: NodeView>(
         &self,
         view: &V,
         tile: Tile,
@@ -54,7 +54,7 @@ impl<'a> DiscreteRays<'a> {
     }
 
     /// First hit of the ray through a point of the picture.
-    pub fn trace<V: NodeView>(&self, view: &V, x: f64, y: f64, lod_edge_log2: u32) -> Trace {
+    pub(crate) fn trace<V: NodeView>(&self, view: &V, x: f64, y: f64, lod_edge_log2: u32) -> Trace {
         let Some(ray) = self.sight.ray(x, y) else { return Trace { hit: None, steps: 0 } };
         first_hit(view, &Line::new(&ray), lod_edge_log2, Order::default(), || Some(ray))
     }

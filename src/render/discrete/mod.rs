@@ -34,6 +34,6 @@ pub mod line;
 pub mod path;
 pub mod walk;
 
-pub use frame::DiscreteRays;
+pub(crate) use frame::DiscreteRays;
 pub use line::{Line, MainAxis};
 pub use walk::{Order, first_hit};

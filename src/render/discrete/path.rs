@@ -7,7 +7,7 @@ use super::line::MainAxis;
 
 /// Quadrants of floor, middle and ceiling along one axis, in halves of the box from its low side: -1, 0, 1 or 2, where
 /// the outer two stand for all that lies outside. From one to the next they grow by at most 1.
-pub type Halves = [i8; 3];
+pub(crate) type Halves = [i8; 3];
 
 /// Bit 0 and 1 of a pair of halves: those of the box that lie between them.
 #[inline]
@@ -29,20 +29,20 @@ const BY_V: [u8; 4] = [0, 0b0011, 0b1100, 0b1111];
 ///
 /// `u` and `v` are the halves of floor, middle and ceiling.
 #[inline]
-pub fn path_byte(u: Halves, v: Halves) -> u8 {
+pub(crate) fn path_byte(u: Halves, v: Halves) -> u8 {
     let storey = |i: usize| BY_U[between(u[i], u[i + 1])] & BY_V[between(v[i], v[i + 1])];
     storey(0) | storey(1) << 4
 }
 
 /// An infobyte in the walk's frame: bit i says that child i there is not empty.
 #[inline]
-pub fn infobyte_in_frame(infobyte: u8, axis: MainAxis) -> u8 {
+pub(crate) fn infobyte_in_frame(infobyte: u8, axis: MainAxis) -> u8 {
     IN_FRAME[axis.frame_number() % FRAMES][usize::from(infobyte)]
 }
 
 /// Octant of the grid that is child `child` of the walk's frame.
 #[inline]
-pub fn octant_in_grid(child: u32, axis: MainAxis) -> u32 {
+pub(crate) fn octant_in_grid(child: u32, axis: MainAxis) -> u32 {
     u32::from(OCTANTS[axis.frame_number() % FRAMES][child as usize % 8])
 }
 
@@ -131,7 +131,7 @@ impl Visits {
 /// The look-up table of the paper (3.2): 14 bits in, eight of them the infobyte and six the quadrants of floor,
 /// middle and ceiling; out comes the list of children to visit. 64 KiB.
 ///
-/// The walk hands in the infobyte after the box's sides have been looked at ([`path_byte`]), so that quadrants
+/// The walk hands in the infobyte after the box's sides have been looked at (`path_byte`), so that quadrants
 /// outside of the box, which six bits cannot tell, add nothing.
 pub struct Table(Box<[u32]>);
 

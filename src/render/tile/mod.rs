@@ -262,7 +262,7 @@ impl Tracer {
 
     /// [`Tracer::trace`] for the rays only that are bits of `asked`: ray `8 y + x` is that of column x and row y.
     #[inline]
-    pub fn trace_some<S: Surface>(
+    pub(crate) fn trace_some<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
         surface: &S,

@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `parse` | one file, element by element: [`scan`](fn@scan), [`DicomHeader`], [`visit`] |
 //! | `image` | the pixels of one file: [`Image`], [`PixelLayout`], [`unroll`](fn@unroll) |
-//! | `series` | the images of one series, and the volumes that they are: [`DicomVolume`] |
+//! | `series` | the images of one series, and the volumes that they are: `DicomVolume` |
 //!
 //! Each sees those before it. What is found and cannot be read is named, not guessed at. The standard is cited
 //! as PS3.x.
@@ -24,4 +24,3 @@ pub use parse::scan::scan;
 pub use parse::window::ReadAt;
 pub(crate) use series::findings::open_series;
 pub(crate) use series::survey::{Recognition, recognise};
-pub use series::volume::DicomVolume;

@@ -311,7 +311,7 @@ impl Padding {
     }
 
     /// Does replacing change anything?
-    pub fn matters(self) -> bool {
+    pub(crate) fn matters(self) -> bool {
         (self.low, self.high) != (self.replacement, self.replacement)
     }
 

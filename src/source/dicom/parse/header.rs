@@ -283,7 +283,7 @@ impl DicomHeader {
 
     /// Are its frames tiles of a larger picture, not slices: those of a whole slide, say, or of what was found on
     /// one?
-    pub fn is_tiled(&self) -> bool {
+    pub(crate) fn is_tiled(&self) -> bool {
         let sides = [self.columns, self.rows].map(|side| side.map(u32::from));
         let larger = |(total, side): (&Option<u32>, Option<u32>)| total.zip(side).is_some_and(|(a, b)| a > b);
         self.tiled
@@ -292,22 +292,22 @@ impl DicomHeader {
     }
 
     /// Is it an RT dose? Its values are scaled by Dose Grid Scaling, and by nothing else (PS3.3 C.8.8.3).
-    pub fn is_dose(&self) -> bool {
+    pub(crate) fn is_dose(&self) -> bool {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.481.2" || self.modality == "RTDOSE"
     }
 
     /// Is it a parametric map, whose values are what its Real World Value Mapping makes of the numbers?
-    pub fn is_parametric_map(&self) -> bool {
+    pub(crate) fn is_parametric_map(&self) -> bool {
         self.sop_class == "1.2.840.10008.5.1.4.1.1.30"
     }
 
     /// Do frames follow each other by Frame Time or Frame Time Vector?
-    pub fn is_film(&self) -> bool {
+    pub(crate) fn is_film(&self) -> bool {
         matches!(self.frame_increment, Some(0x0018_1063 | 0x0018_1065))
     }
 
     /// Why its pixels may carry text, if there is a reason to think so.
-    pub fn may_show_text(&self) -> Option<BurnedIn> {
+    pub(crate) fn may_show_text(&self) -> Option<BurnedIn> {
         let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
         let is_screen = |part: &str| {
             ["SCREEN", "SAVE", "CAPTURE"].iter().any(|word| part.to_ascii_uppercase().contains(word))
@@ -326,7 +326,7 @@ impl DicomHeader {
     }
 
     /// Is it a segmentation, whose numbers are labels in any colours?
-    pub fn is_segmentation(&self) -> bool {
+    pub(crate) fn is_segmentation(&self) -> bool {
         self.kind() == "segmentation"
     }
 

@@ -49,7 +49,7 @@ const CT_BACKGROUND: f64 = -1000.0;
 /// Holds some 90 bytes a slice with its name (nothing for a tile), and no pixels; where slices are made,
 /// 64 KiB (or one row) for each thread that reads.
 #[derive(Debug)]
-pub struct DicomVolume {
+pub(crate) struct DicomVolume {
     info: VolumeInfo,
     files: FileSet,
     layouts: Vec<PixelLayout>,
