@@ -284,7 +284,7 @@ fn huge_coordinates_and_offsets_are_fitted_or_refused() {
         }
         out
     };
-    for (low, high) in [(1e12, 2e12), (1e7, 1e7 + 1e-6), (-1e-9, 1e-9), (1e200, 3e200)] {
+    for (low, high) in [(1e12, 2e12), (1e7, 1e7 + 1e-6), (-1e-9, 1e-9)] {
         let file = place.put("a.off", text(low, high).as_bytes());
         place.build(&[file], &side, &options(16, 1)).unwrap();
         assert_eq!(place.model().dims().to_array(), [64; 3], "{low}");
@@ -294,9 +294,11 @@ fn huge_coordinates_and_offsets_are_fitted_or_refused() {
     let file = place.put("a.off", text(1e9, 2e9).as_bytes());
     let refused = place.build(&[file], &exact([40; 3]), &options(16, 1)).unwrap_err();
     assert!(fault(refused).contains("voxels from the corner of the grid"));
-    let file = place.put("a.off", text(3.0, 3.0).as_bytes());
-    let refused = place.build(&[file], &side, &options(16, 1)).unwrap_err();
-    assert!(fault(refused).starts_with("lies in one point"));
+    for (low, high, words) in [(1e200, 3e200, "mm long"), (3.0, 3.0, "lies in one point")] {
+        let file = place.put("a.off", text(low, high).as_bytes());
+        let refused = place.build(&[file], &side, &options(16, 1)).unwrap_err();
+        assert!(fault(refused).contains(words), "{low}");
+    }
 }
 
 #[test]
