@@ -123,14 +123,17 @@ pub(super) fn otsu<T: Ordered>(
         }
     };
     let dims = source.info().dims;
-    let evidence = Mutex::new(Evidence::default());
+    // A picture that a device has taken holds no labels, however few its greys are.
+    let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
+    let start = Evidence::new(may_be_map, outside_samples(dims));
+    let evidence = Mutex::new(start);
     for_each_part::<T, _>(
         source,
         (threads, READ_BYTES),
         progress,
-        &|| (vec![0_u32; BINS], 0_u64, Evidence::default()),
+        &|| (vec![0_u32; BINS], 0_u64, start),
         &|(local, seen, evidence), part, samples| {
-            evidence.add_edges(samples);
+            evidence.add_edges(samples, local);
             evidence.add_outside(dims, part, samples);
             *seen += samples.len() as u64;
             if *seen > u64::from(u32::MAX) {
@@ -159,9 +162,7 @@ pub(super) fn otsu<T: Ordered>(
     let evidence = evidence.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     let value = |bin: usize| low + bin as f64 * width;
     let mut kind = Kind::Values;
-    // A picture that a device has taken holds no labels, however few its greys are.
-    let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
-    if let Some(count) = evidence.labels(&counts).filter(|_| may_be_map) {
+    if let Some(count) = evidence.labels(&counts) {
         kind = Kind::Labels { count, first: evidence.first };
     } else if let Some(bin) = evidence.padding(&counts, &value) {
         kind = Kind::Padded { value: value(bin) };
@@ -189,15 +190,20 @@ impl End {
     }
 }
 
-/// Counts of a pass that tell paddings and labels from a mixture.
+/// Counts of a pass that tell paddings and labels from a mixture. What has become impossible is not counted any more.
 #[derive(Clone, Copy, Debug)]
 struct Evidence {
-    /// Samples outside the circle, or ellipse, that a slice has room for; and the ends of their range.
+    /// May there still be labels, and padding?
+    may_be_map: bool,
+    may_be_padded: bool,
+    /// Parts whose neighbours were counted.
+    parts: u64,
+    /// Samples outside the circle, or ellipse, that a slice has room for, in the whole volume; those seen so far, and the
+    /// ends of their range.
+    all_outside: u64,
     outside: u64,
     least: End,
     most: End,
-    /// Are all samples whole numbers, and none below 0?
-    is_whole: bool,
     /// The smallest value above 0.
     first: f64,
     /// Neighbours that are alike, but for those of 0; and those that differ.
@@ -206,23 +212,6 @@ struct Evidence {
     /// Of those that differ, the ones of 0 and another value than the smallest that has 0 for a neighbour.
     jumps: u64,
     nearest: End,
-}
-
-impl Default for Evidence {
-    fn default() -> Self {
-        let [least, most] = [f64::INFINITY, f64::NEG_INFINITY].map(|value| End { value, count: 0 });
-        Self {
-            outside: 0,
-            least,
-            most,
-            is_whole: true,
-            first: f64::INFINITY,
-            alike: 0,
-            differ: 0,
-            jumps: 0,
-            nearest: least,
-        }
-    }
 }
 
 /// A part of outside samples that are padding, at least; a part of those within that are, at most.
@@ -245,12 +234,63 @@ const MAX_LABELS: usize = 1024;
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
 
+/// Are all samples whole numbers, and none below 0?
+fn are_whole<T: Ordered>(samples: &[T]) -> bool {
+    match T::TYPE {
+        ScalarType::U8 | ScalarType::U16 | ScalarType::U32 => true,
+        ScalarType::I8 | ScalarType::I16 | ScalarType::I32 => {
+            samples.iter().fold(true, |all, sample| all & (*sample >= T::zeroed()))
+        }
+        ScalarType::F32 | ScalarType::F64 => samples.iter().all(|sample| {
+            let v = sample.to_f64();
+            v >= 0.0 && v.trunc() == v
+        }),
+    }
+}
+
+/// How many columns at either end of a line lie outside the ellipse of a slice, one less to spare.
+fn columns_outside(dims: Dims, y: u32) -> u32 {
+    let down = (f64::from(y) + 0.5) / f64::from(dims.ny()) - 0.5;
+    let across = f64::from(dims.nx()) * (0.5 - (0.25 - down * down).max(0.0).sqrt());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a side")]
+    let ends = (across as u32).saturating_sub(1);
+    ends
+}
+
+/// The samples of a volume that lie outside; 0 if its slices are too narrow.
+fn outside_samples(dims: Dims) -> u64 {
+    if dims.nx().min(dims.ny()) < ROUND {
+        return 0;
+    }
+    let line = |y| u64::from(2 * columns_outside(dims, y)).min(dims.nx().into());
+    (0..dims.ny()).map(line).sum::<u64>() * u64::from(dims.nz())
+}
+
 impl Evidence {
+    fn new(may_be_map: bool, all_outside: u64) -> Self {
+        let [least, most] = [f64::INFINITY, f64::NEG_INFINITY].map(|value| End { value, count: 0 });
+        Self {
+            may_be_map,
+            may_be_padded: all_outside > 0,
+            parts: 0,
+            all_outside,
+            outside: 0,
+            least,
+            most,
+            first: f64::INFINITY,
+            alike: 0,
+            differ: 0,
+            jumps: 0,
+            nearest: least,
+        }
+    }
+
     fn join(&mut self, other: &Self) {
+        self.may_be_map &= other.may_be_map;
+        self.may_be_padded &= other.may_be_padded;
         self.outside += other.outside;
         self.least.add(other.least, other.least.value < self.least.value);
         self.most.add(other.most, other.most.value > self.most.value);
-        self.is_whole &= other.is_whole;
         self.first = self.first.min(other.first);
         self.alike += other.alike;
         self.differ += other.differ;
@@ -258,67 +298,85 @@ impl Evidence {
         self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
     }
 
-    /// Neighbours along rows; a row's last sample counts as that of the next one's first.
-    fn add_edges<T: Ordered>(&mut self, samples: &[T]) {
-        let mut last = samples.first().map_or(0.0, |sample| sample.to_f64());
-        self.see(last);
-        let mut alike = 0;
-        for sample in samples {
-            let v = sample.to_f64();
-            if v == last {
-                alike += u64::from(v != 0.0);
-                continue;
-            }
-            self.see(v);
-            self.differ += 1;
-            let other = if last == 0.0 { v } else { last };
-            if last == 0.0 || v == 0.0 {
-                self.jumps += 1;
+    /// Neighbours along rows; a row's last sample counts as that of the next one's first. `counted` is what was counted
+    /// before, of which a map has few values.
+    fn add_edges<T: Ordered>(&mut self, samples: &[T], counted: &[u32]) {
+        let Some(first) = samples.first().filter(|_| self.may_be_map) else { return };
+        self.parts += 1;
+        if self.parts.is_power_of_two() {
+            self.may_be_map = counted.iter().filter(|n| **n > 0).count() <= MAX_LABELS + 1;
+        }
+        self.may_be_map &= are_whole(samples);
+        if !self.may_be_map {
+            return;
+        }
+        let zero = T::zeroed();
+        let neighbours = || samples.iter().zip(&samples[1..]);
+        let is_jump = |a: &T, b: &T| (a != b) & ((*a == zero) | (*b == zero));
+        // Sums of bits, without branches; a part has fewer samples than 2^32.
+        let differ = neighbours().map(|(a, b)| u32::from(a != b)).sum::<u32>();
+        let alike = neighbours().map(|(a, b)| u32::from((a == b) & (*a != zero))).sum::<u32>();
+        let jumps = neighbours().map(|(a, b)| u32::from(is_jump(a, b))).sum::<u32>();
+        self.alike += u64::from(alike) + u64::from(*first != zero);
+        self.differ += u64::from(differ);
+        self.jumps += u64::from(jumps);
+        let above = samples.iter().filter(|sample| **sample > zero);
+        let smallest = above.fold(None, |low: Option<&T>, s| low.filter(|low| *low <= s).or(Some(s)));
+        self.first = smallest.map_or(self.first, |smallest| self.first.min(smallest.to_f64()));
+        if jumps > 0 {
+            for (a, b) in neighbours().filter(|(a, b)| is_jump(a, b)) {
+                // Neither is below 0.
+                let other = a.to_f64().max(b.to_f64());
                 self.nearest.add(End { value: other, count: 1 }, other < self.nearest.value);
             }
-            last = v;
-        }
-        self.alike += alike;
-    }
-
-    /// A value that follows another one.
-    #[inline]
-    fn see(&mut self, v: f64) {
-        self.is_whole &= v >= 0.0 && v.trunc() == v;
-        if v > 0.0 {
-            self.first = self.first.min(v);
         }
     }
 
     /// Samples of a part that lie outside.
     fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
-        let (nx, ny) = (dims.nx(), dims.ny());
-        if nx.min(ny) < ROUND {
+        if !self.may_be_padded {
             return;
         }
+        let nx = dims.nx();
         for (row, y) in samples.chunks(part.columns.len().max(1)).zip(part.lines.clone()) {
-            let down = (f64::from(y) + 0.5) / f64::from(ny) - 0.5;
-            let across = f64::from(nx) * (0.5 - (0.25 - down * down).max(0.0).sqrt());
-            // A column to spare.
-            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a side")]
-            let ends = (across as u32).saturating_sub(1);
-            for (sample, x) in row.iter().zip(part.columns.clone()) {
-                if x >= ends && x < nx - ends {
-                    continue;
-                }
-                let one = End { value: sample.to_f64(), count: 1 };
-                self.outside += 1;
-                self.least.add(one, one.value < self.least.value);
-                self.most.add(one, one.value > self.most.value);
+            let ends = columns_outside(dims, y);
+            let Range { start, end } = part.columns;
+            // Columns of this part at the low end, and those from the high end on.
+            let low = ends.clamp(start, end) - start;
+            let high = (nx - ends).clamp(start + low, end) - start;
+            for samples in [row.get(..low as usize), row.get(high as usize..)].into_iter().flatten() {
+                self.add_run(samples);
             }
         }
+        // Too many others than either end of the range for what is wanted of all.
+        let most = self.all_outside as f64 * (1.0 - OUTSIDE);
+        let others = |end: &End| (self.outside - end.count) as f64;
+        self.may_be_padded = others(&self.least).min(others(&self.most)) <= most + 1.0;
+    }
+
+    /// Samples outside, one after the other.
+    fn add_run<T: Ordered>(&mut self, samples: &[T]) {
+        let Some(first) = samples.first() else { return };
+        self.outside += samples.len() as u64;
+        let of = |value: T| samples.iter().map(|sample| u64::from(*sample == value)).sum::<u64>();
+        // What is not a number is neither.
+        let is_number = |value: T| T::NO_NUMBER.is_none() || !value.to_f64().is_nan();
+        let (mut low, mut high) = (*first, *first);
+        for sample in samples {
+            low = if *sample < low || !is_number(low) { *sample } else { low };
+            high = if *sample > high || !is_number(high) { *sample } else { high };
+        }
+        let least = End { value: low.to_f64(), count: of(low) };
+        let most = End { value: high.to_f64(), count: if low == high { least.count } else { of(high) } };
+        self.least.add(least, least.value < self.least.value);
+        self.most.add(most, most.value > self.most.value);
     }
 
     /// The number of labels, if these are some.
     fn labels(&self, counts: &[u64]) -> Option<usize> {
         let values = counts.iter().filter(|n| **n > 0).count();
         let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
-        let is_map = self.is_whole
+        let is_map = self.may_be_map
             // Two values are told apart by any threshold between them.
             && (3..=MAX_LABELS + 1).contains(&values)
             && part(self.alike, self.alike + self.differ) >= FLAT
@@ -331,7 +389,7 @@ impl Evidence {
         let total: u64 = counts.iter().sum();
         let first = counts.iter().position(|n| *n > 0)?;
         let last = counts.iter().rposition(|n| *n > 0)?;
-        if self.outside == 0 || counts.iter().filter(|n| **n > 0).count() <= FEW {
+        if !self.may_be_padded || counts.iter().filter(|n| **n > 0).count() <= FEW {
             return None;
         }
         let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
