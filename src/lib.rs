@@ -281,10 +281,13 @@ pub fn build_subject(
 /// Makes a picture of a model; it depends on the model and the request only, not on the machine.
 ///
 /// # Errors
-/// [`Error::Render`] for a camera or a size that makes no sense, or a model without a volume.
+/// [`Error::Render`] for a camera or a size that makes no sense, or a model without a volume; [`Error::Load`] if the
+/// model's file is changed meanwhile, see [`Model::open`].
 pub fn render<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), Error> {
-    Ok(jobs::render::render_view(&model.view(), model.dims(), &model.affine(), request)?)
+    model.unchanged_during(|| {
+        Ok(jobs::render::render_view(&model.view(), model.dims(), &model.affine(), request)?)
+    })
 }

@@ -117,7 +117,10 @@ pub fn export(
     let target = out.file().try_clone().map_err(unwritable)?;
     let made = exporter.write(request.form, target, folder, progress).map_err(|stop| match stop {
         // Checking all of it says what is wrong.
-        ExportStop::Damaged => verify_file(input).err().unwrap_or(Error::Internal),
+        ExportStop::Damaged => {
+            let changed = model.check_unchanged(input).map_err(Error::from);
+            changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
+        }
         ExportStop::Output(cause) => match fault_of(&cause) {
             Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
             None => unwritable(cause),
@@ -164,8 +167,8 @@ pub fn export(
 /// ```
 ///
 /// # Errors
-/// The model is damaged, or keeps only what can be seen; it has more than 2^32 corners, or is too broad to be
-/// simplified; [`Error::Stopped`].
+/// The model is damaged, its file is changed meanwhile, or it keeps only what can be seen; it has more than 2^32 corners,
+/// or is too broad to be simplified; [`Error::Stopped`].
 pub fn triangles<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     simplify: u32,
@@ -185,7 +188,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(
         step: 1 << simplify.min(MAX_SIMPLIFIED),
         give_back: &|| {},
     };
-    exporter.triangles(progress).map_err(|stop| match stop {
+    let fault = |stop| match stop {
         // Checking all of it says what is wrong.
         ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(&name()).into()),
         ExportStop::Output(cause) => match fault_of(&cause) {
@@ -193,7 +196,8 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(
             None => Error::Internal,
         },
         ExportStop::Stopped => Error::Stopped,
-    })
+    };
+    model.unchanged_during(|| exporter.triangles(progress).map_err(fault))
 }
 
 /// Is a step of 32-bit numbers, at the corner that is farthest from the origin, more than 1/128 of a voxel?

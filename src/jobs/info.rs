@@ -12,7 +12,8 @@ use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{Encoding, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
-use crate::load::{Frame, LoadError, LoadFault, open_regular};
+use crate::load::{Frame, LoadError, LoadFault};
+use crate::platform::open_file;
 use crate::text::names::{MEASURE, VERIFY};
 use crate::text::{Short, WithError, data, shown};
 use crate::volume::ScalarType;
@@ -86,7 +87,7 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
 /// # Errors
 /// The file is unreadable, foreign, newer or damaged.
 pub fn read_info(path: &Path) -> Result<Info, Error> {
-    let file = open_regular(path)
+    let file = open_file(path)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     Ok(Info { input: data(path), frame, measured: None })

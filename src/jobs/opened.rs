@@ -7,7 +7,8 @@ use std::path::Path;
 use super::pack::{Stop, unpack_to};
 use crate::error::Error;
 use crate::format::Encoding;
-use crate::load::{Fault, Frame, LoadError, LoadFault, Mapping, Model, open_regular};
+use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
+use crate::platform::open_file;
 
 /// Opens a model. A packed one is unpacked into a nameless temporary file beside it (or, where that folder is
 /// read-only, in the system's) for as long as it is open: that takes as much disk as the mapped file, and the time
@@ -17,9 +18,9 @@ use crate::load::{Fault, Frame, LoadError, LoadFault, Mapping, Model, open_regul
 /// The file is unreadable, foreign or damaged, or there is no room.
 pub fn open_model(path: &Path) -> Result<Model, Error> {
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_regular(path).map_err(unreadable)?;
+    let file = open_file(path).map_err(unreadable)?;
     if Frame::read(&file).map_err(|fault| fault.at(path))?.header.encoding == Encoding::Mapped {
-        return Ok(Model::open(path)?);
+        return Ok(Model::map(path)?);
     }
     let scratch = unpacked(&file, path)?;
     let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
@@ -29,11 +30,15 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
 /// The mapped form of a packed file in a nameless one.
 ///
 /// # Errors
-/// The packed file is damaged, or there is no room.
+/// The packed file is damaged, or is written to meanwhile, or there is no room.
 pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+    let then = FileIdentity::of(file)
+        .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let scratch =
         scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
-    unpack_to(file, &scratch).map_err(|stop| match stop {
+    let unpacked = unpack_to(file, &scratch);
+    then.check(file, path)?;
+    unpacked.map_err(|stop| match stop {
         Stop::Input(fault) => Error::Load(fault.at(path)),
         Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
     })?;

@@ -1,6 +1,5 @@
 //! `oct render SCENE.toml`: several models on disk into one picture.
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -12,7 +11,8 @@ use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
 use crate::error::Error;
-use crate::load::{LoadError, LoadFault, Model, ModelView, open_regular};
+use crate::load::{LoadError, LoadFault, Model, ModelView};
+use crate::platform::open_file;
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
@@ -93,7 +93,7 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     let unreadable =
         |cause| Error::Load(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }));
     let wrong = |fault| Error::Scene(SceneError { path: path.to_path_buf(), fault });
-    let file: File = open_regular(path).map_err(unreadable)?;
+    let file = open_file(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();
     if bytes > MAX_BYTES {
         return Err(wrong(SceneFault::TooLong { bytes, most: MAX_BYTES }));

@@ -9,7 +9,8 @@ use super::info::content_checksum;
 use super::opened::unpacked;
 use crate::error::Error;
 use crate::format::Encoding;
-use crate::load::{self, Fault, Frame, LoadError, LoadFault, open_regular};
+use crate::load::{self, FileIdentity, Frame, LoadError, LoadFault};
+use crate::platform::open_file;
 use crate::text::{data, shown};
 
 /// A file that passed.
@@ -41,13 +42,11 @@ pub struct VerifyReport {
 /// # Errors
 /// The first rule that is broken, or a failure to read.
 pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
-    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_regular(path).map_err(unreadable)?;
-    let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
+    let (file, frame) = opened(path)?;
     if frame.header.encoding == Encoding::Packed {
-        check(&unpacked(&file, path)?).map_err(|fault| fault.at(path))?;
+        check(&unpacked(&file, path)?, path)?;
     } else {
-        check(&file).map_err(|fault| fault.at(path))?;
+        check(&file, path)?;
     }
     Ok(VerifyReport {
         input: data(path),
@@ -65,17 +64,28 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
 /// # Errors
 /// As [`verify_file`].
 pub(super) fn verify_unless_packed(path: &Path) -> Result<(), Error> {
-    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_regular(path).map_err(unreadable)?;
-    let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
+    let (file, frame) = opened(path)?;
     if frame.header.encoding == Encoding::Packed {
         return Ok(());
     }
-    Ok(check(&file).map_err(|fault| fault.at(path))?)
+    check(&file, path)
 }
 
-fn check(file: &File) -> Result<(), Fault> {
-    load::verify(file).map(|_| ())
+fn opened(path: &Path) -> Result<(File, Frame), LoadError> {
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
+    let file = open_file(path).map_err(unreadable)?;
+    let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
+    Ok((file, frame))
+}
+
+/// Checks a file that nothing is written to meanwhile.
+fn check(file: &File, path: &Path) -> Result<(), Error> {
+    let then = FileIdentity::of(file)
+        .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
+    let sound = load::verify(file);
+    then.check(file, path)?;
+    sound.map_err(|fault| fault.at(path))?;
+    Ok(())
 }
 
 impl VerifyReport {

@@ -24,11 +24,11 @@ mod voxels;
 
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
-pub(crate) use error::{LoadFault, NotRegular};
+pub(crate) use error::LoadFault;
 pub use frame::Frame;
+pub(crate) use map::FileIdentity;
 pub use map::Mapping;
 pub use memory::MemoryTree;
-pub(crate) use model::open_regular;
 pub use model::{Items, Model, ModelView};
 pub(crate) use stream::Cursor;
 pub use stream::{Fault, ReadAt};

@@ -3,17 +3,18 @@
 use std::fs::File;
 use std::io::{self, Read};
 use std::ops::Range;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use crate::format::{Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
+use crate::platform::open_file;
 
 use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
-use super::{CellItems, LoadError, NodeView, NotRegular};
+use super::{CellItems, LoadError, NodeView};
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -25,6 +26,8 @@ pub struct Model<D = Mapping> {
     data: D,
     frame: Frame,
     places: Places,
+    /// None of a model in memory.
+    origin: Option<Origin>,
 }
 
 /// Where in the file the sections are that a view has; an empty range where it has none.
@@ -40,20 +43,62 @@ struct Places {
     cells: Option<[Range<usize>; 3]>,
 }
 
+/// The file that a model is mapped from, kept open so that a change of its bytes can be noticed.
+#[derive(Debug)]
+struct Origin {
+    path: PathBuf,
+    file: File,
+    then: FileIdentity,
+}
+
+/// Files up to this length are read by [`Model::open`], not mapped.
+const SMALL_BYTES: u64 = 1 << 20;
+
 impl Model<Mapping> {
-    /// Opens and maps a file.
+    /// Opens a file: one of at most 1 MiB is read into memory, a larger one is mapped.
+    ///
+    /// A mapping reads the file in place, so opening is cheap whatever its size. Other programs can still change the file:
+    ///
+    /// | what happens to a mapped file | what becomes of the model |
+    /// |---|---|
+    /// | it is replaced under its name, as every output of this program does, or removed | nothing: the old bytes stay |
+    /// | it is overwritten in place | any answer is possible, but no panic; jobs end with an error ([`Model::check_unchanged`]) |
+    /// | it is cut short | the same, unless the job is reading: then the system ends the process (SIGBUS) |
+    ///
+    /// Jobs are [`crate::render()`], [`crate::triangles`], and [`RayCaster::new`], [`first_hits`] and [`any_hit`]: they compare
+    /// length and time of change before they start and when they are done. Single rays and voxels are not checked. Where
+    /// others may write to the file, [`Model::read`] has none of this.
+    ///
+    /// [`RayCaster::new`]: crate::RayCaster::new
+    /// [`first_hits`]: crate::RayCaster::first_hits
+    /// [`any_hit`]: crate::RayCaster::any_hit
     ///
     /// # Errors
-    /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed.
+    /// [`LoadError`] with the path: unreadable, foreign, damaged, newer, or packed; a small file that is written to
+    /// meanwhile.
     pub fn open(path: impl AsRef<Path>) -> Result<Self, LoadError> {
         let path = path.as_ref();
+        let is_small = std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() <= SMALL_BYTES);
+        if is_small {
+            let Model { data, frame, places, .. } = Model::read(path)?;
+            return Ok(Self { data: Mapping::read(data), frame, places, origin: None });
+        }
+        Self::map(path)
+    }
+
+    /// Opens and maps a file, of any length.
+    ///
+    /// # Errors
+    /// As [`Model::open`].
+    pub(crate) fn map(path: &Path) -> Result<Self, LoadError> {
         let open = || -> Result<Self, Fault> {
-            let file = open_regular(path)?;
+            let file = open_file(path)?;
             let then = FileIdentity::of(&file)?;
             // By ordinary reads, so that only models are mapped.
             let frame = Frame::read(&file)?;
             frame.refuse_packed()?;
-            Self::assemble(Mapping::since(file, then)?, frame).map_err(Fault::from)
+            let model = Self::assemble(Mapping::of(&file)?, frame)?;
+            Ok(Self { origin: Some(Origin { path: path.to_path_buf(), file, then }), ..model })
         };
         open().map_err(|fault| fault.at(path))
     }
@@ -62,26 +107,6 @@ impl Model<Mapping> {
     pub fn give_back(&self) {
         self.data.give_back();
     }
-
-    /// Is the file still what it was when it was opened? To be asked before what was made of the model is kept:
-    /// a file that was overwritten in place meanwhile was neither the one model nor the other. `path` is what the
-    /// error names.
-    ///
-    /// # Errors
-    /// [`LoadError`], or the operating system refused.
-    pub fn check_unchanged(&self, path: &Path) -> Result<(), LoadError> {
-        match self.data.is_unchanged() {
-            Ok(true) => Ok(()),
-            Ok(false) => Err(LoadFault::Changed { path: path.to_path_buf() }.into()),
-            Err(cause) => Err(LoadFault::Unreadable { path: path.to_path_buf(), cause }.into()),
-        }
-    }
-}
-
-/// Opens a file for reading and refuses folders and devices, which cannot be models.
-pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
-    let file = File::open(path)?;
-    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other(NotRegular)) }
 }
 
 impl Model<Vec<u8>> {
@@ -95,7 +120,7 @@ impl Model<Vec<u8>> {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, LoadError> {
         let path = path.as_ref();
         let read = || -> Result<Option<Self>, Fault> {
-            let file = open_regular(path)?;
+            let file = open_file(path)?;
             let then = FileIdentity::of(&file)?;
             // So that only models are read whole.
             let frame = Frame::read(&file)?;
@@ -159,7 +184,33 @@ impl<D: AsRef<[u8]>> Model<D> {
                     .map(Option::unwrap_or_default)
             }),
         };
-        Ok(Self { data, frame, places })
+        Ok(Self { data, frame, places, origin: None })
+    }
+
+    /// Is the file that the model is mapped from still what it was when it was opened? To be asked before what was made of
+    /// the model is kept: a file that was overwritten in place meanwhile was neither the one model nor the other. A model
+    /// in memory is always unchanged. `path` is what the error names.
+    ///
+    /// # Errors
+    /// [`LoadError`], or the operating system refused.
+    pub fn check_unchanged(&self, path: &Path) -> Result<(), LoadError> {
+        self.origin.as_ref().map_or(Ok(()), |origin| origin.then.check(&origin.file, path))
+    }
+
+    /// Does a job between two such checks. In a file that was changed anything may be found wrong: that it was changed is
+    /// the reason then.
+    ///
+    /// # Errors
+    /// The model is not what it was when it was opened; the job's own.
+    pub(crate) fn unchanged_during<T, E: From<LoadError>>(
+        &self,
+        job: impl FnOnce() -> Result<T, E>,
+    ) -> Result<T, E> {
+        let check = || self.origin.as_ref().map_or(Ok(()), |origin| self.check_unchanged(&origin.path));
+        check()?;
+        let done = job();
+        check()?;
+        done
     }
 
     /// The header.

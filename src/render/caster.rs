@@ -127,9 +127,9 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// Prepares rays through a model.
     ///
     /// # Errors
-    /// [`RenderError`] for a model whose axes span no volume.
+    /// [`RenderError`] for a model whose axes span no volume, or whose file was changed ([`Model::open`]).
     pub fn new(model: P) -> Result<Self, RenderError> {
-        let space = GridSpace::new(model.dims(), &model.affine())?;
+        let space = model.unchanged_during(|| GridSpace::new(model.dims(), &model.affine()))?;
         Ok(Self { model, space })
     }
 
@@ -176,8 +176,8 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// ```
     ///
     /// # Errors
-    /// [`RenderError`] for the first ray that is not finite or has no direction, and
-    /// unless there are as many directions as origins; `hits` is empty then.
+    /// [`RenderError`] for the first ray that is not finite or has no direction,
+    /// unless there are as many directions as origins, and if the model's file is changed; `hits` is empty then.
     pub fn first_hits(
         &self,
         origins_mm: &[[f64; 3]],
@@ -188,7 +188,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         let view = self.model.view();
         let cells = view.cells().map(Cells::new);
         let (mut batch, mut found) = (Batch::default(), Vec::with_capacity(AT_ONCE));
-        let traced = self.in_parts(origins_mm, directions, &mut |numbers, rays| {
+        let traced = self.unchanged_in_parts(origins_mm, directions, &mut |numbers, rays| {
             match &cells {
                 Some(cells) => batch.nearest(&view, cells, rays, 0, &mut found),
                 None => batch.nearest(&view, &Skin, rays, 0, &mut found),
@@ -227,7 +227,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         let view = self.model.view();
         let cells = view.cells().map(Cells::new);
         let (mut batch, mut found, mut nearest) = (Batch::default(), Vec::new(), Vec::new());
-        self.in_parts(origins_mm, directions, &mut |numbers, rays| {
+        self.unchanged_in_parts(origins_mm, directions, &mut |numbers, rays| {
             if t_max == f64::INFINITY {
                 match &cells {
                     Some(cells) => batch.any(&view, cells, rays, 0, &mut found),
@@ -243,6 +243,16 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
             }
             numbers.iter().zip(&found).for_each(|(ray, is_met)| met[*ray] = *is_met);
         })
+    }
+
+    /// [`RayCaster::in_parts`] through a model whose file nothing is written to meanwhile.
+    fn unchanged_in_parts(
+        &self,
+        origins_mm: &[[f64; 3]],
+        directions: &[[f64; 3]],
+        trace: &mut dyn FnMut(&[usize], &[Ray]),
+    ) -> Result<(), RenderError> {
+        self.model.unchanged_during(|| self.in_parts(origins_mm, directions, trace))
     }
 
     /// Hands rays that reach the grid to `trace`, with their numbers, some at a time.

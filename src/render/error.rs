@@ -9,6 +9,7 @@ use thiserror::Error;
 use super::ray::BadRay;
 use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::{ExitKind, opaque_error};
+use crate::load::LoadError;
 use crate::text::names::{EYE, LOOK_AT, MEMORY, SURFACE, TRAVERSAL, UP};
 use crate::text::{shown, writing};
 
@@ -24,6 +25,8 @@ pub(crate) enum RenderFault {
     Camera(CameraFault),
     #[error(transparent)]
     Ray(BadRay),
+    #[error(transparent)]
+    Model(LoadError),
     #[error("ray {index} (from 0): {fault}")]
     RayAt { index: usize, fault: BadRay },
     #[error("{rays} origins and {others} directions or answers; give as many of each")]
@@ -115,6 +118,7 @@ impl RenderFault {
             | Self::DiscreteCells
             | Self::Threads { .. }
             | Self::TooDeep { .. } => ExitKind::Usage,
+            Self::Model(error) => error.kind(),
             Self::SingularAffine => ExitKind::Input,
             Self::Memory { .. } => ExitKind::Budget,
             Self::Write { .. } => ExitKind::Io,
@@ -124,6 +128,7 @@ impl RenderFault {
     fn path(&self) -> Option<&Path> {
         match self {
             Self::Write { path, .. } => Some(path),
+            Self::Model(error) => error.path(),
             _ => None,
         }
     }
@@ -142,6 +147,12 @@ impl RenderError {
 impl From<CameraFault> for RenderError {
     fn from(fault: CameraFault) -> Self {
         RenderFault::Camera(fault).into()
+    }
+}
+
+impl From<LoadError> for RenderError {
+    fn from(cause: LoadError) -> Self {
+        RenderFault::Model(cause).into()
     }
 }
 

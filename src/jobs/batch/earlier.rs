@@ -2,11 +2,11 @@
 //! they came from, as nothing else does.
 
 use std::collections::HashSet;
-use std::fs::File;
 use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use super::record::{Item, Journal, Record, Status};
+use crate::platform::open_file;
 
 /// Longest line of a report that is read; longer ones are passed over.
 const MAX_LINE_BYTES: u64 = 1 << 20;
@@ -19,7 +19,7 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 /// # Errors
 /// The journal cannot be read or written. A report that cannot be read tells of nothing.
 pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::Result<()> {
-    let Ok(report) = File::open(out.join("report.json")) else { return Ok(()) };
+    let Ok(report) = open_file(&out.join("report.json")) else { return Ok(()) };
     let mut known = HashSet::new();
     journal.for_each(&mut |item| {
         if item.model.is_some() {

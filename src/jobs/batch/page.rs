@@ -3,13 +3,13 @@
 //! It travels: volumes are called by their ids, and no sentence about an input is in it, as these may name files.
 //! Files and folders are named only where that was asked for.
 
-use std::fs::File;
 use std::io::{self, Read, Write};
 use std::path::Path;
 
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, LeftOutCount, status};
 use crate::budget::Bytes;
+use crate::platform::open_file;
 use crate::source::BurnedIn;
 use crate::text::plain;
 
@@ -221,7 +221,7 @@ fn short(value: f64) -> String {
 /// Writes a picture as a data URI, three bytes as four characters; false if it cannot be read.
 fn embed_png(path: &Path, w: &mut dyn Write) -> io::Result<bool> {
     const DIGITS: &[u8; 64] = b"ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz0123456789+/";
-    let Ok(mut file) = File::open(path) else { return Ok(false) };
+    let Ok(mut file) = open_file(path) else { return Ok(false) };
     w.write_all(b"data:image/png;base64,")?;
     let mut bytes = [0; 3 * 1024];
     loop {

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
 use crate::exit::ExitKind;
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_file};
 use crate::scratch::unnamed;
 use crate::source::BurnedIn;
 
@@ -203,7 +203,7 @@ impl Record {
 
     /// Reads the record of `name`, if there is one that can be read.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
-        let file = File::open(record_path(out, name)).ok()?;
+        let file = open_file(&record_path(out, name)).ok()?;
         serde_json::from_reader(BufReader::new(file.take(MAX_RECORD_BYTES))).ok()
     }
 

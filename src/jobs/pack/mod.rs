@@ -23,8 +23,8 @@ use super::info::ratio;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
-use crate::load::{Fault, Frame, LoadError, LoadFault, ReadAt, open_regular};
-use crate::platform::give_back;
+use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, ReadAt};
+use crate::platform::{give_back, open_file};
 use crate::progress::{Progress, Silent, Stopped};
 use crate::text::{data, shown};
 use strip::StripStop;
@@ -71,7 +71,7 @@ impl PackReport {
 /// more. Cost: below 0.3 microseconds per skin voxel.
 ///
 /// # Errors
-/// The input is damaged, foreign or packed already; the output cannot be written. Nothing is left at
+/// The input is damaged, foreign or packed already, or is written to meanwhile; the output cannot be written. Nothing is left at
 /// `output` then that was not there before.
 pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
     pack_with(input, output, &Silent)
@@ -133,12 +133,13 @@ fn convert(
     let start = Instant::now();
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: input.to_path_buf(), cause });
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
-    let source = open_regular(input).map_err(unreadable)?;
+    let source = open_file(input).map_err(unreadable)?;
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {
         return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
     }
+    let then = FileIdentity::of(&source).map_err(unreadable)?;
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
@@ -151,8 +152,10 @@ fn convert(
     };
     // What started the program is done; a job of a few MiB feels its pages.
     give_back();
-    let frame =
-        work(&Stoppable { file: &source, progress }, out.file()).map_err(|stop| stop.at(input, stopped))?;
+    let done = work(&Stoppable { file: &source, progress }, out.file());
+    // What was written over meanwhile was neither the one model nor the other, and anything may be found wrong in it.
+    then.check(&source, input)?;
+    let frame = done.map_err(|stop| stop.at(input, stopped))?;
     if progress.stopped() {
         return Err(Error::Stopped);
     }

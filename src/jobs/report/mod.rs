@@ -125,6 +125,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         for found in bench.of_model(&model, &name)? {
             rows::join(&mut experiments, found);
         }
+        model.check_unchanged(path)?;
         progress.advance(1);
     }
     rows::mark_fronts(&mut experiments);

@@ -29,6 +29,26 @@ pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
     (meta.mtime(), meta.mtime_nsec())
 }
 
+/// A folder, a pipe or a device where a file is needed; held by an [`io::Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("it is not a regular file")]
+pub(crate) struct NotRegular;
+
+/// Opens a regular file for reading. Opening a pipe could wait for ever, and opening a device could do anything, so that
+/// both are refused before.
+///
+/// # Errors
+/// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
+pub(crate) fn open_file(path: &Path) -> io::Result<File> {
+    let regular = |meta: Metadata| {
+        if meta.is_file() { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, NotRegular)) }
+    };
+    regular(std::fs::metadata(path)?)?;
+    let file = File::open(path)?;
+    regular(file.metadata()?)?;
+    Ok(file)
+}
+
 /// Permissions of a new file for the owner, the group and others, before the process's mask.
 pub(crate) fn new_file_permissions() -> Permissions {
     Permissions::from_mode(0o666)
