@@ -130,6 +130,16 @@ impl BuildError {
         }
     }
 
+    /// The same error with the smallest cap that was found for the whole job, if it was.
+    pub(crate) fn with_minimum(mut self, bytes: Option<u64>) -> Self {
+        if let (Some(bytes), BuildFault::BudgetTooSmall { limit_bytes, minimum_bytes, .. }) =
+            (bytes, self.fault_mut())
+        {
+            *minimum_bytes = bytes.max(limit_bytes.saturating_add(1));
+        }
+        self
+    }
+
     /// The same error with so much more held outside the cap that was too small.
     pub(crate) fn beside(mut self, held_bytes: u64) -> Self {
         if let BuildFault::BudgetTooSmall { limit_bytes, minimum_bytes, .. } = self.fault_mut() {

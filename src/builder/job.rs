@@ -47,6 +47,34 @@ pub fn build_solid(
     job.run(files, solid)
 }
 
+/// Reserves what a model of a solid cannot be built without, and so much more in its worker.
+///
+/// # Errors
+/// The solid does not have one of the channels.
+pub(crate) fn reserve_least_of(
+    solid: &dyn Solid,
+    options: &BuildOptions,
+    more_bytes: u64,
+    budget: &Budget,
+) -> Result<Option<Reservation>, BuildError> {
+    let request = request_of(solid, &options.for_surface(solid.surface()), more_bytes)?;
+    Ok(ColumnPlan::smallest(&request, budget).ok())
+}
+
+fn request_of<'a>(
+    solid: &'a dyn Solid,
+    options: &BuildOptions,
+    more_bytes: u64,
+) -> Result<PlanRequest<'a>, BuildError> {
+    Ok(PlanRequest {
+        dims: solid.dims(),
+        channels: channel_forms(options, &solid.name(), |channel, found| solid.form(channel, found))?,
+        threads: options.threads,
+        solid_bytes: Box::new(move |tile| solid.worker_bytes(tile) + more_bytes),
+        input_bytes: solid.input_bytes(),
+    })
+}
+
 /// The channels that are asked for, in the forms in which the solid has them before the scan.
 ///
 /// # Errors
@@ -171,16 +199,8 @@ impl Job<'_> {
     }
 
     fn plan_solid(&self, solid: &dyn Solid) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
-        let name = solid.name();
-        let channels = channel_forms(self.options, &name, |channel, found| solid.form(channel, found))?;
-        let request = PlanRequest {
-            dims: solid.dims(),
-            channels,
-            threads: self.options.threads,
-            solid_bytes: Box::new(|tile| solid.worker_bytes(tile)),
-            input_bytes: solid.input_bytes(),
-        };
-        Ok((self.plan(&name, &request)?, request.channels))
+        let request = request_of(solid, self.options, 0)?;
+        Ok((self.plan(&solid.name(), &request)?, request.channels))
     }
 
     /// The plan within what is resident now.

@@ -65,6 +65,7 @@ pub use estimator::Gradient;
 pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
+pub(crate) use job::reserve_least_of;
 pub use options::{BuildOptions, Threshold};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};

@@ -217,8 +217,8 @@ impl CleanOptions {
         }
         let dry = Budget::dry(kind);
         let _least = self.reserve_least(source, options, &dry);
-        // What is resident is read before cleaning, and again before the build.
-        dry.smallest_limit(2)
+        // What is resident is read again before the build, with what cleaning has left, which was reserved.
+        dry.smallest_limit(1)
     }
 
     /// Reserves the least that every operation can do with, and then what the build after them cannot do without.

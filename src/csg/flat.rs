@@ -84,6 +84,8 @@ pub(super) struct Flat<T> {
     pub(super) joins: Vec<Kind>,
     /// Join and part, in the order of the tree.
     pub(super) parts: Vec<(u32, Part)>,
+    /// The most that making it has taken at a time.
+    pub(super) peak_bytes: u64,
 }
 
 struct Visit {
@@ -116,7 +118,8 @@ impl<T> Flat<T> {
         most_bytes: u64,
         make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
-        let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
+        let mut flat =
+            Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new(), peak_bytes: 0 };
         // Depth first: affines behind the current one are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
@@ -126,10 +129,7 @@ impl<T> Flat<T> {
                 return Err(too_many.into());
             }
             let open_bytes = open.capacity() * size_of::<Visit>() + affines.capacity() * size_of::<Affine>();
-            let bytes = flat.bytes() + open_bytes as u64;
-            if bytes > most_bytes {
-                return Err(Stop::Memory { bytes });
-            }
+            flat.hold(open_bytes as u64, most_bytes)?;
             affines.truncate(affine as usize + 1);
             let above_it = &affines[affine as usize];
             let mut leaf = |flat: &mut Self, shape, line, negated| {
@@ -168,7 +168,15 @@ impl<T> Flat<T> {
                 }
             }
         }
+        flat.hold(0, most_bytes)?;
         Ok(flat)
+    }
+
+    /// Is there room for what is held, and so much more?
+    fn hold(&mut self, more_bytes: u64, most_bytes: u64) -> Result<(), Stop> {
+        let bytes = self.bytes() + more_bytes;
+        self.peak_bytes = self.peak_bytes.max(bytes);
+        if bytes > most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
     }
 
     fn leaf(&mut self, made: T, negated: bool, above: u32) {

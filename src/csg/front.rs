@@ -1,5 +1,6 @@
 //! From a tree to a solid: the grid, the leaves placed on it, and what they are read from.
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 
 use super::CsgOptions;
@@ -12,14 +13,17 @@ use super::read::{too_small, unusable};
 use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
-use super::tree::{NodeId, Shape, Tree};
-use crate::budget::Budget;
+use super::tree::{Faces, NodeId, Shape, Tree};
+use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::volume::VolumeSource;
+
+/// Triangles of a leaf that take no more have room always.
+const FEW_BYTES: u64 = 64 << 10;
 
 /// Does a leaf lie where its file says?
 fn is_unmoved(affine: &Affine) -> bool {
@@ -54,6 +58,8 @@ pub(super) struct Front<'a, 't> {
     pub(super) options: &'a BuildOptions,
     pub(super) scratch: PathBuf,
     pub(super) progress: &'a dyn Progress,
+    /// The most that flat trees and the making of a leaf have taken at a time, beside the tree.
+    pub(super) peak: Cell<u64>,
 }
 
 impl<'a, 't> Front<'a, 't> {
@@ -109,7 +115,12 @@ impl<'a, 't> Front<'a, 't> {
                     sampled.push(SampledLeaf { solid, gives_outwards: true });
                     Leaf::Sampled(u32::try_from(sampled.len() - 1).unwrap_or(u32::MAX))
                 }
-                Some(shape) => leaf::place(shape, &to_lattice, met.line)?,
+                Some(shape) => {
+                    if let Shape::Faces(faces) = shape {
+                        self.check_room(faces)?;
+                    }
+                    leaf::place(shape, &to_lattice, met.line)?
+                }
             };
             let held = leaf.bytes();
             Ok((leaf, held))
@@ -154,12 +165,32 @@ impl<'a, 't> Front<'a, 't> {
 
     /// A flat tree of what is made of leaves.
     fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<Flat<T>, BuildError> {
-        let left = Budget::of_job(self.options.memory).left_bytes();
-        Flat::new((self.tree, self.root), first, left, make).map_err(|stop| match stop {
+        let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
+        let flat = flat.map_err(|stop| match stop {
             flat::Stop::Fault(fault) => self.wrong(fault),
             flat::Stop::Memory { bytes } => too_small(self.name, self.options.memory, bytes),
             flat::Stop::Build(error) => error,
-        })
+        })?;
+        self.peak.set(self.peak.get().max(flat.peak_bytes));
+        Ok(flat)
+    }
+
+    /// What is left beside the tree.
+    fn left_bytes(&self) -> u64 {
+        let memory = self.options.memory;
+        let left = Budget::of_job(memory).left_bytes();
+        // What a process holds is counted; in a share it is only known.
+        left.saturating_sub(if let MemoryCap::Share(_) = memory { self.tree.bytes() } else { 0 })
+    }
+
+    /// Is there room for the triangles of a leaf, and the corners of which they are made?
+    fn check_room(&self, faces: &Faces) -> Result<(), BuildError> {
+        let bytes = 36 * (faces.points.len() + faces.triangles.len()) as u64;
+        self.peak.set(self.peak.get().max(2 * bytes));
+        if bytes > FEW_BYTES && bytes > self.left_bytes() {
+            return Err(too_small(self.name, self.options.memory, bytes));
+        }
+        Ok(())
     }
 
     /// The grid of the volumes that lie where their files say, the number of meshes, and the volumes that are moved.

@@ -15,6 +15,7 @@
 //! | [`Tree`] | shapes, where they lie, and how they are joined |
 //! | `text`, `read` | trees from OpenSCAD's evaluated text, and from files of it |
 //! | `front` | from a tree to a solid |
+//! | `least` | the smallest memory cap |
 //! | `offset` | solids grown and shrunk by a distance |
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
@@ -33,6 +34,7 @@ mod facets;
 mod flat;
 mod front;
 mod leaf;
+mod least;
 mod offset;
 mod place;
 mod program;
@@ -44,10 +46,12 @@ mod text;
 mod tree;
 mod wide;
 
+pub(crate) use least::least_cap;
 pub(crate) use read::{check_links, is_tree, named_files};
 pub use read::{parse_tree, read_tree};
 pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 
+use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -60,6 +64,7 @@ use crate::platform::give_back;
 use crate::volume::VolumeSource;
 use cells::CsgCells;
 use front::Front;
+use solid::CsgSolid;
 
 /// A tree, and what goes with it.
 pub struct CsgInput<'a> {
@@ -106,23 +111,32 @@ pub fn build_csg(
     let CsgInput { tree, root, name, volumes } = input;
     let scratch = options.scratch_folder(output);
     let (name, volumes) = (&name, &volumes);
-    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress };
+    let peak = Cell::new(0);
+    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress, peak };
     let placed = front.placed()?;
     let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);
     // Memory of reading and placing goes back before the build takes its own.
     give_back();
     let held_bytes = tree_solid.bytes();
-    let solid: Box<dyn Solid + '_> = match options.volume_surface() {
-        SurfaceKind::Skin => Box::new(tree_solid),
-        SurfaceKind::Cells => {
-            let dims = cell_dims(tree_solid.place.dims).ok_or_else(|| {
-                BuildError::from(BuildFault::NoRoomForCells { name: name.display().to_string() })
-            })?;
-            Box::new(CsgCells { tree: tree_solid, dims })
-        }
-    };
+    let solid = solid_of(tree_solid, name, options)?;
     let making_s = started.elapsed().as_secs_f64();
     let made = FileSolid { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
     Ok(CsgReport { build: made.build(options, output, progress)?, facts })
+}
+
+/// The solid whose model is built: that of skin voxels, or of cells.
+fn solid_of<'a>(
+    tree: CsgSolid<'a>,
+    name: &Path,
+    options: &BuildOptions,
+) -> Result<Box<dyn Solid + 'a>, BuildError> {
+    match options.volume_surface() {
+        SurfaceKind::Skin => Ok(Box::new(tree)),
+        SurfaceKind::Cells => {
+            let no_room = || BuildFault::NoRoomForCells { name: name.display().to_string() };
+            let dims = cell_dims(tree.place.dims).ok_or_else(no_room)?;
+            Ok(Box::new(CsgCells { tree, dims }))
+        }
+    }
 }

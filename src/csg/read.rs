@@ -1,15 +1,15 @@
 //! Trees from files of text.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use super::text::{self, Stop};
+use super::text::{self, ParsedTree, Stop, TextCounts};
 use super::tree::{NodeId, Shape, Tree};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, Fault, SourceError, SourceFault};
+use crate::platform::open_file;
 use crate::source::stays;
 
 /// Bytes of a text that are read at a time.
@@ -44,7 +44,8 @@ fn begins_with_module(text: &str) -> bool {
 pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), BuildError> {
     let least = MIN_WORKER + WORKER_OVERHEAD;
     let most = Budget::of_job(memory).left_bytes().saturating_sub(least);
-    parse_file(path, most)?.map_err(|bytes| too_small(path, memory, bytes + least))
+    let parsed = parse_file(path, most)?;
+    parsed.map(|of| (of.tree, of.root)).map_err(|bytes| too_small(path, memory, bytes + least))
 }
 
 /// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
@@ -59,7 +60,7 @@ pub(crate) fn named_files(
     let needed = |needed_bytes| {
         SourceError::from(SourceFault::Memory { path: path.to_path_buf(), needed_bytes, allowed_bytes })
     };
-    let (tree, _) = parse_file(path, allowed_bytes)?.map_err(needed)?;
+    let ParsedTree { tree, .. } = parse_file(path, allowed_bytes)?.map_err(needed)?;
     if !follow_links {
         check_links(&tree, path)?;
     }
@@ -70,12 +71,9 @@ pub(crate) fn named_files(
 }
 
 /// A tree that takes `most` bytes, or the bytes that it would take.
-fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
+pub(super) fn parse_file(path: &Path, most: u64) -> Result<Result<ParsedTree, u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = File::open(path).map_err(unreadable)?;
-    if file.metadata().map_err(unreadable)?.is_dir() {
-        return Err(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into());
-    }
+    let file = open_file(path).map_err(unreadable)?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut input = BufReader::with_capacity(READ_BYTES, file);
     match text::parse(&mut input, folder, most) {
@@ -86,12 +84,17 @@ fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, Sou
     }
 }
 
+/// What a text holds, if it can be read.
+pub(super) fn count_file(path: &Path) -> Option<TextCounts> {
+    text::count(&mut BufReader::with_capacity(READ_BYTES, open_file(path).ok()?)).ok()
+}
+
 /// Reads a tree from text in memory; files that it names lie in `folder`.
 ///
 /// # Errors
 /// A fault of the text, with its line.
 pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault> {
-    text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
+    text::parse(&mut { text }, folder, u64::MAX).map(|of| (of.tree, of.root)).map_err(|stop| match stop {
         Stop::Text(fault) => fault,
         // Memory can be read, and nothing was said of how much the tree may take.
         Stop::Read(_) | Stop::Memory { .. } => CsgFault::Nothing,

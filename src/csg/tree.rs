@@ -222,7 +222,8 @@ impl Tree {
     }
 }
 
-const BOXED: usize = 16;
+/// What the allocator adds to a box.
+pub(super) const BOXED: usize = 16;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
 /// read.

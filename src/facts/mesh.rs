@@ -72,7 +72,7 @@ pub(crate) enum MeshFault {
     Outside { name: String },
     #[error("names {}, from which a link leads out of its folder; {FOLLOW_LINKS} reads it", shown(.name))]
     Linked { name: String },
-    #[error("names {}, which cannot be read: {why}; put it beside the file", shown(.name))]
+    #[error("names {}, which cannot be read: {}; put it beside the file", shown(.name), unreadable(*.why))]
     Missing { name: String, why: std::io::ErrorKind },
     #[error("has a texture, {}, which {fault}, or build it with {CHANNELS} normal", shown(.name))]
     Image { name: String, fault: ImageFault },
@@ -281,4 +281,12 @@ pub(super) fn length(length: f64, of: f64) -> String {
     let places = (3.0 - of.log10().floor()).clamp(0.0, 30.0) as usize;
     let text = format!("{length:.places$}");
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
+}
+
+/// Why a named file cannot be read.
+fn unreadable(why: std::io::ErrorKind) -> String {
+    match why {
+        std::io::ErrorKind::InvalidInput => "it is not a regular file".to_owned(),
+        why => why.to_string(),
+    }
 }

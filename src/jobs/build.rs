@@ -6,7 +6,6 @@
 //!                                +-- tree:   parse, place, lay --------+
 //! ```
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -23,13 +22,13 @@ use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::BuildFault;
 use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
 use crate::clean::{CleanOptions, CleanReport};
-use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, read_tree};
+use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, least_cap, read_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{GridChoice, MeshOptions, build_mesh, least_share};
-use crate::platform::give_back;
+use crate::platform::{give_back, open_file};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
@@ -142,7 +141,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];
-        File::open(&real).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == MAGIC
+        open_file(&real).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == MAGIC
     };
     let replaced = |input: &&PathBuf| {
         input.canonicalize().is_ok_and(|path| {
@@ -272,6 +271,17 @@ impl BuildJob<'_> {
     }
 
     fn tree(&self, path: &Path) -> Result<Built, Error> {
+        let dry = Budget::dry(self.options.memory);
+        self.tree_within(path).map_err(|error| match error {
+            Error::Build(error) if error.minimum_bytes().is_some() => {
+                let least = least_cap(path, &self.grid.tree(), self.options, &dry);
+                Error::Build(error.with_minimum(least))
+            }
+            other => other,
+        })
+    }
+
+    fn tree_within(&self, path: &Path) -> Result<Built, Error> {
         let (tree, root) = read_tree(path, self.options.memory)?;
         if !self.grid.follow_links {
             check_links(&tree, path)?;

@@ -14,9 +14,11 @@ const CELLS: usize = 3 << 13;
 /// Most open edges that are taken off the table; more than three quarters of the cells can hardly be.
 const MAX_EDGES: usize = 18_000;
 
-/// Memory of finding open edges and closing them.
-pub(super) const BOUNDARY_BYTES: u64 =
-    (CELLS * size_of::<Cell>() + MAX_EDGES * 3 * size_of::<OpenEdge>() + (64 << 10)) as u64;
+/// Memory of finding open edges and closing them, with that of the reader, which rests where edges are in lists. These
+/// grow while the table shrinks: it is gone before loops are looked for, of which every edge takes 112 bytes at most.
+pub(super) const BOUNDARY_BYTES: u64 = (CELLS * size_of::<Cell>() + (64 << 10)) as u64;
+const _: () = assert!((MAX_EDGES * size_of::<OpenEdge>()) as u64 <= super::read::READER_BYTES);
+const _: () = assert!(MAX_EDGES as u64 * 112 <= BOUNDARY_BYTES + super::read::READER_BYTES);
 
 type Point = [i32; 3];
 

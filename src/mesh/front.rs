@@ -18,7 +18,10 @@ use super::thin::{self, Thin, ThinSolid};
 use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
-use crate::builder::{BuildError, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims};
+use crate::builder::{
+    BuildError, BuildFault, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims,
+    reserve_least_of,
+};
 use crate::facts::SourceFault;
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -61,6 +64,27 @@ impl Counts {
     }
 }
 
+/// Descriptions of files that are held where the smallest cap is sought.
+const DESCRIPTIONS: u64 = 512 << 10;
+
+/// What a file's description would take, where it has no room.
+fn described_bytes(error: &BuildError) -> Option<u64> {
+    let BuildFault::Source(error) = error.fault() else { return None };
+    match error.fault() {
+        SourceFault::Unusable {
+            fault: Fault::MeshFile(MeshFault::Description { needed_bytes, .. }), ..
+        } => Some(*needed_bytes),
+        _ => None,
+    }
+}
+
+/// The most that an image of the files takes while it is read.
+fn image_bytes(files: &[MeshFile], wanted: PaintChannels) -> u64 {
+    let materials = files.iter().flat_map(|file| &file.summary.materials).filter(|_| wanted.colors);
+    let images = materials.filter_map(|material| material.texture.as_ref());
+    images.map(|texture| paint::image_bytes(&texture.image)).max().unwrap_or(0)
+}
+
 impl Front<'_> {
     /// Are cells built in place of skin voxels?
     fn is_of_cells(&self) -> bool {
@@ -99,31 +123,90 @@ impl Front<'_> {
         let colored = cells || mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
         let stored = self.options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
         let channels = stored.collect();
-        let dims = self.boxes(&mesh.grid);
-        let held_bytes = Bins::memory_bytes(dims) + mesh.paint.as_ref().map_or(0, paint::Paint::bytes);
+        let held_bytes =
+            Bins::memory_bytes(self.boxes(&mesh.grid)) + mesh.paint.as_ref().map_or(0, paint::Paint::bytes);
         let scratch_bytes = mesh.bins.bytes();
-        let solid: Box<dyn Solid> = match thin {
-            None if cells => Box::new(MeshCells { mesh, dims }),
-            None => Box::new(mesh),
-            Some(thin) => Box::new(ThinSolid { mesh, thin }),
-        };
+        let solid = self.built(mesh);
         let making_s = started.elapsed().as_secs_f64();
         let made = FileSolid { solid, held_bytes, scratch_bytes, reading_s: making_s, making_s };
         Ok((made, channels, facts, notes))
     }
 
+    /// The solid whose model is built of a mesh.
+    fn built(&self, mesh: MeshSolid) -> Box<dyn Solid> {
+        match self.mesh.thin() {
+            None if self.is_of_cells() => {
+                let dims = self.boxes(&mesh.grid);
+                Box::new(MeshCells { mesh, dims })
+            }
+            None => Box::new(mesh),
+            Some(thin) => Box::new(ThinSolid { mesh, thin }),
+        }
+    }
+
     pub(super) fn solid(&self) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
-        let budget = Budget::of_job(self.options.memory);
-        let reading = self.reserve(&budget, READER_BYTES)?;
+        // Made before anything is opened, so that nothing counts twice.
+        let dry = Budget::dry(self.options.memory);
+        self.solid_within(&Budget::of_job(self.options.memory)).or_else(|error| {
+            if error.minimum_bytes().is_none() && described_bytes(&error).is_none() {
+                return Err(error);
+            }
+            let (name, limit_bytes) = (self.name(), self.options.memory.bytes());
+            let minimum_bytes = self.least(&dry)?.max(limit_bytes + 1);
+            Err(BuildFault::BudgetTooSmall { name, limit_bytes, minimum_bytes }.into())
+        })
+    }
+
+    /// The smallest cap that works: what every stage takes, of the files as they are. The triangles are read once for
+    /// it, as only their sums tell whether the mesh is closed.
+    fn least(&self, dry: &Budget) -> Result<u64, BuildError> {
+        let reading = dry.reserve(READER_BYTES);
+        let files = match self.open(DESCRIPTIONS) {
+            Ok(files) => files,
+            Err(error) => {
+                let error = BuildError::from(error);
+                let Some(bytes) = described_bytes(&error) else { return Err(error) };
+                // More than that is not held to find out how much it is.
+                drop(dry.reserve(2 * bytes + BINNING_BYTES));
+                return Ok(dry.smallest_limit(1));
+            }
+        };
+        let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
+        drop(dry.reserve(2 * held));
+        let described = dry.reserve(held);
+        let grid = self.grid(&files)?;
+        let bins = Binner::new(self.boxes(&grid), &self.scratch)?.finish()?;
+        let _bins = dry.reserve(Bins::memory_bytes(self.boxes(&grid)));
+        let counted = self.count(&files, &grid, &mut |_| Ok(()))?;
+        let wanted = self.wanted(&files);
+        let painted = if wanted.anything() { COLLECTING_BYTES + image_bytes(&files, wanted) } else { 0 };
+        drop(dry.reserve(BINNING_BYTES + painted));
+        if counted.census.closed() == Closed::No && self.mesh.fill != Some(Fill::Surface) {
+            drop(dry.reserve(BOUNDARY_BYTES));
+        }
+        drop((files, reading, described));
+        let painter = if wanted.anything() { Painter::BYTES } else { 0 };
+        let colored = self.is_of_cells() || wanted.colors;
+        let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
+        let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };
+        let (name, resident, inputs) = (self.name(), MIN_RESIDENT, Vec::new());
+        let rule = Rule::NonZero;
+        let mesh = MeshSolid { name, grid, bins, rule, closed: true, resident, inputs, paint: None };
+        drop(reserve_least_of(&*self.built(mesh), &options, painter, dry)?);
+        Ok(dry.smallest_limit(1))
+    }
+
+    fn solid_within(&self, budget: &Budget) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
+        let reading = self.reserve(budget, READER_BYTES)?;
         let files = self.open(budget.left_bytes() / 2)?;
-        let described = self.reserve(&budget, files.iter().map(|file| file.summary.held_bytes).sum())?;
+        let described = self.reserve(budget, files.iter().map(|file| file.summary.held_bytes).sum())?;
         let others = files.iter().flat_map(|file| &file.summary.files);
         let inputs: Vec<_> =
             self.inputs.iter().chain(others).map(|p| (p.clone(), file_identity(p))).collect();
         let grid = self.grid(&files)?;
-        let held = self.reserve(&budget, Bins::memory_bytes(self.boxes(&grid)))?;
-        let binning = self.reserve(&budget, BINNING_BYTES)?;
-        let (binner, counted, paint) = self.binned(&budget, &files, &grid)?;
+        let held = self.reserve(budget, Bins::memory_bytes(self.boxes(&grid)))?;
+        let binning = self.reserve(budget, BINNING_BYTES)?;
+        let (binner, counted, paint) = self.binned(budget, &files, &grid)?;
         if counted.triangles == 0 {
             return Err(self.unusable(MeshFault::NoTriangles).into());
         }
@@ -136,7 +219,7 @@ impl Front<'_> {
             Closed::No if self.mesh.fill == Some(Fill::Surface) => {
                 as_it_is(binner, Boundary::Sheet, Rule::NonZero)?
             }
-            Closed::No => self.capped(&budget, &files, &grid, (binner, binning))?,
+            Closed::No => self.capped(budget, &files, &grid, (binner, binning))?,
         };
         let parts = files.iter().map(MeshFile::parts).sum();
         let notes = self.notes(&files);
@@ -182,7 +265,7 @@ impl Front<'_> {
             let counted = self.count(files, grid, &mut |t| binner.add(t))?;
             return Ok((binner, counted, None));
         }
-        let _collecting = self.reserve(budget, COLLECTING_BYTES)?;
+        let _collecting = self.reserve(budget, COLLECTING_BYTES + image_bytes(files, wanted))?;
         let mut collector = Collector::new(wanted, grid.dims, &self.scratch)?;
         let mut known = 0;
         let counted = self.count_looks(files, grid, &mut |t, look, file| {
@@ -244,10 +327,9 @@ impl Front<'_> {
         files.iter().zip(self.inputs).flat_map(of).collect()
     }
 
-    /// Takes memory for a part of the work.
+    /// Takes memory for a part of the work; [`Front::least`] takes the same.
     fn reserve(&self, budget: &Budget, bytes: u64) -> Result<Reservation, BuildError> {
-        let most = READER_BYTES + BINNING_BYTES.max(BOUNDARY_BYTES);
-        budget.reserve(bytes).map_err(|_| too_small(self.name(), self.options.memory, most))
+        budget.reserve(bytes).map_err(|_| too_small(self.name(), self.options.memory, bytes))
     }
 
     fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {

@@ -10,13 +10,15 @@
 //! The text has neither loops nor expressions, so what it takes is bounded by its size. It is read once, as a stream;
 //! blocks that are open wait on a list, so that their depth does not matter.
 
+mod count;
 mod lexer;
 mod modules;
 mod parser;
 mod values;
 
+pub(super) use count::{TextCounts, count};
 pub(super) use modules::is_module;
-pub(super) use parser::parse;
+pub(super) use parser::{OPEN_BYTES, ParsedTree, parse};
 
 use crate::facts::CsgFault;
 

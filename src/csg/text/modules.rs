@@ -212,15 +212,34 @@ fn polyhedron(of: &Arguments) -> Result<Shape, CsgFault> {
     let points = of.list("points", Some(0))?.and_then(|list| list.rows_of::<3>());
     let points = points.ok_or_else(|| of.wrong("points"))?;
     let named = if of.value("faces", None).is_some() { "faces" } else { "triangles" };
-    let lists = of.list(named, Some(1))?.and_then(|list| list.indices()).ok_or_else(|| of.wrong("faces"))?;
+    let list = of.list(named, Some(1))?.ok_or_else(|| of.wrong("faces"))?;
     let mut faces = Faces { points, ..Faces::default() };
-    for face in &lists {
-        if face.iter().any(|at| *at as usize >= faces.points.len()) {
-            return Err(of.wrong("faces"));
-        }
+    faces.triangles.reserve_exact(list.rows().map(|face| face.len().saturating_sub(2)).sum());
+    let made = list.each_indices(&mut |face| {
         facets::fan(&mut faces.triangles, face);
-    }
+        face.iter().all(|at| (*at as usize) < faces.points.len()).then_some(())
+    });
+    made.ok_or_else(|| of.wrong("faces"))?;
     Ok(Shape::Faces(faces))
+}
+
+/// Memory that a shape takes that is made of lists of points, beside the lists; and what is held to make it.
+pub(super) fn made_bytes(of: &Arguments) -> u64 {
+    let rows = |name, place| match of.list(name, place) {
+        Ok(Some(list)) => (list.numbers.len() as u64, list.ends.len() as u64),
+        _ => (0, 0),
+    };
+    let (points, _) = rows("points", Some(0));
+    match of.module.as_str() {
+        "polyhedron" => {
+            let (corners, faces) =
+                ["faces", "triangles"].map(|name| rows(name, Some(1))).into_iter().max().unwrap_or_default();
+            points * 8 + corners.saturating_sub(2 * faces) * 12
+        }
+        // Two rings of points, walls and caps; and the outlines.
+        "polygon" => points * (8 + 24 + 24 + 8 + 16),
+        _ => 0,
+    }
 }
 
 fn heights(of: &Arguments) -> Result<[f64; 2], CsgFault> {

@@ -5,10 +5,11 @@ use std::path::Path;
 
 use super::Stop;
 use super::lexer::{Lexer, Token};
-use super::modules::{Block, Meaning, meaning};
+use super::modules::{Block, Meaning, made_bytes, meaning};
 use super::values::Arguments;
-use crate::csg::tree::{NodeId, Operation, Tree, push};
+use crate::csg::tree::{BOXED, NodeId, Operation, Tree, push};
 use crate::facts::{CsgFault, CsgToken};
+use crate::geom::Affine;
 
 struct OpenBlock {
     block: Block,
@@ -23,6 +24,9 @@ struct OpenBlock {
     single: bool,
 }
 
+/// What an open block takes, at most.
+pub(in crate::csg) const OPEN_BYTES: usize = size_of::<OpenBlock>() * 9 / 8 + size_of::<Affine>() + BOXED;
+
 struct Parser<'a> {
     lexer: Lexer<'a>,
     folder: &'a Path,
@@ -31,6 +35,10 @@ struct Parser<'a> {
     open: Vec<OpenBlock>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
+    /// Bytes of the boxes of open blocks.
+    boxed_bytes: u64,
+    /// The most that was held at a time.
+    peak_bytes: u64,
     /// The beginning of a module, read ahead.
     pending: Option<Token>,
 }
@@ -43,7 +51,7 @@ pub(in crate::csg) fn parse(
     input: &mut dyn BufRead,
     folder: &Path,
     most_bytes: u64,
-) -> Result<(Tree, NodeId), Stop> {
+) -> Result<ParsedTree, Stop> {
     let top = Block::Joined(Operation::Union);
     let mut parser = Parser {
         lexer: Lexer::new(input),
@@ -59,23 +67,43 @@ pub(in crate::csg) fn parse(
             single: false,
         }],
         waiting: Vec::new(),
+        boxed_bytes: 0,
+        peak_bytes: 0,
         pending: None,
     };
     while parser.step()? {
-        let bytes = parser.bytes();
-        if bytes > most_bytes {
-            return Err(Stop::Memory { bytes });
-        }
+        parser.hold(0)?;
     }
     let root = parser.tree.join(Operation::Union, &parser.waiting);
-    Ok((parser.tree, root))
+    Ok(ParsedTree { tree: parser.tree, root, peak_bytes: parser.peak_bytes })
+}
+
+/// A tree that was read, and the most that was held for it at a time.
+#[derive(Debug)]
+pub(in crate::csg) struct ParsedTree {
+    pub(in crate::csg) tree: Tree,
+    pub(in crate::csg) root: NodeId,
+    pub(in crate::csg) peak_bytes: u64,
+}
+
+/// Bytes of a block's boxes.
+fn boxed_bytes(block: &Block, extruded: bool) -> u64 {
+    let placed = if matches!(block, Block::Placed(_)) { size_of::<Affine>() + BOXED } else { 0 };
+    (placed + if extruded { size_of::<[f64; 2]>() + BOXED } else { 0 }) as u64
 }
 
 impl Parser<'_> {
     fn bytes(&self) -> u64 {
         let lists =
             self.waiting.capacity() * size_of::<NodeId>() + self.open.capacity() * size_of::<OpenBlock>();
-        self.tree.bytes() + lists as u64
+        self.tree.bytes() + lists as u64 + self.boxed_bytes
+    }
+
+    /// Holds so many bytes besides.
+    fn hold(&mut self, more_bytes: u64) -> Result<(), Stop> {
+        let bytes = self.bytes() + more_bytes;
+        self.peak_bytes = self.peak_bytes.max(bytes);
+        if bytes > self.most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
     }
 
     /// Reads a module or the end of a block; `false` at the end of the text.
@@ -114,7 +142,13 @@ impl Parser<'_> {
         if self.lexer.next()? != Token::Sign(b'(') {
             return Err(expected(self.lexer.line(), CsgToken::Open));
         }
-        let arguments = Arguments::read(&mut self.lexer, name, line)?;
+        let held = self.bytes();
+        let room = self.most_bytes.saturating_sub(held);
+        let arguments = Arguments::read(&mut self.lexer, name, line, room).map_err(|stop| match stop {
+            Stop::Memory { bytes } => Stop::Memory { bytes: held + bytes },
+            other => other,
+        })?;
+        self.hold(arguments.bytes() + made_bytes(&arguments))?;
         let meant = meaning(&arguments, extruded, self.folder)?;
         let union = Block::Joined(Operation::Union);
         let (block, extruded) = match meant {
@@ -158,6 +192,7 @@ impl Parser<'_> {
 
     fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
         let first = self.waiting.len();
+        self.boxed_bytes += boxed_bytes(&block, extruded.is_some());
         let extruded = extruded.map(Box::new);
         push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false });
     }
@@ -177,7 +212,12 @@ impl Parser<'_> {
 
     /// Makes a node of the children of the block that was opened last.
     fn close_last(&mut self) -> Result<(), Stop> {
-        let Some(block) = self.open.pop().filter(|block| !block.left_out) else { return Ok(()) };
+        let Some(block) = self.open.pop() else { return Ok(()) };
+        self.boxed_bytes =
+            self.boxed_bytes.saturating_sub(boxed_bytes(&block.block, block.extruded.is_some()));
+        if block.left_out {
+            return Ok(());
+        }
         let children = &self.waiting[block.first..];
         let operation = match block.block {
             Block::Joined(operation) => operation,

@@ -2,6 +2,7 @@
 
 use super::Stop;
 use super::lexer::{Lexer, Token};
+use crate::csg::tree::push;
 use crate::facts::{CsgFault, CsgToken, SurplusArgument};
 use crate::geom::Affine;
 
@@ -45,18 +46,41 @@ impl List {
         self.rows().map(|row| row.try_into().ok()).collect()
     }
 
+    /// Memory that it holds.
+    fn bytes(&self) -> u64 {
+        (self.numbers.capacity() * size_of::<f64>() + self.ends.capacity() * size_of::<usize>()) as u64
+    }
+
     /// Lists of any numbers of whole numbers.
     pub(super) fn indices(&self) -> Option<Vec<Vec<u32>>> {
+        let mut all = Vec::new();
+        self.each_indices(&mut |row| {
+            all.push(row.to_vec());
+            Some(())
+        })?;
+        Some(all)
+    }
+
+    /// Calls `each` with every one of them, until it returns nothing.
+    pub(super) fn each_indices(&self, each: &mut dyn FnMut(&[u32]) -> Option<()>) -> Option<()> {
         if self.mixed || self.depth > 2 {
             return None;
         }
+        let mut indices = Vec::new();
         #[expect(
             clippy::cast_possible_truncation,
             clippy::cast_sign_loss,
             reason = "compared with the number"
         )]
         let index = |n: &f64| (*n >= 0.0 && *n < 4e9 && n.fract() == 0.0).then_some(*n as u32);
-        self.rows().map(|row| row.iter().map(index).collect()).collect()
+        for row in self.rows() {
+            indices.clear();
+            for number in row {
+                indices.push(index(number)?);
+            }
+            each(&indices)?;
+        }
+        Some(())
     }
 }
 
@@ -77,8 +101,16 @@ const SPECIAL: [&str; 5] = ["$fn", "$fa", "$fs", "$fe", "convexity"];
 const MAX: usize = 64;
 
 impl Arguments {
-    /// Reads them from behind the opening bracket to the closing one.
-    pub(super) fn read(lexer: &mut Lexer<'_>, module: String, line: u64) -> Result<Self, Stop> {
+    /// Reads them from behind the opening bracket to the closing one; they may take so many bytes.
+    ///
+    /// # Errors
+    /// A fault of the text; [`Stop::Memory`] with what they take.
+    pub(super) fn read(
+        lexer: &mut Lexer<'_>,
+        module: String,
+        line: u64,
+        most_bytes: u64,
+    ) -> Result<Self, Stop> {
         let mut all = Self { line, module, named: Vec::new(), placed: Vec::new() };
         let expected = |line: u64, what| Stop::from(CsgFault::Expected { line, what });
         let mut token = lexer.next()?;
@@ -96,7 +128,11 @@ impl Arguments {
                 }
                 token = lexer.next()?;
             }
-            let value = value(lexer, token)?;
+            let held = all.bytes();
+            let value = value(lexer, token, most_bytes.saturating_sub(held)).map_err(|stop| match stop {
+                Stop::Memory { bytes } => Stop::Memory { bytes: held + bytes },
+                other => other,
+            })?;
             match name {
                 Some(name) => all.named.push((name, value)),
                 None => all.placed.push(value),
@@ -108,6 +144,12 @@ impl Arguments {
             };
         }
         Ok(all)
+    }
+
+    /// Memory that its lists hold.
+    pub(super) fn bytes(&self) -> u64 {
+        let values = self.named.iter().map(|(_, value)| value).chain(&self.placed);
+        values.map(|value| if let Value::List(list) = value { list.bytes() } else { 0 }).sum()
     }
 
     /// The value of a name, or of a place where it stands without a name.
@@ -208,7 +250,7 @@ impl Arguments {
 }
 
 /// The value that begins with a token.
-fn value(lexer: &mut Lexer<'_>, token: Token) -> Result<Value, Stop> {
+fn value(lexer: &mut Lexer<'_>, token: Token, most_bytes: u64) -> Result<Value, Stop> {
     match token {
         Token::Number(number) => Ok(Value::Number(number)),
         Token::Text(text) => Ok(Value::Text(text)),
@@ -218,13 +260,13 @@ fn value(lexer: &mut Lexer<'_>, token: Token) -> Result<Value, Stop> {
             "undef" => Ok(Value::Nothing),
             _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
         },
-        Token::Sign(b'[') => list(lexer).map(Value::List),
+        Token::Sign(b'[') => list(lexer, most_bytes).map(Value::List),
         _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
     }
 }
 
 /// The list behind an opening bracket.
-fn list(lexer: &mut Lexer<'_>) -> Result<List, Stop> {
+fn list(lexer: &mut Lexer<'_>, most_bytes: u64) -> Result<List, Stop> {
     let mut all = List { depth: 1, ..List::default() };
     let mut depth = 1;
     loop {
@@ -239,11 +281,14 @@ fn list(lexer: &mut Lexer<'_>) -> Result<List, Stop> {
                 depth -= 1;
                 match depth {
                     0 => return Ok(all),
-                    1 => all.ends.push(all.numbers.len()),
+                    1 => push(&mut all.ends, all.numbers.len()),
                     _ => {}
                 }
             }
-            Token::Number(number) => all.numbers.push(number),
+            Token::Number(number) => push(&mut all.numbers, number),
+            Token::Sign(b',') if all.bytes() > most_bytes => {
+                return Err(Stop::Memory { bytes: all.bytes() });
+            }
             Token::Sign(b',') => {}
             Token::Text(_) | Token::Name(_) => all.mixed = true,
             Token::Sign(_) | Token::End => {

@@ -646,24 +646,31 @@ impl Run<'_> {
         let mut subject = job.reshape(subject)?;
         let mut least = job.least_share(&subject);
         let prepared = subject.volume().map_or(0, |source| source.preparation().scratch_bytes);
-        let (name, tree) = match &subject {
+        let (name, again): (String, Option<Box<dyn Fn() -> Subject>>) = match &subject {
             Subject::Volume(source) => (source.info().description.name.clone(), None),
-            Subject::Mesh(paths) => (paths.first().map(|path| data(path)).unwrap_or_default(), None),
-            Subject::Tree(path) => (data(path), Some(path.clone())),
+            Subject::Mesh(paths) => {
+                let paths = paths.clone();
+                let name = paths.first().map(|path| data(path)).unwrap_or_default();
+                (name, Some(Box::new(move || Subject::Mesh(paths.clone()))))
+            }
+            Subject::Tree(path) => {
+                let path = path.clone();
+                (data(&path), Some(Box::new(move || Subject::Tree(path.clone()))))
+            }
         };
         loop {
             let job = BuildJob { grid, ..job };
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
-            match (built, &tree) {
+            match (built, &again) {
                 // The grid that is asked for is for those that have none of their own.
-                (Err(Error::Build(error)), Some(path)) if grid.grid.is_some() && has_own_grid(&error) => {
+                (Err(Error::Build(error)), Some(again)) if grid.grid.is_some() && has_own_grid(&error) => {
                     grid = &own;
-                    subject = Subject::Tree(path.clone());
+                    subject = again();
                 }
-                // What a tree takes shows when its leaves are placed.
-                (Err(Error::Build(error)), Some(path)) if error.minimum_bytes() > Some(granted) => {
+                // What a mesh takes shows when it is read, and what a tree takes when its leaves are placed.
+                (Err(Error::Build(error)), Some(again)) if error.minimum_bytes() > Some(granted) => {
                     least = error.minimum_bytes().unwrap_or(least);
-                    subject = Subject::Tree(path.clone());
+                    subject = again();
                 }
                 (built, _) => return Ok((built?, granted, prepared)),
             }

@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, BufReader, Read, Seek, SeekFrom};
+use std::path::Path;
 
 use png::{ColorType, DecodingError, Limits, Transformations};
 
@@ -10,9 +11,10 @@ use crate::codec::{CodecError, FrameFormat, RowSink, jpeg};
 use crate::facts::ImageFault;
 use crate::platform::FileExt;
 
-/// Memory of a decoder: of rows, and of images that come in several passes.
+/// Memory that a decoder of PNG may allocate.
 const DECODER_BYTES: usize = 4 << 20;
-const PASSES_BYTES: usize = 64 << 20;
+/// Bytes that a texel of a row takes: in rows of the decoder, in a row of every size of the image, in one that waits.
+const ROW_TEXEL: u64 = 40;
 const MAX_SIDE: u32 = 32_768;
 /// Texels of an image whose file is small, and more for each of its bytes.
 const MAX_TEXELS: u64 = 1 << 24;
@@ -73,20 +75,85 @@ fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), ImageFault> {
     Ok(())
 }
 
+fn range_of(image: &Image) -> FileRange<'_> {
+    FileRange { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 }
+}
+
+/// Memory that reading an image takes beyond what a decoder takes of any: rows, and all of one whose samples come in
+/// several passes over it (JPEG; those of PNG wait in a scratch file). Only headers are read.
+pub(in crate::mesh) fn needed_bytes(image: &Image) -> u64 {
+    let mut run = range_of(image);
+    let mut head = [0; 24];
+    let is_long = run.read(&mut head).is_ok_and(|got| got == head.len());
+    run.at = 0;
+    match head {
+        [0x89, b'P', b'N', b'G', .., a, b, c, d, _, _, _, _] if is_long => {
+            ROW_TEXEL * u64::from(u32::from_be_bytes([a, b, c, d]).min(MAX_SIDE))
+        }
+        [0xff, 0xd8, 0xff, ..] => {
+            // Refused twice: for its tables, and for its samples.
+            let (mut allowed, mut width) = (0, Width(0));
+            for _ in 0..2 {
+                run.at = 0;
+                let refused = jpeg::decode(&mut BufReader::new(&mut run), allowed, &mut width);
+                let Err(CodecError::Memory { needed_bytes, .. }) = refused else { break };
+                allowed = needed_bytes;
+            }
+            allowed + ROW_TEXEL * u64::from(width.0.min(MAX_SIDE))
+        }
+        _ => 0,
+    }
+}
+
+/// Takes the width of an image, and no row.
+struct Width(u32);
+
+impl RowSink for Width {
+    fn begin(&mut self, format: &FrameFormat) -> Result<(), CodecError> {
+        self.0 = format.columns;
+        Ok(())
+    }
+
+    fn row(&mut self, _: &[i32]) -> Result<(), CodecError> {
+        Err(refused())
+    }
+}
+
 /// Hands the rows of an image on; what an image says of transparency is left out.
-pub(super) fn read(image: &Image, rows: &mut dyn Rows) -> Result<(), Stop> {
-    let mut run = FileRange { file: &image.file, offset: image.offset, bytes: image.bytes, at: 0 };
+pub(super) fn read(image: &Image, folder: &Path, rows: &mut dyn Rows) -> Result<(), Stop> {
+    let mut run = range_of(image);
     let mut head = [0; 4];
     let _short = run.read(&mut head).map_err(Stop::Read)?;
     run.at = 0;
     match head {
-        [0x89, b'P', b'N', b'G'] => read_png(run, rows),
+        [0x89, b'P', b'N', b'G'] => read_png(run, folder, rows),
         [0xff, 0xd8, 0xff, _] => read_jpeg(run, rows),
         _ => Err(Stop::Wrong(ImageFault::Unknown)),
     }
 }
 
-fn read_png(run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
+/// Rows of an interlaced image, in a file: their parts come in seven passes.
+struct Passes {
+    file: File,
+    row: Vec<u8>,
+}
+
+/// First column and row of each pass, and the steps between its columns and rows (PNG, 8.2).
+const PASSES: [[usize; 4]; 7] =
+    [[0, 0, 8, 8], [4, 0, 8, 8], [0, 4, 4, 8], [2, 0, 4, 4], [0, 2, 2, 4], [1, 0, 2, 2], [0, 1, 1, 2]];
+
+impl Passes {
+    /// Puts texels into a row at some of its places.
+    fn put(&mut self, texels: &[u8], y: usize, first: usize, step: usize) -> io::Result<()> {
+        let at = (y * self.row.len()) as u64;
+        self.file.read_exact_at(&mut self.row, at)?;
+        let places = self.row.as_chunks_mut::<3>().0.iter_mut().skip(first).step_by(step);
+        places.zip(texels.as_chunks::<3>().0).for_each(|(place, texel)| *place = *texel);
+        self.file.write_all_at(&self.row, at)
+    }
+}
+
+fn read_png(run: FileRange<'_>, folder: &Path, rows: &mut dyn Rows) -> Result<(), Stop> {
     let bytes = run.bytes;
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => Stop::Read(cause),
@@ -108,30 +175,42 @@ fn read_png(run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
         ColorType::Indexed => return Err(Stop::Wrong(ImageFault::Damaged)),
     };
     rows.begin(width, height).map_err(Stop::Scratch)?;
-    let mut texels = Vec::with_capacity(3 * width as usize);
-    let mut hand_on = |row: &[u8]| {
+    let (width, height) = (width as usize, height as usize);
+    let mut texels = Vec::with_capacity(3 * width);
+    // Calls `put` with the texels of the next row, which has so many.
+    let mut next = |count: usize, put: &mut dyn FnMut(&[u8]) -> io::Result<()>| {
+        let short = || Stop::Wrong(ImageFault::Damaged);
+        let row = reader.next_row().map_err(failed)?.ok_or_else(short)?;
         texels.clear();
-        for texel in row.chunks_exact(samples) {
+        for texel in row.data().get(..samples * count).ok_or_else(short)?.chunks_exact(samples) {
             match *texel {
                 [r, g, b] | [r, g, b, _] => texels.extend([r, g, b]),
                 [grey] | [grey, _] => texels.extend([grey; 3]),
                 _ => {}
             }
         }
-        rows.row(&texels).map_err(Stop::Scratch)
+        put(&texels).map_err(Stop::Scratch)
     };
-    let short = || Stop::Wrong(ImageFault::Damaged);
-    if interlaced {
-        let size = reader.output_buffer_size().filter(|size| *size <= PASSES_BYTES);
-        let mut whole = vec![0; size.ok_or(Stop::Wrong(ImageFault::TooLarge { width, height }))?];
-        reader.next_frame(&mut whole).map_err(failed)?;
-        return whole.chunks_exact(samples * width as usize).try_for_each(hand_on);
+    if !interlaced {
+        return (0..height).try_for_each(|_| next(width, &mut |texels| rows.row(texels)));
     }
-    for _ in 0..height {
-        let row = reader.next_row().map_err(failed)?.ok_or_else(short)?;
-        hand_on(row.data().get(..samples * width as usize).ok_or_else(short)?)?;
+    let file = crate::scratch::unnamed(folder).map_err(Stop::Scratch)?;
+    file.set_len((3 * width * height) as u64).map_err(Stop::Scratch)?;
+    let mut passes = Passes { file, row: vec![0; 3 * width] };
+    for [x, y, right, down] in PASSES {
+        let count = width.saturating_sub(x).div_ceil(right);
+        for line in (y..height).step_by(down).filter(|_| count > 0) {
+            next(count, &mut |texels| passes.put(texels, line, x, right))?;
+        }
     }
-    Ok(())
+    (0..height).try_for_each(|line| {
+        let at = (line * passes.row.len()) as u64;
+        passes
+            .file
+            .read_exact_at(&mut passes.row, at)
+            .and_then(|()| rows.row(&passes.row))
+            .map_err(Stop::Scratch)
+    })
 }
 
 /// Turns samples into rows of texels.
@@ -225,7 +304,8 @@ fn read_jpeg(mut run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
     let bytes = run.bytes;
     let mut samples =
         Samples { rows, bytes, components: 0, differences, texels: Vec::new(), wrong: None, scratch: false };
-    let decoded = jpeg::decode(&mut BufReader::new(run), PASSES_BYTES as u64, &mut samples);
+    // What it takes was counted before.
+    let decoded = jpeg::decode(&mut BufReader::new(run), u64::MAX, &mut samples);
     decoded.map_err(|error| match (samples.wrong, error) {
         (Some(fault), _) => Stop::Wrong(fault),
         (None, CodecError::Io(cause)) if samples.scratch => Stop::Scratch(cause),

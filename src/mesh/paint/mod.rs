@@ -36,6 +36,7 @@ use crate::builder::SkinSlice;
 use crate::facts::{SourceError, SourceFault};
 use crate::format::normal;
 use crate::geom::{Dims, cross};
+pub(super) use image::needed_bytes as image_bytes;
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
 use point::{nearest_point, squared_distance, texels_per_voxel};
 use store::Columns;

@@ -148,7 +148,7 @@ impl Levels {
         };
         let file = crate::scratch::unnamed(folder).map_err(scratch)?;
         let mut halver = Halver { file, levels: Vec::new(), seen: Vec::new() };
-        match read(image, &mut halver) {
+        match read(image, folder, &mut halver) {
             Ok(()) => Ok(Self { file: halver.file, number, levels: halver.levels }),
             Err(Stop::Scratch(cause)) => Err(scratch(cause)),
             Err(Stop::Read(cause)) => {

@@ -5,6 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::stop::Stop;
 use crate::facts::MeshFault;
+use crate::platform::open_file;
 use crate::source::stays;
 
 /// A file that the mesh at `mesh` names, its whole path and its length.
@@ -21,12 +22,8 @@ pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File
     if !follow && !stays(mesh, &path) {
         return Err(MeshFault::Linked { name: name.to_owned() }.into());
     }
-    let opened = File::open(&path).and_then(|file| {
-        let meta = file.metadata()?;
-        if meta.is_file() { Ok((file, meta.len())) } else { Err(std::io::ErrorKind::InvalidInput.into()) }
-    });
-    match opened {
-        Ok((file, bytes)) => Ok((file, path, bytes)),
+    match open_file(&path).and_then(|file| Ok((file.metadata()?.len(), file))) {
+        Ok((bytes, file)) => Ok((file, path, bytes)),
         Err(cause) => Err(MeshFault::Missing { name: name.to_owned(), why: cause.kind() }.into()),
     }
 }

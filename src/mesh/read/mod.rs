@@ -37,6 +37,7 @@ use std::path::{Path, PathBuf};
 
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::facts::{Fault, MeshFault, SourceError, SourceFault};
+use crate::platform;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use stop::Stop;
 use stop::{Each, EachLook};
@@ -108,7 +109,7 @@ fn has_suffix(path: &Path, suffix: &str) -> bool {
 
 /// An open file, its length, its first bytes and its format.
 fn open_file(path: &Path) -> Result<(File, u64, Vec<u8>, Format), Stop> {
-    let file = File::open(path).map_err(Stop::Read)?;
+    let file = platform::open_file(path).map_err(Stop::Read)?;
     let bytes = file.metadata().map_err(Stop::Read)?.len();
     let head = stream::head(&file).map_err(Stop::Read)?;
     let format = Format::of(&head, bytes, path).ok_or(MeshFault::Unknown)?;
