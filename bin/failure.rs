@@ -49,6 +49,11 @@ pub(crate) enum Refusal {
         flag: &'static str,
         of: &'static str,
     },
+    /// An option that changes nothing without another one.
+    Without {
+        flag: &'static str,
+        with: &'static str,
+    },
     /// A name that says the file is of another kind than what is written.
     Suffix {
         path: PathBuf,
@@ -129,8 +134,8 @@ impl fmt::Display for Refusal {
             Self::ForOthers("--dims") => {
                 "--dims of a tree needs --voxel and --origin as well; --grid N alone chooses all of them"
             }
-            Self::ForOthers("--fill") => {
-                "--fill is for meshes, and the input is a tree of solids; leave it out"
+            Self::ForOthers(flag @ ("--fill" | "--keep-thin")) => {
+                return write!(f, "{flag} is for meshes, and the input is a tree of solids; leave it out");
             }
             Self::ForOthers(flag) => {
                 return write!(f, "{flag} is for volumes, and the input is a tree of solids; leave it out");
@@ -178,6 +183,9 @@ impl fmt::Display for Refusal {
                     form.name(),
                     form.suffix()
                 );
+            }
+            Self::Without { flag, with } => {
+                return write!(f, "{flag} changes nothing without {with}; add that, or leave {flag} out");
             }
             Self::NotOf { flag, of } => return write!(f, "{flag} is for {of}; leave it out"),
             Self::Suffix { path, written } => {

@@ -72,6 +72,13 @@ fn refuse(e: &clap::Error) -> ExitCode {
         return ExitCode::from(ExitKind::Usage.code());
     }
     let words = || std::env::args_os().skip(1).take_while(|word| word != "--");
+    if let (Some(help), Some(first), Some(_)) = (words().next(), words().nth(1), words().nth(2))
+        && help == "help"
+    {
+        let first = first.to_string_lossy().into_owned();
+        let sentence = format!("help is for one command at a time; see `oct help {first}`");
+        return tell(&sentence, ExitKind::Usage, false);
+    }
     let known = args::Cli::command();
     let command = words().find_map(|word| word.to_str().and_then(|word| known.find_subcommand(word)));
     let help = command.map_or_else(|| "oct --help".to_owned(), |of| format!("oct {} --help", of.get_name()));
@@ -144,7 +151,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
             refuse_dash([args.folder.as_path()], Dash::Folder)?;
             Ok(manual::pages(&args.folder)?)
         }
-        Command::Report(args) => Ok(report(&args)?),
+        Command::Report(args) => report(&args),
     }
 }
 
@@ -166,7 +173,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         surface: args.skin.surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels.unwrap_or(usual),
-        gradient: args.skin.gradient,
+        gradient: args.skin.gradient.unwrap_or_default(),
         normal_bits: args.skin.normal_bits,
         visible_from: args.visible_from.clone(),
         lod: args.lod == Switch::On,
@@ -209,6 +216,8 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     refuse_dash([args.out.as_path()], Dash::Folder)?;
+    args.skin.refuse_ignored()?;
+    args.clean.refuse_ignored()?;
     let jobs = args.jobs.unwrap_or_else(cores);
     let request = BatchRequest {
         inputs: args.input.clone(),
@@ -226,7 +235,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             surface: args.skin.surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or_default(),
-            gradient: args.skin.gradient,
+            gradient: args.skin.gradient.unwrap_or_default(),
             normal_bits: args.skin.normal_bits,
             visible_from: Vec::new(),
             lod: args.lod == Switch::On,
@@ -396,6 +405,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let layers = || depth.into_iter().chain(normals).chain(ids);
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
+    args.refuse_ignored(is_scene(&args.model))?;
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
     let bars = Bars::new(args.json);
@@ -468,7 +478,9 @@ fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     Ok(if total == 0 { code } else { ExitCode::FAILURE })
 }
 
-fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
+fn report(args: &args::ReportArgs) -> Result<ExitCode, Failure> {
+    refuse_dash(args.model.as_deref(), Dash::Search)?;
+    refuse_dash([args.out.as_path()], Dash::Folder)?;
     // As a shell would take it again.
     let quoted = |word: String| {
         let plain = |c: char| c.is_ascii_alphanumeric() || "-_./@=:,".contains(c);
@@ -487,7 +499,7 @@ fn report(args: &args::ReportArgs) -> Result<ExitCode, Error> {
     let report = jobs::report::report(&request, &bars);
     bars.finish();
     let report = report?;
-    print(args.json, || &report, || report.text())
+    Ok(print(args.json, || &report, || report.text())?)
 }
 
 fn pack_with(

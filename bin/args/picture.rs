@@ -11,6 +11,7 @@ use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, ViewPoint};
 
 use super::{Switch, ThreadArgs, parse};
+use crate::failure::Refusal;
 
 /// Which normals a surface is shaded by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
@@ -67,9 +68,9 @@ pub(crate) struct RenderArgs {
     /// by stored normals and ambient occlusion: hollows turn dark
     #[arg(long, value_enum, default_value_t = Shading::Stored)]
     pub(crate) shading: Shading,
-    /// Rays of each pixel for ambient occlusion
-    #[arg(long, value_name = "1..1024", default_value_t = 32, value_parser = clap::value_parser!(u32).range(1..=1024))]
-    pub(crate) ao_rays: u32,
+    /// Rays of each pixel for ambient occlusion; 32 by default
+    #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
+    pub(crate) ao_rays: Option<u32>,
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,
@@ -128,7 +129,24 @@ impl RenderArgs {
     }
 
     fn ambient_rays(&self) -> Option<u32> {
-        (self.shading == Shading::Ao).then_some(self.ao_rays)
+        (self.shading == Shading::Ao).then_some(self.ao_rays.unwrap_or(32))
+    }
+
+    /// Refuses a flag that would change nothing; a scene has a projection of its own.
+    pub(crate) fn refuse_ignored(&self, is_scene: bool) -> Result<(), Refusal> {
+        let is_flat = match self.projection {
+            Some(projection) => projection == Projection::Parallel,
+            None => !is_scene,
+        };
+        let given = [
+            (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
+            (self.ao_rays.is_some() && self.shading != Shading::Ao, "--ao-rays", "--shading ao"),
+            (self.lod_bias != 0 && self.lod == Switch::Off, "--lod-bias", "--lod on"),
+        ];
+        match given.into_iter().find(|(given, ..)| *given) {
+            Some((_, flag, with)) => Err(Refusal::Without { flag, with }),
+            None => Ok(()),
+        }
     }
 
     /// What is asked of the picture of a model.

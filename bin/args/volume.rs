@@ -1,13 +1,13 @@
 //! Options of the commands that read volumes: what is taken, what is inside, what is done to it.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::format::normal::NormalBits;
-use infobyte::format::{Channels, SurfaceKind};
+use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::GridOptions;
 use infobyte::mesh::Fill;
@@ -223,10 +223,10 @@ pub(crate) struct SkinArgs {
     /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
-    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5, modified (the paper's), label5 (for
-    /// two values), or auto, which chooses the best of them at every voxel and takes three times as long
-    #[arg(long, value_name = "NAME", default_value = "isotropic5", value_parser = parse::gradient)]
-    pub(crate) gradient: Gradient,
+    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5 (the default), modified (the paper's),
+    /// label5 (for two values), or auto, which chooses the best of them at every voxel and takes three times as long
+    #[arg(long, value_name = "NAME", value_parser = parse::gradient)]
+    pub(crate) gradient: Option<Gradient>,
     /// Bits of a stored normal: 16 (off by 0.3 degrees), 24 (0.04, a byte more a voxel), or 12 (1.3, smaller when
     /// packed)
     #[arg(long, value_name = "12|16|24", default_value = "16", value_parser = parse::normal_bits)]
@@ -234,6 +234,24 @@ pub(crate) struct SkinArgs {
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,
+}
+
+impl SkinArgs {
+    /// A flag that says nothing about cells, where these are built.
+    pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
+        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
+        if self.surface == SurfaceKind::Skin && !is_offset {
+            return Ok(());
+        }
+        let given = [
+            ("--gradient", self.gradient.is_some()),
+            ("--connectivity", self.connectivity != Connectivity::default()),
+        ];
+        match given.into_iter().find(|(_, given)| *given) {
+            Some((flag, _)) => Err(Refusal::NotOf { flag, of: "skin voxels, and cells are built" }),
+            None => Ok(()),
+        }
+    }
 }
 
 /// What is left to choose where folders hold several volumes, or series have gaps.
@@ -330,6 +348,16 @@ pub(crate) struct CleanArgs {
 }
 
 impl CleanArgs {
+    /// Refuses a rule for components where none are looked for.
+    pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
+        let looked_for = self.fill_cavities || self.keep_largest.is_some() || self.drop_below.is_some();
+        if self.component_connectivity == ComponentConnectivity::Faces6 && !looked_for {
+            let (flag, of) = ("--component-connectivity", "--fill-cavities, --keep-largest and --drop-below");
+            return Err(Refusal::NotOf { flag, of });
+        }
+        Ok(())
+    }
+
     /// The options of the library.
     pub(crate) fn options(&self) -> CleanOptions {
         CleanOptions {
@@ -348,11 +376,22 @@ impl CleanArgs {
 impl BuildArgs {
     /// Refuses a flag that says nothing about what is built.
     pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
+        self.skin.refuse_ignored()?;
+        self.clean.refuse_ignored()?;
         let grid = &self.mesh.grid;
+        if grid.unit.is_some() && self.input.iter().all(|path| states_unit(path)) {
+            return Err(Refusal::NotOf {
+                flag: "--unit",
+                of: "files without a unit, and glTF and 3MF state theirs",
+            });
+        }
         let of_meshes = || grid.fill.map(|_| "--fill").or(grid.keep_thin.then_some("--keep-thin"));
         let refusal = match kind {
             SubjectKind::Volume => grid.flag().map(Refusal::ForMeshes),
-            SubjectKind::Mesh => self.volume_flag().map(Refusal::ForVolumes),
+            SubjectKind::Mesh => {
+                let gradient = self.skin.gradient.map(|_| "--gradient");
+                self.volume_flag().or(gradient).map(Refusal::ForVolumes)
+            }
             SubjectKind::Tree if self.input.len() > 1 => Some(Refusal::SeveralTrees),
             SubjectKind::Tree => self.volume_flag().or_else(of_meshes).map(Refusal::ForOthers),
         };
@@ -383,6 +422,12 @@ impl BuildArgs {
         ];
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
+}
+
+/// Does a mesh of this name state its unit?
+fn states_unit(path: &Path) -> bool {
+    let suffix = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
+    ["gltf", "glb", "3mf"].contains(&suffix.as_str())
 }
 
 /// How a mesh becomes a solid.

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-/// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary with or without `iB`/`B`.
+/// Parses `8MiB`, `64M`, `1GiB`, `4096`; K, M and G are binary, alone and with `iB`. `8MB` has 8,000,000 bytes.
 ///
 /// # Errors
 /// A sentence that says what is accepted.
@@ -10,17 +10,19 @@ pub fn parse_size(text: &str) -> Result<u64, String> {
     let trimmed = text.trim();
     let split = trimmed.find(|c: char| !c.is_ascii_digit() && c != '.').unwrap_or(trimmed.len());
     let (number, unit) = trimmed.split_at(split);
-    let shift = match unit.trim().to_ascii_lowercase().as_str() {
+    let unit = unit.trim().to_ascii_lowercase();
+    let step = if unit.len() == 2 { 1000.0_f64 } else { 1024.0 };
+    let steps = match unit.as_str() {
         "" | "b" => 0,
-        "k" | "kb" | "kib" => 10,
-        "m" | "mb" | "mib" => 20,
-        "g" | "gb" | "gib" => 30,
-        "t" | "tb" | "tib" => 40,
+        "k" | "kb" | "kib" => 1,
+        "m" | "mb" | "mib" => 2,
+        "g" | "gb" | "gib" => 3,
+        "t" | "tb" | "tib" => 4,
         _ => return Err(format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB")),
     };
     let value: f64 =
         number.parse().map_err(|_| format!("'{text}' is not a size; write for example 8MiB, 64M or 1GiB"))?;
-    let bytes = value * f64::from(1_u32 << 10).powi(shift / 10);
+    let bytes = value * step.powi(steps);
     if !(1.0..1e18).contains(&bytes) {
         return Err(format!("'{text}' is out of range for a size"));
     }
@@ -89,12 +91,14 @@ mod tests {
     use super::*;
 
     #[test]
-    fn sizes_parse_in_binary_units() {
+    fn sizes_parse_in_the_units_that_are_written() {
         assert_eq!(parse_size("8MiB"), Ok(8 << 20));
         assert_eq!(parse_size("64M"), Ok(64 << 20));
         assert_eq!(parse_size("1GiB"), Ok(1 << 30));
         assert_eq!(parse_size("1.5k"), Ok(1536));
         assert_eq!(parse_size("4096"), Ok(4096));
+        assert_eq!(parse_size("8MB"), Ok(8_000_000));
+        assert_eq!(parse_size("1.5 kB"), Ok(1500));
         for bad in ["", "MiB", "8 parsecs", "-1", "0", "1e400", "nan"] {
             assert!(parse_size(bad).is_err(), "{bad}");
         }

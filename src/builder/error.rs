@@ -11,7 +11,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::progress::Stopped;
 use crate::text::names::{
-    DTYPE, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
+    DTYPE, FILL, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
 };
 use crate::text::{Short, reading, shown, writing};
 use crate::volume::{SourceError, SourceFault};
@@ -32,6 +32,10 @@ pub(crate) enum BuildFault {
     EmptyResult { name: String, sought: Criterion, min: f64, max: f64 },
     #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
     NothingInside { name: String },
+    #[error(
+        "{name}: no voxel is inside, as the mesh is open and its caps enclose too little; {FILL} surface builds the voxels that it passes through, and a finer grid may help"
+    )]
+    NothingInsideOpen { name: String },
     #[error(
         "{name}: none of the {boxes} boxes of its surface can be seen from there; give another {VISIBLE_FROM}"
     )]
@@ -121,6 +125,7 @@ impl BuildError {
             BuildFault::BudgetTooSmall { name, .. }
             | BuildFault::EmptyResult { name, .. }
             | BuildFault::NothingInside { name }
+            | BuildFault::NothingInsideOpen { name }
             | BuildFault::NothingVisible { name, .. }
             | BuildFault::NoChannel { name, .. }
             | BuildFault::NormalBits { name }
@@ -212,7 +217,10 @@ impl BuildFault {
         match self {
             Self::Source(e) => e.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. } | Self::NothingInside { .. } | Self::NoNumbers { .. } => ExitKind::Input,
+            Self::EmptyResult { .. }
+            | Self::NothingInside { .. }
+            | Self::NothingInsideOpen { .. }
+            | Self::NoNumbers { .. } => ExitKind::Input,
             Self::EmptyRange { .. }
             | Self::NothingVisible { .. }
             | Self::NoChannel { .. }

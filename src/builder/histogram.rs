@@ -469,6 +469,7 @@ fn for_each_part<T: Ordered, L>(
 }
 
 #[cfg(test)]
+#[allow(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "small numbers")]
 mod tests {
     use super::*;
 
@@ -482,5 +483,107 @@ mod tests {
         assert_eq!(best_split(&[0, 5, 0]), None);
         assert_eq!(best_split(&[3, 5]), Some(1));
         assert_eq!(best_split(&[]), None);
+    }
+
+    /// What is counted of a slice, sample by sample.
+    fn slow_evidence<T: Ordered>(samples: &[T], dims: Dims, evidence: &mut Evidence) {
+        let [nx, ny, _] = dims.to_array().map(|n| n as usize);
+        for slice in samples.chunks(nx * ny) {
+            let mut last = slice[0].to_f64();
+            for (at, sample) in slice.iter().enumerate() {
+                let v = sample.to_f64();
+                evidence.may_be_map &= v >= 0.0 && v.trunc() == v;
+                if v > 0.0 {
+                    evidence.first = evidence.first.min(v);
+                }
+                if v == last {
+                    evidence.alike += u64::from(v != 0.0);
+                } else {
+                    evidence.differ += 1;
+                    let other = if last == 0.0 { v } else { last };
+                    if last == 0.0 || v == 0.0 {
+                        evidence.jumps += 1;
+                        evidence.nearest.add(End { value: other, count: 1 }, other < evidence.nearest.value);
+                    }
+                    last = v;
+                }
+                let ends = columns_outside(dims, u32::try_from(at / nx).unwrap()) as usize;
+                if evidence.all_outside > 0 && !(ends..nx - ends).contains(&(at % nx)) {
+                    let one = End { value: v, count: 1 };
+                    evidence.outside += 1;
+                    evidence.least.add(one, v < evidence.least.value);
+                    evidence.most.add(one, v > evidence.most.value);
+                }
+            }
+        }
+    }
+
+    fn judged<T: Ordered>(samples: &[T], dims: Dims, low: f64) -> (Option<usize>, Option<usize>) {
+        let mut counts = vec![0_u64; BINS];
+        samples.iter().for_each(|s| counts[(s.to_f64() - low) as usize] += 1);
+        let value = |bin: usize| low + bin as f64;
+        let of = |evidence: &Evidence| (evidence.labels(&counts), evidence.padding(&counts, &value));
+        let start = || Evidence::new(true, outside_samples(dims));
+        let mut slow = start();
+        slow_evidence(samples, dims, &mut slow);
+        let (mut whole, mut local) = (start(), vec![0_u32; BINS]);
+        let [nx, ny, _] = dims.to_array().map(|n| n as usize);
+        for slice in samples.chunks(nx * ny) {
+            let part = Part { columns: 0..dims.nx(), lines: 0..dims.ny() };
+            let mut own = start();
+            own.add_edges(slice, &local);
+            own.add_outside(dims, &part, slice);
+            whole.join(&own);
+            slice.iter().for_each(|s| local[(s.to_f64() - low) as usize] += 1);
+        }
+        assert_eq!(of(&whole), of(&slow));
+        if whole.may_be_map && slow.may_be_map {
+            assert_eq!((whole.alike, whole.differ, whole.jumps), (slow.alike, slow.differ, slow.jumps));
+            assert_eq!((whole.nearest.value, whole.nearest.count), (slow.nearest.value, slow.nearest.count));
+            assert_eq!(whole.first, slow.first);
+        }
+        of(&whole)
+    }
+
+    #[test]
+    fn what_is_counted_fast_says_what_is_counted_slowly() {
+        let mut random = crate::random::Random(11);
+        let (mut maps, mut padded) = (0, 0);
+        for round in 0..60_u64 {
+            let sides = [20 + random.below(60), 20 + random.below(60), 1 + random.below(4)];
+            let [nx, ny, nz] = sides.map(|n| u32::try_from(n).unwrap());
+            let dims = Dims::new(nx, ny, nz).unwrap();
+            let (kinds, pad) = (2 + random.below(40), [-2000, -1000, 3000][(round % 3) as usize]);
+            let mut value = 0;
+            let samples: Vec<i16> = (0..dims.voxels())
+                .map(|at| {
+                    let (x, y) = (at % sides[0], at / sides[0] % sides[1]);
+                    let ends = u64::from(columns_outside(dims, u32::try_from(y).unwrap()));
+                    let is_out = x < ends || x >= sides[0] - ends;
+                    match round % 4 {
+                        // Labels in runs, with nothing between them.
+                        0 => {
+                            if random.below(9) == 0 {
+                                value = if value == 0 { random.below(kinds) * 3 } else { 0 };
+                            }
+                            i16::try_from(value).unwrap()
+                        }
+                        // Padding, now and then not quite.
+                        1 if is_out && random.below(1 + round / 2) < 40 => pad,
+                        2 if is_out => i16::try_from(random.below(30)).unwrap(),
+                        3 => i16::try_from(random.below(3000)).unwrap() - 900,
+                        _ => i16::try_from(random.below(1200)).unwrap() - 300,
+                    }
+                })
+                .collect();
+            let (labels, padding) = judged(&samples, dims, -32768.0);
+            maps += u32::from(labels.is_some());
+            padded += u32::from(padding.is_some());
+            let unsigned: Vec<u8> = samples.iter().map(|s| s.unsigned_abs().min(255) as u8).collect();
+            judged(&unsigned, dims, 0.0);
+            let real: Vec<f32> = samples.iter().map(|s| f32::from(*s)).collect();
+            judged(&real, dims, -32768.0);
+        }
+        assert!(maps > 5 && padded > 5, "{maps} maps, {padded} padded");
     }
 }

@@ -47,30 +47,25 @@ pub fn build_solid(
     job.run(files, solid)
 }
 
-/// Reserves what a model of a solid cannot be built without, and so much more in its worker.
+/// Reserves what a model of a solid cannot be built without.
 ///
 /// # Errors
 /// The solid does not have one of the channels.
 pub(crate) fn reserve_least_of(
     solid: &dyn Solid,
     options: &BuildOptions,
-    more_bytes: u64,
     budget: &Budget,
 ) -> Result<Option<Reservation>, BuildError> {
-    let request = request_of(solid, &options.for_surface(solid.surface()), more_bytes)?;
+    let request = request_of(solid, &options.for_surface(solid.surface()))?;
     Ok(ColumnPlan::smallest(&request, budget).ok())
 }
 
-fn request_of<'a>(
-    solid: &'a dyn Solid,
-    options: &BuildOptions,
-    more_bytes: u64,
-) -> Result<PlanRequest<'a>, BuildError> {
+fn request_of<'a>(solid: &'a dyn Solid, options: &BuildOptions) -> Result<PlanRequest<'a>, BuildError> {
     Ok(PlanRequest {
         dims: solid.dims(),
         channels: channel_forms(options, &solid.name(), |channel, found| solid.form(channel, found))?,
         threads: options.threads,
-        solid_bytes: Box::new(move |tile| solid.worker_bytes(tile) + more_bytes),
+        solid_bytes: Box::new(|tile| solid.worker_bytes(tile)),
         input_bytes: solid.input_bytes(),
     })
 }
@@ -199,7 +194,7 @@ impl Job<'_> {
     }
 
     fn plan_solid(&self, solid: &dyn Solid) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
-        let request = request_of(solid, self.options, 0)?;
+        let request = request_of(solid, self.options)?;
         Ok((self.plan(&solid.name(), &request)?, request.channels))
     }
 

@@ -57,7 +57,7 @@ fn made(
     let (solid, _) = front.solid(&placed).ok()?;
     drop(dry.reserve(tree.bytes() + front.peak.get()));
     let _leaves = dry.reserve(solid.bytes());
-    drop(reserve_least_of(&*solid_of(solid, path, &options).ok()?, &options, 0, dry).ok()?);
+    drop(reserve_least_of(&*solid_of(solid, path, &options).ok()?, &options, dry).ok()?);
     Some(())
 }
 

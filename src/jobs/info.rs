@@ -93,6 +93,14 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
     Ok(Info { input: data(path), frame, measured: None })
 }
 
+/// The boxes of the finest level, for people.
+pub(crate) fn boxes(surface: SurfaceKind) -> &'static str {
+    match surface {
+        SurfaceKind::Skin => "skin voxels",
+        SurfaceKind::Cells => "cells",
+    }
+}
+
 /// Bytes stored for one kind of section.
 fn stored(frame: &Frame, kind: SectionKind) -> u64 {
     frame.section(kind).map_or(0, |e| e.stored_bytes)

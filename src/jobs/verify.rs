@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::info::content_checksum;
 use super::opened::unpacked;
 use crate::error::Error;
-use crate::format::Encoding;
+use crate::format::{Encoding, SurfaceKind};
 use crate::load::{self, FileIdentity, Frame, LoadError, LoadFault};
 use crate::platform::open_file;
 use crate::text::{data, shown};
@@ -29,6 +29,8 @@ pub struct VerifyReport {
     pub nodes: u64,
     /// Size of the file that was written or read.
     pub bytes: u64,
+    #[serde(skip)]
+    pub(crate) surface: SurfaceKind,
     /// Eight hex digits; the same for the mapped and the packed file of one model.
     pub checksum: String,
 }
@@ -55,6 +57,7 @@ pub fn verify_file(path: &Path) -> Result<VerifyReport, Error> {
         skin_voxels: frame.header.voxels,
         nodes: frame.header.nodes,
         bytes: frame.header.file_bytes,
+        surface: frame.surface(),
         checksum: format!("{:08x}", content_checksum(&frame)),
     })
 }
@@ -92,9 +95,10 @@ impl VerifyReport {
     /// One sentence.
     pub fn text(&self) -> String {
         format!(
-            "{}: sound ({} skin voxels, {} nodes, {})\n",
+            "{}: sound ({} {}, {} nodes, {})\n",
             shown(&self.input),
             self.skin_voxels,
+            super::info::boxes(self.surface),
             self.nodes,
             self.encoding.name()
         )

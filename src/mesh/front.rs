@@ -185,14 +185,15 @@ impl Front<'_> {
             drop(dry.reserve(BOUNDARY_BYTES));
         }
         drop((files, reading, described));
-        let painter = if wanted.anything() { Painter::BYTES } else { 0 };
         let colored = self.is_of_cells() || wanted.colors;
         let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
         let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };
         let (name, resident, inputs) = (self.name(), MIN_RESIDENT, Vec::new());
         let rule = Rule::NonZero;
-        let mesh = MeshSolid { name, grid, bins, rule, closed: true, resident, inputs, paint: None };
-        drop(reserve_least_of(&*self.built(mesh), &options, painter, dry)?);
+        let wanted = wanted.anything().then_some(wanted);
+        let (closed, open, paint) = (true, false, None);
+        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, inputs, wanted, paint };
+        drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
         Ok(dry.smallest_limit(1))
     }
 
@@ -249,7 +250,10 @@ impl Front<'_> {
             origin_mm: grid.origin_mm,
         };
         let resident = self.resident(&bins, &grid, paint.as_ref());
-        Ok((MeshSolid { name: self.name(), grid, bins, rule, closed, resident, inputs, paint }, facts, notes))
+        let open = matches!(boundary, Boundary::Open { .. });
+        let (name, wanted) = (self.name(), paint.as_ref().map(|paint| paint.wanted));
+        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, inputs, wanted, paint };
+        Ok((mesh, facts, notes))
     }
 
     /// All triangles in bins, what was counted of them, and what they carry.

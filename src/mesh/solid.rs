@@ -24,13 +24,13 @@ use super::cells::Cells;
 use super::crossed::cross_edges;
 use super::lattice::{Grid, HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::nearest::{Facet, Nearest};
-use super::paint::{Paint, Painter};
+use super::paint::{Paint, PaintChannels, Painter};
 use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
-    SolidWorker, Tile, VoxelBox,
+    BuildError, BuildFault, CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary,
+    SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::facts::{Fault, SourceError, SourceFault};
@@ -58,11 +58,14 @@ pub(crate) struct MeshSolid {
     pub(super) rule: Rule,
     /// Is every row outside again after its last crossing?
     pub(super) closed: bool,
+    /// Were its open edges closed by caps?
+    pub(super) open: bool,
     /// Triangles that a worker has room for.
     pub(super) resident: usize,
     /// The files, and what they were before they were read.
     pub(super) inputs: Vec<(PathBuf, u64)>,
     /// Colours, parts and smooth normals, if there are any.
+    pub(super) wanted: Option<PaintChannels>,
     pub(super) paint: Option<Paint>,
 }
 
@@ -105,6 +108,14 @@ impl Solid for MeshSolid {
         self.name.clone()
     }
 
+    fn nothing_inside(&self) -> BuildError {
+        let name = self.name.clone();
+        if self.open {
+            return BuildFault::NothingInsideOpen { name }.into();
+        }
+        BuildFault::NothingInside { name }.into()
+    }
+
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
@@ -116,7 +127,7 @@ impl Solid for MeshSolid {
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-        let wanted = self.paint.as_ref().map(|paint| paint.wanted);
+        let wanted = self.wanted;
         let bytes = match channel {
             Channel::Normal => Some(2),
             Channel::Color => wanted.filter(|wanted| wanted.colors).map(|_| 3),
@@ -127,7 +138,7 @@ impl Solid for MeshSolid {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        let paint = if self.paint.is_some() { Painter::BYTES } else { 0 };
+        let paint = if self.wanted.is_some() { Painter::BYTES } else { 0 };
         paint + fixed_bytes(tile) + Resident::bytes(self.resident, tile.columns.div_ceil(32) as usize)
     }
 

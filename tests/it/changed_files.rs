@@ -148,7 +148,7 @@ fn wait_for(child: &mut Child, is_there: impl Fn(u32) -> bool) {
     }
 }
 
-fn model(folder: &Path) -> PathBuf {
+fn model_of(folder: &Path) -> PathBuf {
     let header = ball(folder, 96);
     let model = folder.join("m.oct");
     let run = oct(&["build", &text(&header), "-o", &text(&model), "--iso", "100"]);
@@ -186,7 +186,7 @@ fn long_commands<'a>(model: &'a str, picture: &'a str) -> [Vec<&'a str>; 3] {
 #[test]
 fn a_model_that_is_cut_short_ends_the_command_with_one_sentence() {
     let folder = tempfile::tempdir().unwrap();
-    let whole = model(folder.path());
+    let whole = model_of(folder.path());
     let (cut, picture) = (folder.path().join("cut.oct"), folder.path().join("p.png"));
     let (cut_text, picture_text) = (text(&cut), text(&picture));
     for args in long_commands(&cut_text, &picture_text) {
@@ -204,7 +204,7 @@ fn a_model_that_is_cut_short_ends_the_command_with_one_sentence() {
 #[test]
 fn a_model_that_is_overwritten_makes_no_picture_and_one_that_is_replaced_does() {
     let folder = tempfile::tempdir().unwrap();
-    let whole = model(folder.path());
+    let whole = model_of(folder.path());
     let (other, picture) = (folder.path().join("other.oct"), folder.path().join("p.png"));
     let (other_text, picture_text) = (text(&other), text(&picture));
     for args in long_commands(&other_text, &picture_text) {
@@ -228,4 +228,62 @@ fn a_model_that_is_overwritten_makes_no_picture_and_one_that_is_replaced_does() 
     fs::copy(&whole, &other).unwrap();
     assert_eq!(disturbed(&other, args, &replace).0, Some(0));
     assert!(picture.exists());
+}
+
+/// A model of more than 1 MiB, which is mapped: every second voxel or so is inside.
+fn large_model(folder: &Path) -> PathBuf {
+    let (raw, model) = (folder.join("noise.raw"), folder.join("large.oct"));
+    let mut random = Random(7);
+    write_raw(&raw, [96; 3], |_| [u8::try_from(random.below(2)).unwrap()]);
+    let run = oct(&[
+        "build",
+        &text(&raw),
+        "-o",
+        &text(&model),
+        "--dims",
+        "96x96x96",
+        "--dtype",
+        "u8",
+        "--iso",
+        "1",
+    ]);
+    assert_eq!(run.code, 0, "{run:?}");
+    assert!(fs::metadata(&model).unwrap().len() > 1 << 20);
+    model
+}
+
+#[test]
+fn a_program_that_uses_the_library_is_told_that_its_model_was_changed() {
+    let folder = tempfile::tempdir().unwrap();
+    let request = RenderRequest { width: 40, height: 40, ..Default::default() };
+    let path = large_model(folder.path());
+    let model = Model::open(&path).unwrap();
+    let caster = RayCaster::new(&model).unwrap();
+    let (origins, directions) = ([[48.0, 48.0, -9.0]; 3], [[0.0, 0.0, 1.0]; 3]);
+    let (mut hits, mut met) = (infobyte::Hits::default(), [false; 3]);
+    caster.first_hits(&origins, &directions, &mut hits).unwrap();
+    assert_eq!(hits.len(), 3);
+    OpenOptions::new().write(true).open(&path).unwrap().write_all_at(&[9; 64], 100_000).unwrap();
+    touch(&path);
+    let told: [infobyte::Error; 5] = [
+        infobyte::render(&model, &request).unwrap_err(),
+        infobyte::triangles(&model, 0, &Silent).unwrap_err(),
+        RayCaster::new(&model).unwrap_err().into(),
+        caster.first_hits(&origins, &directions, &mut hits).unwrap_err().into(),
+        caster.any_hit(&origins, &directions, 99.0, &mut met).unwrap_err().into(),
+    ];
+    for error in told {
+        let sentence = error.to_string();
+        assert!(sentence.contains("large.oct: was changed while it was in use"), "{sentence}");
+        assert_eq!(error.kind(), ExitKind::Input);
+    }
+    assert!(hits.is_empty());
+    // Replaced under its name it is the old one still, and a small one is in memory.
+    let replaced = Model::open(&path).unwrap();
+    fs::rename(&path, folder.path().join("other")).unwrap();
+    infobyte::render(&replaced, &request).unwrap();
+    let path = model_of(folder.path());
+    let small = Model::open(&path).unwrap();
+    OpenOptions::new().write(true).open(&path).unwrap().set_len(0).unwrap();
+    infobyte::render(&small, &request).unwrap();
 }

@@ -516,3 +516,129 @@ fn json_is_one_object_with_the_keys_of_the_contract() {
     let verify = oct(&["verify", "--json", &model]).json();
     assert_eq!(verify["checksum"], report["checksum"]);
 }
+
+/// Opening a pipe waits until something is written into it, which may be never.
+#[test]
+fn pipes_are_refused_at_once_wherever_a_file_is_expected() {
+    let stage = Stage::new();
+    let pipe = |name: &str| {
+        let path = stage.path(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        assert!(Command::new("mkfifo").arg(&path).status().unwrap().success());
+        text(&path)
+    };
+    let [model, scene, tree] = ["p.oct", "p.toml", "p.csg"].map(pipe);
+    let triangle = "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nvt 0 0\n";
+    let faces = "f 1/1 3/1 2/1\nf 1/1 2/1 4/1\nf 1/1 4/1 3/1\nf 2/1 3/1 4/1\n";
+    let of_library = text(&stage.file("a/a.obj", format!("mtllib a.mtl\n{triangle}{faces}").as_bytes()));
+    pipe("a/a.mtl");
+    let of_texture =
+        text(&stage.file("b/b.obj", format!("mtllib b.mtl\n{triangle}usemtl m\n{faces}").as_bytes()));
+    stage.file("b/b.mtl", b"newmtl m\nmap_Kd t.png\n");
+    pipe("b/t.png");
+    let gltf = r#"{"asset":{"version":"2.0"},"buffers":[{"uri":"b.bin","byteLength":36}],
+        "bufferViews":[{"buffer":0,"byteLength":36}],
+        "accessors":[{"bufferView":0,"componentType":5126,"count":3,"type":"VEC3"}],
+        "meshes":[{"primitives":[{"attributes":{"POSITION":0}}]}],"nodes":[{"mesh":0}],
+        "scenes":[{"nodes":[0]}],"scene":0}"#;
+    let of_buffer = text(&stage.file("c/c.gltf", gltf.as_bytes()));
+    pipe("c/b.bin");
+    let of_import = text(&stage.file("d/d.csg", b"import(file = \"d.stl\");"));
+    pipe("d/d.stl");
+    let of_scene = text(&stage.file("e/e.toml", b"[[model]]\nfile = \"e.oct\"\n"));
+    pipe("e/e.oct");
+    let (other, rest) = (text(&stage.path("x.oct")), text(&stage.path("x")));
+    let commands: [&[&str]; 17] = [
+        &["info", &model],
+        &["verify", &model],
+        &["pack", &model, "-o", &other],
+        &["unpack", &model, "-o", &other],
+        &["strip", &model, "-o", &other],
+        &["export", &model, "-o", &other, "--as", "stl", "--force"],
+        &["intersect", &model, &model],
+        &["render", &model, "-o", &other, "--force"],
+        &["thumbnail", &model, "-o", &other, "--force"],
+        &["selfcheck", &model],
+        &["report", &model, "--out", &rest],
+        &["render", &scene, "-o", &other, "--force"],
+        &["build", &tree, "-o", &other, "--grid", "9"],
+        &["build", &of_buffer, "-o", &other, "--grid", "9"],
+        &["build", &of_texture, "-o", &other, "--grid", "9"],
+        &["build", &of_import, "-o", &other, "--grid", "9"],
+        &["render", &of_scene, "-o", &other, "--force"],
+    ];
+    for args in commands {
+        let (code, told) = within_a_minute(args);
+        assert_eq!(code, Some(3), "{args:?}: {told}");
+        assert!(told.contains("not a regular file") || told.contains("neither a file"), "{args:?}: {told}");
+        assert!(!Path::new(&other).exists() && !Path::new(&rest).exists(), "{args:?}");
+    }
+    // A library of materials may be missing, and a batch goes on with the next.
+    let (code, told) = within_a_minute(&["build", &of_library, "-o", &other, "--grid", "9"]);
+    assert!(code == Some(0) || code == Some(3), "{told}");
+    let all = text(&stage.folder.path().join("."));
+    let (code, told) = within_a_minute(&["batch", &all, "--grid", "9", "--out", &rest]);
+    assert_eq!(code, Some(8), "{told}");
+    let (code, told) = within_a_minute(&["scan", &all, "--grid", "9"]);
+    assert_eq!(code, Some(0), "{told}");
+}
+
+/// The exit code of a command, and what it says on stderr.
+fn within_a_minute(args: &[&str]) -> (Option<i32>, String) {
+    let mut child = Command::new(binary())
+        .args(args)
+        .stdin(Stdio::null())
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let started = Instant::now();
+    while child.try_wait().unwrap().is_none() {
+        if started.elapsed() > Duration::from_secs(60) {
+            child.kill().unwrap();
+            panic!("{args:?} waits");
+        }
+        sleep(Duration::from_millis(5));
+    }
+    let done = child.wait_with_output().unwrap();
+    (done.status.code(), String::from_utf8_lossy(&done.stderr).into_owned())
+}
+
+#[test]
+fn an_option_that_changes_nothing_is_refused() {
+    let stage = Stage::new();
+    let raw = stage.zeros("v.raw", 27);
+    let how = ["--dims", "3x3x3", "--dtype", "u8", "--iso", "1"];
+    let cases: [(&[&str], &str); 5] = [
+        (
+            &["--gradient", "sobel", "--surface", "cells"],
+            "--gradient is for skin voxels, and cells are built",
+        ),
+        (&["--gradient", "sobel", "--channels", "offset"], "--gradient is for skin voxels"),
+        (&["--connectivity", "6", "--surface", "cells"], "--connectivity is for skin voxels"),
+        (&["--component-connectivity", "6"], "--component-connectivity is for --fill-cavities"),
+        (&["--keep-thin"], "--keep-thin is for meshes"),
+    ];
+    for (extra, sentence) in cases {
+        stage.refused(&raw, &[&how, extra].concat(), 2, &[sentence]);
+    }
+    let tree = stage.file("t.csg", b"sphere(3);");
+    stage.refused(
+        &tree,
+        &["--grid", "9", "--keep-thin"],
+        2,
+        &["--keep-thin is for meshes, and the input is a tree"],
+    );
+    let mesh = stage.file("m.glb", &containers::glb(&json!({}), &[]));
+    stage.refused(&mesh, &["--grid", "9", "--unit", "cm"], 2, &["--unit is for files without a unit"]);
+    stage.refused(&mesh, &["--grid", "9", "--gradient", "sobel"], 2, &["--gradient is for volumes"]);
+    let [model, picture] = [stage.output(), stage.path("p.png")].map(|path| text(&path));
+    for (extra, with) in [
+        (["--fov", "40"], "--projection perspective"),
+        (["--ao-rays", "9"], "--shading ao"),
+        (["--lod-bias", "1"], "--lod on"),
+    ] {
+        let run = oct(&["render", &model, "-o", &picture, extra[0], extra[1]]);
+        run.refused(2, &[&format!("{} changes nothing without {with}", extra[0])]);
+    }
+}

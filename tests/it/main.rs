@@ -52,6 +52,7 @@ mod slices_kept;
 mod solid_ball;
 mod solid_cells;
 mod spec_example;
+mod stated_budgets;
 mod stopped;
 mod strange_headers;
 mod synthetic;

@@ -60,7 +60,7 @@ use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
 use crate::volume::SourceError;
 pub(super) use claims::{Claim, Claims};
-use folder::NewFolders;
+pub(super) use folder::NewFolders;
 use key::Key;
 use lock::FolderLock;
 use options::options_fingerprint;

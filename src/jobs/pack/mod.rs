@@ -23,6 +23,7 @@ use super::info::ratio;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
+use crate::format::SurfaceKind;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, ReadAt};
 use crate::platform::{give_back, open_file};
 use crate::progress::{Progress, Silent, Stopped};
@@ -46,6 +47,8 @@ pub struct PackReport {
     pub skin_voxels: u64,
     /// `bytes` per skin voxel.
     pub bytes_per_skin_voxel: f64,
+    #[serde(skip)]
+    pub(crate) surface: SurfaceKind,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
     /// Seconds from start to end.
@@ -56,11 +59,12 @@ impl PackReport {
     /// One sentence.
     pub fn text(&self) -> String {
         format!(
-            "{}: {} -> {} ({:.4} bytes per skin voxel)\n",
+            "{}: {} -> {} ({:.4} bytes per {})\n",
             shown(&self.output),
             Bytes(self.bytes_in),
             Bytes(self.bytes_out),
-            self.bytes_per_skin_voxel
+            self.bytes_per_skin_voxel,
+            super::info::boxes(self.surface).trim_end_matches('s')
         )
     }
 }
@@ -167,6 +171,7 @@ fn convert(
         bytes_out: frame.header.file_bytes,
         skin_voxels: frame.header.voxels,
         bytes_per_skin_voxel: ratio(frame.header.file_bytes, frame.header.voxels),
+        surface: frame.surface(),
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
@@ -219,6 +224,39 @@ mod tests {
                 encode::pack_file(mapped.as_slice(), &out).unwrap();
                 assert_eq!(bytes(&out), packed, "packing is deterministic");
             }
+        }
+    }
+
+    /// Of what is read, a part may be of one model and a part of another, whatever the checksums say.
+    #[test]
+    fn nothing_is_made_of_a_model_that_is_overwritten_meanwhile() {
+        let folder = tempfile::tempdir().unwrap();
+        let (input, output) = (folder.path().join("m.oct"), folder.path().join("n.oct"));
+        let channels = OptionalSections { normal: true, value_bytes: 0, lod: true };
+        let overwrite = || {
+            let file = std::fs::OpenOptions::new().write(true).open(&input).unwrap();
+            crate::platform::FileExt::write_all_at(&file, &[0x5a], 5000).unwrap();
+            file.set_modified(std::time::SystemTime::now() + std::time::Duration::from_secs(2)).unwrap();
+        };
+        type Work<'a> = &'a dyn Fn(&Stoppable<'_>, &File) -> Result<Frame, StripStop>;
+        let pack: Work<'_> = &|source, out| Ok(encode::pack_file(source, out)?);
+        let strip: Work<'_> = &|source, out| strip::strip_file(source, out, &StripRequest::default());
+        for (before, work) in [(false, pack), (true, pack), (false, strip), (true, strip)] {
+            std::fs::write(&input, sheet([64, 64, 64], channels)).unwrap();
+            let made = convert(&input, &output, &Silent, |source, out| {
+                if before {
+                    overwrite();
+                }
+                let made = work(source, out);
+                if !before {
+                    overwrite();
+                }
+                made
+            });
+            let told = made.unwrap_err();
+            assert!(told.to_string().contains("was changed while it was in use"), "{told}");
+            assert_eq!(told.kind(), crate::ExitKind::Input);
+            assert!(!output.exists());
         }
     }
 }

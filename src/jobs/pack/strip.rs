@@ -71,7 +71,7 @@ impl StripStop {
     }
 }
 
-fn strip_file<R: ReadAt + ?Sized>(
+pub(super) fn strip_file<R: ReadAt + ?Sized>(
     source: &R,
     out: &File,
     request: &StripRequest,

@@ -40,6 +40,7 @@ pub use rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
 use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
+use crate::jobs::batch::NewFolders;
 use crate::jobs::opened::open_model;
 use crate::synthetic;
 use crate::text::shown;
@@ -103,7 +104,7 @@ const USUAL_SIDES: [u32; 2] = [128, 256];
 pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report, Error> {
     let started = Instant::now();
     let failed = |cause| Error::Output { path: request.out.clone(), cause };
-    std::fs::create_dir_all(&request.out).map_err(failed)?;
+    let _new = NewFolders::create(&request.out).map_err(failed)?;
     let work = tempfile::tempdir_in(&request.out).map_err(failed)?;
     let bench = experiments::Bench { folder: work.path(), threads: request.threads, pixels: request.pixels };
     let subjects = subjects(&request.synthetic);
