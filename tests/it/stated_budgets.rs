@@ -130,7 +130,7 @@ fn images_of_textures_stay_within_the_budget() {
 fn the_budget_of_a_volume_that_is_cleaned_is_named_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("v.raw");
-    write_raw(&raw, [60, 50, 40], |[x, y, z]| [u8::try_from((x * 7 ^ y * 3 ^ z * 5) % 256).unwrap()]);
+    write_raw(&raw, [60, 50, 40], |[x, y, z]| [u8::try_from((x * 7 + y * 3 + z * 5) % 256).unwrap()]);
     let how = ["--dims", "60x50x40", "--dtype", "u8", "--iso", "100"];
     for extra in [&[][..], &["--keep-largest", "1"], &["--close", "2"], &["--surface", "cells"]] {
         judge(&raw, &[&how, extra].concat());
