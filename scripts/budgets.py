@@ -206,7 +206,7 @@ class Builds:
 
     def least(self, works):
         """The least cap that works, found by halving from one that does; in steps of 64 KiB."""
-        low, high = works - (2 << 20), works
+        low, high = 4 << 20, works
         while high - low > STEP:
             middle = (low + high) // 2 // STEP * STEP
             low, high = (low, middle) if self.run(middle)[0].code == 0 else (middle, high)

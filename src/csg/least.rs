@@ -6,22 +6,27 @@ use std::path::Path;
 use super::front::Front;
 use super::leaf::{Curved, Leaf};
 use super::read::{count_file, parse_file};
-use super::text::{OPEN_BYTES, ParsedTree, TextCounts};
-use super::tree::{BOXED, Shape};
+use super::text::{ParsedTree, TextCounts};
+use super::tree::BOXED;
 use super::{CsgOptions, solid_of};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
-use crate::budget::{Budget, MemoryCap};
+use crate::budget::{Budget, MemoryCap, current_rss_bytes};
 use crate::builder::{BuildOptions, Silent, reserve_least_of};
 use crate::geom::Affine;
 
-/// The largest tree that is made to find out what it takes.
+/// A tree that is made to find out what it takes, however small the cap.
 const MADE_BYTES: u64 = 1 << 20;
 
 /// The smallest cap, found on a budget without a limit that was made before the tree was read: a small tree is made for it,
 /// of a larger one what its text may become at most is counted. `None` for a tree that cannot be read, or with files, whose
 /// own readers name what they take.
 pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, dry: &Budget) -> Option<u64> {
-    match parse_file(path, MADE_BYTES).ok()? {
+    // What the process really holds leaves room, as more code is counted than runs before a build.
+    let room = match options.memory {
+        MemoryCap::Process(limit_bytes) => limit_bytes.saturating_sub(current_rss_bytes()),
+        MemoryCap::Share(bytes) => bytes,
+    };
+    match parse_file(path, MADE_BYTES.max(room / 2)).ok()? {
         Ok(parsed) => made(path, &parsed, csg, options, dry)?,
         Err(_) => counted(&count_file(path)?, dry),
     }
@@ -63,19 +68,16 @@ fn made(
 
 /// Reserves the most that a text of so many modules and numbers may take.
 fn counted(counts: &TextCounts, dry: &Budget) {
-    let TextCounts { leaves, blocks, depth, numbers, longest } = *counts;
+    let TextCounts { leaves, spheres, joins, placed, depth, numbers, longest, peak_bytes, .. } = *counts;
     let bytes = |size: usize| size as u64;
-    // A block is a node of its own, and the union of its children. Lists grow by an eighth.
-    let nodes = leaves + 2 * blocks;
-    let boxes =
-        leaves * bytes(size_of::<Shape>() + BOXED) + blocks * bytes(size_of::<(Affine, u32)>() + BOXED);
-    let tree = nodes * 20 * 9 / 8 + boxes + 12 * numbers;
-    let open = depth * bytes(OPEN_BYTES);
-    let worker = MIN_WORKER + WORKER_OVERHEAD;
-    drop(dry.reserve(tree + open + 24 * longest + worker));
-    let placed = leaves * bytes(size_of::<Leaf>() + size_of::<Curved>() + BOXED + 8) * 9 / 8 + 12 * numbers;
-    let lists = (leaves + 2 * blocks) * 24 * 9 / 8 + depth * bytes(size_of::<Affine>() + 16) * 9 / 8;
-    drop(dry.reserve(tree + placed + lists + 12 * longest));
-    // Programs, extents and what a worker holds of each leaf, of cells too.
-    drop(dry.reserve(placed + leaves * 128 + worker + (768 << 10)));
+    let (tree, worker) = (counts.tree_bytes() + (16 << 10), MIN_WORKER + WORKER_OVERHEAD);
+    drop(dry.reserve(peak_bytes + (16 << 10) + 20 * longest + worker));
+    // A sphere that is only moved has no box; nor is anything known of the others' sizes.
+    let boxed = if placed == 0 { leaves - spheres } else { leaves };
+    let held = boxed * bytes(size_of::<Curved>() + BOXED) + 12 * numbers;
+    let lists = leaves * bytes(size_of::<Leaf>() + 8) + (leaves + joins) * 24 + joins * 24;
+    let open = depth * bytes(size_of::<Affine>() + 16);
+    drop(dry.reserve(tree + held + (lists + open) * 9 / 8 + 12 * longest));
+    // Leaves, extents and programs; and what a worker holds of each leaf, of cells too.
+    drop(dry.reserve(held + leaves * bytes(size_of::<Leaf>() + 96) + worker + (512 << 10)));
 }

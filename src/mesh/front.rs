@@ -184,7 +184,9 @@ impl Front<'_> {
         if counted.census.closed() == Closed::No && self.mesh.fill != Some(Fill::Surface) {
             drop(dry.reserve(BOUNDARY_BYTES));
         }
-        drop((files, reading, described));
+        drop((files, reading));
+        // A part of what the description took stays with the allocator.
+        let _described = described;
         let colored = self.is_of_cells() || wanted.colors;
         let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
         let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };

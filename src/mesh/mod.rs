@@ -61,6 +61,7 @@ use crate::facts::SourceError;
 pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
+use crate::platform::give_back;
 use bins::{BINNING_BYTES, Bins};
 use boundary::BOUNDARY_BYTES;
 pub(crate) use crossed::cross_edges;
@@ -140,6 +141,8 @@ pub fn build_mesh(
     let scratch = options.scratch_folder(output);
     let front = Front { inputs, mesh, options, scratch, progress, placed: None };
     let (made, channels, facts, notes) = front.made()?;
+    // Memory of reading goes back before the build takes its own.
+    give_back();
     let options = BuildOptions { channels, ..options.clone() };
     Ok(MeshReport { build: made.build(&options, output, progress)?, facts, notes })
 }

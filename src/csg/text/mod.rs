@@ -18,7 +18,7 @@ mod values;
 
 pub(super) use count::{TextCounts, count};
 pub(super) use modules::is_module;
-pub(super) use parser::{OPEN_BYTES, ParsedTree, parse};
+pub(super) use parser::{ParsedTree, parse};
 
 use crate::facts::CsgFault;
 

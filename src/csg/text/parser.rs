@@ -25,7 +25,7 @@ struct OpenBlock {
 }
 
 /// What an open block takes, at most.
-pub(in crate::csg) const OPEN_BYTES: usize = size_of::<OpenBlock>() * 9 / 8 + size_of::<Affine>() + BOXED;
+pub(super) const OPEN_BYTES: usize = size_of::<OpenBlock>() * 9 / 8 + size_of::<Affine>() + BOXED;
 
 struct Parser<'a> {
     lexer: Lexer<'a>,
