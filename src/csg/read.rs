@@ -1,6 +1,5 @@
 //! Trees from files of text.
 
-use std::fs::File;
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +9,7 @@ use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, Fault, SourceError, SourceFault};
+use crate::platform::{is_not_regular, open_regular};
 use crate::source::stays;
 
 /// Bytes of a text that are read at a time.
@@ -72,10 +72,12 @@ pub(crate) fn named_files(
 /// A tree that takes `most` bytes, or the bytes that it would take.
 fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = File::open(path).map_err(unreadable)?;
-    if file.metadata().map_err(unreadable)?.is_dir() {
-        return Err(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into());
-    }
+    let file = open_regular(path).map_err(|cause| {
+        if is_not_regular(&cause) {
+            return SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into();
+        }
+        unreadable(cause)
+    })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut input = BufReader::with_capacity(READ_BYTES, file);
     match text::parse(&mut input, folder, most) {

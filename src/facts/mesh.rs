@@ -68,12 +68,16 @@ pub(crate) enum MeshFault {
     BadArchive,
     #[error("holds a part that would grow from {} to {}, which no mesh does; it is refused", Bytes(*.stored), Bytes(*.stated))]
     Bomb { stated: u64, stored: u64 },
+    #[error("names a file by an empty name; repair the file")]
+    NoName,
     #[error("names {}, which is not below its own folder; copy it there", shown(.name))]
     Outside { name: String },
     #[error("names {}, from which a link leads out of its folder; {FOLLOW_LINKS} reads it", shown(.name))]
     Linked { name: String },
     #[error("names {}, which cannot be read: {why}; put it beside the file", shown(.name))]
     Missing { name: String, why: std::io::ErrorKind },
+    #[error("names {}, which is a folder, a pipe, a socket or a device; put the file in its place", shown(.name))]
+    NotRegular { name: String },
     #[error("has a texture, {}, which {fault}, or build it with {CHANNELS} normal", shown(.name))]
     Image { name: String, fault: ImageFault },
     #[error(
@@ -115,6 +119,7 @@ pub(crate) enum Part {
     Texture,
     Image,
     Object,
+    Skin,
     Text,
 }
 
@@ -132,6 +137,7 @@ impl fmt::Display for Part {
             Self::Texture => "a texture",
             Self::Image => "an image",
             Self::Object => "an object",
+            Self::Skin => "a skin or a joint",
             Self::Text => "a part of the archive",
         })
     }
@@ -157,8 +163,6 @@ pub(crate) enum Feature {
     Extension(String),
     #[error("is made of beams, which are not read; write it as triangles")]
     BeamLattice,
-    #[error("is an archive of more than 4 GiB, which is not read; write several")]
-    Zip64,
     #[error("is encrypted; decrypt it first")]
     Encrypted,
     #[error("is an archive packed by method {method}, which is not read; pack it by deflate")]
@@ -196,21 +200,74 @@ pub enum Fill {
     Surface,
 }
 
-/// What a mesh lacks that can be built all the same.
+/// What a mesh lacks, or what of it was not built, where it can be built all the same.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshNote {
     pub(crate) mesh: String,
-    pub(crate) name: String,
+    pub(crate) lack: MeshLack,
+}
+
+/// What is missing.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum MeshLack {
+    /// A file that is not there.
+    Colors { name: String },
+    /// Corners name places in a texture, or normals, and there are none.
+    Corners { normals: bool },
+    /// A texture of PLY.
+    Texture { name: String },
+    /// Colours in several layers, or mixed ones.
+    Layers,
+    /// Slices, of which the mesh is a coarse form.
+    Slices,
+    /// Texts that an archive begins with.
+    Starts { texts: u64 },
+    /// Morph targets with weights.
+    Morphs,
+    /// Parts within which no centre of a voxel lies.
+    Thin { thin: u64, parts: u64 },
 }
 
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
-            shown(&self.mesh),
-            shown(&self.name)
-        )
+        write!(f, "{} ", shown(&self.mesh))?;
+        match &self.lack {
+            MeshLack::Colors { name } => write!(
+                f,
+                "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+                shown(name)
+            ),
+            MeshLack::Corners { normals: false } => {
+                f.write_str("names places in a texture (vt) that it does not hold; the model lacks the texture")
+            }
+            MeshLack::Corners { normals: true } => {
+                f.write_str("names normals (vn) that it does not hold; those of its triangles are used")
+            }
+            MeshLack::Texture { name } => write!(
+                f,
+                "takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF",
+                shown(name)
+            ),
+            MeshLack::Layers => f.write_str(
+                "has colours in several layers or mixtures, which are not read; those triangles have no colour",
+            ),
+            MeshLack::Slices => f.write_str(
+                "gives the exact shape as slices, which are not read; the coarser mesh with them was built",
+            ),
+            MeshLack::Starts { texts } => {
+                write!(f, "begins with {texts} texts; the first was built")
+            }
+            MeshLack::Morphs => f.write_str(
+                "has morph targets with weights, which are not applied; the shape without them was built",
+            ),
+            MeshLack::Thin { thin, parts } => {
+                let (verb, them) = if *thin == 1 { ("is", "it") } else { ("are", "them") };
+                write!(
+                    f,
+                    "has {parts} parts, of which {thin} {verb} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {them}"
+                )
+            }
+        }
     }
 }
 

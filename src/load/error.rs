@@ -69,8 +69,3 @@ impl LoadFault {
         }
     }
 }
-
-/// A folder or a device where a file is needed; held by an [`io::Error`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-#[error("it is not a regular file")]
-pub(crate) struct NotRegular;

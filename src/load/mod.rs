@@ -22,13 +22,13 @@ mod verify;
 mod view;
 mod voxels;
 
+pub(crate) use crate::platform::open_regular;
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
-pub(crate) use error::{LoadFault, NotRegular};
+pub(crate) use error::LoadFault;
 pub use frame::Frame;
 pub use map::Mapping;
 pub use memory::MemoryTree;
-pub(crate) use model::open_regular;
 pub use model::{Items, Model, ModelView};
 pub(crate) use stream::Cursor;
 pub use stream::{Fault, ReadAt};

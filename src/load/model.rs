@@ -1,6 +1,6 @@
 //! A finished `.oct` opened for use: checked cheaply, then read in place.
 
-use std::fs::File;
+use crate::platform::open_regular;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::Path;
@@ -13,7 +13,7 @@ use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
-use super::{CellItems, LoadError, NodeView, NotRegular};
+use super::{CellItems, LoadError, NodeView};
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -76,12 +76,6 @@ impl Model<Mapping> {
             Err(cause) => Err(LoadFault::Unreadable { path: path.to_path_buf(), cause }.into()),
         }
     }
-}
-
-/// Opens a file for reading and refuses folders and devices, which cannot be models.
-pub(crate) fn open_regular(path: &Path) -> io::Result<File> {
-    let file = File::open(path)?;
-    if file.metadata()?.is_file() { Ok(file) } else { Err(io::Error::other(NotRegular)) }
 }
 
 impl Model<Vec<u8>> {
