@@ -145,11 +145,8 @@ impl Front<'_> {
         let parts = files.iter().map(MeshFile::parts).sum();
         let mut notes = self.notes(&files);
         if thin > 0 && self.mesh.thin().is_none() {
-            let lack = MeshLack::Thin { thin, parts };
-            notes.push(MeshNote {
-                mesh: self.inputs.first().map(|path| base_name(path)).unwrap_or_default(),
-                lack,
-            });
+            let mesh = if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() };
+            notes.push(MeshNote { mesh, lack: MeshLack::Thin { thin, parts } });
         }
         drop(files);
         drop((reading, held, described));

@@ -227,7 +227,7 @@ fn what_is_not_well_formed_is_refused_where_it_is_wrong() {
     for (what, name, bytes, words) in [
         ("STL without its end", "a.stl", stl.replace("endsolid a body\n", ""), short.into()),
         ("STL, a corner too many", "a.stl", stl.replacen(" endloop", "  vertex 1 2 3\n endloop", 1), line(7)),
-        ("STL, a corner too few", "a.stl", stl.replacen(" endloop\n", "", 1), line(6)),
+        ("STL, a corner too few", "a.stl", stl.replacen(" endloop\n", "", 1), line(7)),
         ("STL, another word", "a.stl", stl.replacen("endfacet", "endface", 1), line(8)),
         ("OFF, a face of -3 corners", "a.off", off.replacen("\n3 ", "\n-3 ", 1), line(10)),
         ("OFF, a short face", "a.off", off.replacen(" 4\n", "\n", 1), line(10)),
@@ -327,7 +327,8 @@ fn instances_and_skins_of_gltf_are_built_where_they_are() {
     ];
     let mut file = with_items(described.clone(), buffer(&small), &items);
     // Bytes are parts of 127.
-    let at = file.windows(20).position(|w| w == b"\"componentType\":5120,").unwrap();
+    let mark = b"\"componentType\":5120,";
+    let at = file.windows(mark.len()).position(|w| w == mark).unwrap();
     file.splice(at..at, *b"\"normalized\":true,");
     let file = reframed(&file);
     let (got, _) = build_on(folder.path(), "a.glb", &file, grid).unwrap();
@@ -399,7 +400,7 @@ fn instances_and_skins_of_gltf_are_built_where_they_are() {
         );
     }
     let mut wrong = items.clone();
-    wrong[0].3[1] = 2;
+    wrong[0].3[0] = 2;
     let said =
         build_on(folder.path(), "a.glb", &with_items(described, buffer(&body), &wrong), grid).unwrap_err();
     assert!(said.contains("a skin or a joint"), "{said}");
@@ -476,7 +477,7 @@ fn parts_thinner_than_a_voxel_are_counted_in_a_note() {
     let (_, notes) = build_on(folder.path(), "a.obj", text.as_bytes(), grid).unwrap();
     let wanted = "a.obj has 4 parts, of which 2 are thinner than a voxel and not in the model; fill surface or smaller voxels keep them";
     assert_eq!(notes, [wanted]);
-    let fine = GridChoice::Voxel { edge_mm: 0.25, margin: 1 };
+    let fine = GridChoice::Voxel { edge_mm: 0.1, margin: 1 };
     assert_eq!(build_on(folder.path(), "a.obj", text.as_bytes(), fine).unwrap().1, Vec::<String>::new());
     let mesh = MeshOptions { fill: Some(infobyte::mesh::Fill::Surface), ..on_grid(grid) };
     let report = build_mesh(
