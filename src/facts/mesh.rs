@@ -207,68 +207,39 @@ pub struct MeshNote {
     pub(crate) lack: MeshLack,
 }
 
-/// What is missing.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum MeshLack {
-    /// A file that is not there.
-    Colors { name: String },
-    /// Corners name places in a texture, or normals, and there are none.
-    Corners { normals: bool },
-    /// A texture of PLY.
-    Texture { name: String },
-    /// Colours in several layers, or mixed ones.
-    Layers,
-    /// Slices, of which the mesh is a coarse form.
-    Slices,
-    /// Texts that an archive begins with.
-    Starts { texts: u64 },
-    /// Morph targets with weights.
-    Morphs,
-    /// Parts within which no centre of a voxel lies.
-    Thin { thin: u64, parts: u64 },
-}
-
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(f, "{} ", shown(&self.mesh))?;
-        match &self.lack {
-            MeshLack::Colors { name } => write!(
-                f,
-                "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
-                shown(name)
-            ),
-            MeshLack::Corners { normals: false } => {
-                f.write_str("names places in a texture (vt) that it does not hold; the model lacks the texture")
-            }
-            MeshLack::Corners { normals: true } => {
-                f.write_str("names normals (vn) that it does not hold; those of its triangles are used")
-            }
-            MeshLack::Texture { name } => write!(
-                f,
-                "takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF",
-                shown(name)
-            ),
-            MeshLack::Layers => f.write_str(
-                "has colours in several layers or mixtures, which are not read; those triangles have no colour",
-            ),
-            MeshLack::Slices => f.write_str(
-                "gives the exact shape as slices, which are not read; the coarser mesh with them was built",
-            ),
-            MeshLack::Starts { texts } => {
-                write!(f, "begins with {texts} texts; the first was built")
-            }
-            MeshLack::Morphs => f.write_str(
-                "has morph targets with weights, which are not applied; the shape without them was built",
-            ),
-            MeshLack::Thin { thin, parts } => {
-                let (verb, them) = if *thin == 1 { ("is", "it") } else { ("are", "them") };
-                write!(
-                    f,
-                    "has {parts} parts, of which {thin} {verb} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {them}"
-                )
-            }
-        }
+        write!(f, "{} {}", shown(&self.mesh), self.lack)
     }
+}
+
+/// What is missing.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub(crate) enum MeshLack {
+    #[error(
+        "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+        shown(.name)
+    )]
+    Colors { name: String },
+    #[error("names places in a texture (vt) that it does not hold; the model lacks the texture")]
+    Places,
+    #[error("names normals (vn) that it does not hold; those of its triangles are used")]
+    Normals,
+    #[error(
+        "takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF",
+        shown(.name)
+    )]
+    Texture { name: String },
+    #[error("has colours in several layers or mixtures, which are not read; those triangles have no colour")]
+    Layers,
+    #[error("gives the exact shape as slices, which are not read; the coarser mesh with them was built")]
+    Slices,
+    #[error("begins with {texts} texts; the first was built")]
+    Starts { texts: u64 },
+    #[error("has morph targets with weights, which are not applied; the shape without them was built")]
+    Morphs,
+    #[error("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if *.thin == 1 { "is" } else { "are" }, if *.thin == 1 { "it" } else { "them" })]
+    Thin { thin: u64, parts: u64 },
 }
 
 /// What was found about a mesh, and what was chosen.

@@ -17,7 +17,7 @@ use crate::platform::FileExt;
 const END: u64 = 22;
 /// Bytes of the record with 64-bit numbers that matter, and of that before the end that says where it is.
 const END64: usize = 56;
-const LOCATOR: u64 = 20;
+const LOCATOR: usize = 20;
 /// Marks the part of an entry that holds 64-bit numbers, and a number that stands there.
 const EXTRA64: u16 = 1;
 const ELSEWHERE: u64 = u32::MAX as u64;
@@ -67,8 +67,8 @@ impl Archive {
         let (mut entries, mut length, mut list) = (two(10), four(12), four(16));
         if entries == u64::from(u16::MAX) || length == ELSEWHERE || list == ELSEWHERE {
             let here = bytes - span + at.unwrap_or(0) as u64;
-            let locator = here.checked_sub(LOCATOR).ok_or_else(bad)?;
-            let locator: [u8; LOCATOR as usize] = Stream::new(file, locator).take()?;
+            let locator = here.checked_sub(LOCATOR as u64).ok_or_else(bad)?;
+            let locator: [u8; LOCATOR] = Stream::new(file, locator).take()?;
             let [at] = eights(&locator, 8);
             if at >= bytes {
                 return Err(bad());

@@ -143,9 +143,8 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
         None => None,
     };
     let mut summary = materials.summary();
-    for normals in [false, true].into_iter().filter(|normals| missing[usize::from(*normals)]) {
-        summary.lacks.push(MeshLack::Corners { normals });
-    }
+    let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
+    summary.lacks.extend(lacks.filter(|(_, is_so)| *is_so).map(|(lack, _)| lack));
     let looks = carried.as_ref().map_or([false; 2], |carried: &Carried| {
         [carried.colors.is_some() || !summary.materials.is_empty(), carried.normals.count > 0]
     });
