@@ -93,6 +93,15 @@ enum Name {
     Other,
 }
 
+impl Name {
+    /// Puts the value of a property of this name in its place, if it is one of three.
+    fn put(self, value: f64, names: [Self; 3], values: &mut [f64; 3]) {
+        if let Some(at) = names.iter().position(|name| *name == self) {
+            values[at] = value;
+        }
+    }
+}
+
 const PLACE: [Name; 3] = [Name::X, Name::Y, Name::Z];
 const COLOR: [Name; 3] = [Name::Red, Name::Green, Name::Blue];
 const NORMAL: [Name; 3] = [Name::NormalX, Name::NormalY, Name::NormalZ];
@@ -581,9 +590,7 @@ fn read_text(
                         let value = words.as_number()?;
                         let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
                         for (names, values) in kinds {
-                            if let Some(at) = names.iter().position(|name| *name == property.name) {
-                                values[at] = value;
-                            }
+                            property.name.put(value, names, values);
                         }
                     }
                     continue;

@@ -62,6 +62,15 @@ impl Spools {
             named: [false; 2],
         })
     }
+
+    fn finish(self) -> Result<Carried, Stop> {
+        Ok(Carried {
+            triangles: self.triangles.finish()?.0,
+            places: self.places.into_vertices()?,
+            normals: self.normals.into_vertices()?,
+            colors: if self.colored { Some(self.colors.into_vertices()?) } else { None },
+        })
+    }
 }
 
 /// The numbers left in a line, at most four.
@@ -133,15 +142,7 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
         let [places, normals] = spools.named;
         [limits.colors && places && spools.places.count == 0, normals && spools.normals.count == 0]
     });
-    let carried = match spools {
-        Some(spools) => Some(Carried {
-            triangles: spools.triangles.finish()?.0,
-            places: spools.places.into_vertices()?,
-            normals: spools.normals.into_vertices()?,
-            colors: if spools.colored { Some(spools.colors.into_vertices()?) } else { None },
-        }),
-        None => None,
-    };
+    let carried = spools.map(Spools::finish).transpose()?;
     let mut summary = materials.summary();
     let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
     summary.lacks.extend(lacks.filter(|(_, is_so)| *is_so).map(|(lack, _)| lack));
