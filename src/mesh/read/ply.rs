@@ -540,6 +540,16 @@ fn whole(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<i64, Stop
     })
 }
 
+/// Colours and normals of vertices, and colours of triangles, as they were written.
+fn written(spools: [Option<(Spool, f64)>; 3]) -> Result<VertexLooks, Stop> {
+    let read = |of: Option<(Spool, f64)>| {
+        of.map(|(spool, scale)| Ok::<_, Stop>((spool.into_vertices()?, scale))).transpose()
+    };
+    let [colors, normals, of_triangles] = spools.map(read);
+    let normals = normals?.map(|(vertices, _)| vertices);
+    Ok(VertexLooks { colors: colors?, normals, of_triangles: of_triangles? })
+}
+
 fn read_text(
     file: &File,
     bytes: u64,
@@ -633,12 +643,7 @@ fn read_text(
             }
         }
         if element.kind.has_corners() {
-            let read = |of: Option<(Spool, f64)>| {
-                of.map(|(spool, scale)| Ok::<_, Stop>((spool.into_vertices()?, scale))).transpose()
-            };
-            let (colors, normals, of_triangles) = (read(colors)?, read(normals)?, read(of_triangles)?);
-            let normals = normals.map(|(vertices, _)| vertices);
-            return Faces::of(vertices, triangles, VertexLooks { colors, normals, of_triangles });
+            return Faces::of(vertices, triangles, written([colors, normals, of_triangles])?);
         }
     }
     Err(MeshFault::NoFaces.into())
