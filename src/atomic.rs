@@ -59,11 +59,12 @@ impl AtomicFile {
             Ok(real) => real,
             Err(_) => target.to_path_buf(),
         };
-        if fs::symlink_metadata(&target).is_ok_and(|m| m.is_symlink()) {
-            return Err(TargetFault::DanglingLink.into());
-        }
+        // Before its links: one may lead to a pipe, which has no name.
         if fs::metadata(&target).is_ok_and(|m| !m.is_file()) {
             return Err(TargetFault::NotRegular.into());
+        }
+        if fs::symlink_metadata(&target).is_ok_and(|m| m.is_symlink()) {
+            return Err(TargetFault::DanglingLink.into());
         }
         if target.file_name().is_none() {
             return Err(TargetFault::NoFileName.into());

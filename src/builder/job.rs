@@ -94,7 +94,11 @@ fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote
     // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
     let all = totals.skin + totals.hidden == count(0) - count(2);
     let voxels = count(u32::from(surface == SurfaceKind::Cells));
-    let found = [(BuildNote::NotNumbers, totals.found.not_numbers), (BuildNote::AllInside { voxels }, all)];
+    let found = [
+        (BuildNote::NotNumbers, totals.found.not_numbers),
+        (BuildNote::Infinite, totals.found.infinite),
+        (BuildNote::AllInside { voxels }, all),
+    ];
     found.into_iter().filter(|(_, is_so)| *is_so).map(|(note, _)| note).collect()
 }
 

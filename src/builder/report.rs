@@ -59,6 +59,8 @@ pub enum BuildNote {
     },
     /// Some samples are NaN, and so outside.
     NotNumbers,
+    /// Some samples are infinite and within the range, and so inside.
+    Infinite,
     /// Every voxel is inside: the model is the box of the volume.
     AllInside {
         /// How many there are.
@@ -79,6 +81,7 @@ impl fmt::Display for BuildNote {
                 Short(*value)
             ),
             Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),
+            Self::Infinite => f.write_str("some samples are infinite; these voxels are inside"),
             Self::AllInside { voxels } => write!(
                 f,
                 "all {voxels} voxels are inside, so that the model is the box of the volume; choose another {ISO} or {RANGE}"

@@ -145,8 +145,8 @@ pub(super) struct Slices<'a, F: RingForm> {
     staging_slices: usize,
     /// Time spent waiting for input.
     pub(super) reading: Duration,
-    /// Were there samples that are NaN?
-    pub(super) not_numbers: bool,
+    /// Were there samples that are NaN, and infinite ones inside?
+    pub(super) odd: OddSamples,
 }
 
 impl<'a, F: RingForm> Slices<'a, F> {
@@ -167,7 +167,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
             staging: vec![bytemuck::Zeroable::zeroed(); staging_slices * shape.block_samples(tile)],
             staging_slices,
             reading: Duration::ZERO,
-            not_numbers: false,
+            odd: OddSamples::default(),
         }
     }
 
@@ -201,7 +201,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
             let pitch = f.stride * size_of::<F::Ring>();
             self.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
             self.reading += started.elapsed();
-            self.not_numbers = self.not_numbers || holds_nan::<F::File>(bytemuck::cast_slice(plane));
+            self.odd.look::<F::File>(bytemuck::cast_slice(plane), range);
             classify_rows(f, self.dims, bytemuck::cast_slice(plane), f.stride, range, wanted);
         } else {
             let len = self.staging.len() / self.staging_slices;
@@ -209,7 +209,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
                 &mut self.staging[z as usize % self.staging_slices * len..][..f.width * f.rows.len()];
             self.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
             self.reading += started.elapsed();
-            self.not_numbers = self.not_numbers || holds_nan(staged);
+            self.odd.look(staged, range);
             classify_rows(f, self.dims, staged, f.width, range, wanted);
             for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
                 convert(&self.form, from, &mut to[..f.width]);
@@ -237,11 +237,29 @@ impl<'a, F: RingForm> Slices<'a, F> {
     }
 }
 
-/// Is one of some samples NaN? Asked in parts without a branch, at the speed of memory.
-fn holds_nan<T: Ordered>(samples: &[T]) -> bool {
-    const PART: usize = 256;
-    let in_part = |part: &[T]| part.iter().fold(false, |found, v| found | v.partial_cmp(v).is_none());
-    T::NO_NUMBER.is_some() && samples.chunks(PART).any(in_part)
+/// Samples that a user should know of.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct OddSamples {
+    pub(super) not_numbers: bool,
+    /// Infinite ones that are inside.
+    pub(super) infinite: bool,
+}
+
+impl OddSamples {
+    /// Looks for them in parts without a branch, at the speed of memory.
+    fn look<T: Ordered>(&mut self, samples: &[T], range: SampleRange<T>) {
+        const PART: usize = 256;
+        if T::NO_NUMBER.is_none() {
+            return;
+        }
+        let any = |is_so: &dyn Fn(&[T]) -> bool| samples.chunks(PART).any(is_so);
+        self.not_numbers = self.not_numbers
+            || any(&|part| part.iter().fold(false, |found, v| found | v.partial_cmp(v).is_none()));
+        for end in [T::at(T::ENDS.0), T::at(T::ENDS.1)].into_iter().filter(|end| range.contains(*end)) {
+            self.infinite =
+                self.infinite || any(&|part| part.iter().fold(false, |found, v| found | (*v == end)));
+        }
+    }
 }
 
 /// Inside bits of the rows wanted, from samples whose rows are `stride` apart; a word of each row stands before

@@ -70,11 +70,18 @@ pub struct ScanSummary {
     pub reading: Duration,
     /// Were there samples that are NaN? They are outside.
     pub not_numbers: bool,
+    /// Were there infinite samples that are inside?
+    pub infinite: bool,
 }
 
 impl Default for ScanSummary {
     fn default() -> Self {
-        Self { extent: (f32::INFINITY, f32::NEG_INFINITY), reading: Duration::ZERO, not_numbers: false }
+        Self {
+            extent: (f32::INFINITY, f32::NEG_INFINITY),
+            reading: Duration::ZERO,
+            not_numbers: false,
+            infinite: false,
+        }
     }
 }
 
@@ -86,6 +93,7 @@ impl ScanSummary {
             extent: (self.extent.0.min(other.extent.0), self.extent.1.max(other.extent.1)),
             reading: self.reading + other.reading,
             not_numbers: self.not_numbers || other.not_numbers,
+            infinite: self.infinite || other.infinite,
         }
     }
 }

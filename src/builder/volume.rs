@@ -275,7 +275,8 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
         ScanSummary {
             extent: self.extent,
             reading: self.slices.reading,
-            not_numbers: self.slices.not_numbers,
+            not_numbers: self.slices.odd.not_numbers,
+            infinite: self.slices.odd.infinite,
         }
     }
 }

@@ -9,7 +9,7 @@ use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::facts::{CsgFault, Fault, SourceError, SourceFault};
-use crate::platform::open_file;
+use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
 
 /// Bytes of a text that are read at a time.
@@ -73,7 +73,12 @@ pub(crate) fn named_files(
 /// A tree that takes `most` bytes, or the bytes that it would take.
 pub(super) fn parse_file(path: &Path, most: u64) -> Result<Result<ParsedTree, u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_file(path).map_err(unreadable)?;
+    let file = open_file(path).map_err(|cause| {
+        if is_not_regular(&cause) {
+            return SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into();
+        }
+        unreadable(cause)
+    })?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let mut input = BufReader::with_capacity(READ_BYTES, file);
     match text::parse(&mut input, folder, most) {

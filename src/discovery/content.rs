@@ -1,7 +1,6 @@
 //! Names and copies of volumes by their content: what files are called, and where they lie, does not matter.
 
-use crate::platform::FileExt;
-use std::fs::File;
+use crate::platform::{FileExt, open_file};
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -49,7 +48,7 @@ pub(super) fn hash_of(files: EachFile<'_>) -> io::Result<String> {
 }
 
 fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHash> {
-    let file = File::open(path)?;
+    let file = open_file(path)?;
     let length = file.metadata()?.len();
     hash = hash.number(length);
     let mut piece = [0; 4 << 10];
@@ -126,7 +125,7 @@ fn alike(a: &VolumeInfo, b: &VolumeInfo) -> bool {
 }
 
 fn same_bytes(a: &Path, b: &Path) -> io::Result<bool> {
-    let (a, b) = (File::open(a)?, File::open(b)?);
+    let (a, b) = (open_file(a)?, open_file(b)?);
     let length = a.metadata()?.len();
     if b.metadata()?.len() != length {
         return Ok(false);

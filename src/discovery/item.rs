@@ -1,7 +1,7 @@
 //! One item of a catalogue: what it takes to open it, and its subjects.
 
-use crate::platform::OsStrExt;
-use std::fs::{File, metadata};
+use crate::platform::{OsStrExt, open_file};
+use std::fs::metadata;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -159,7 +159,7 @@ impl ItemOpener<'_> {
                 open_series(list, &facts, &self.of.options)
             }
             ItemKind::Damaged => {
-                let error = match File::open(self.path).map(|file| recognise(&file)) {
+                let error = match open_file(self.path).map(|file| recognise(&file)) {
                     Err(cause) => {
                         SourceError::from(SourceFault::Unreadable { path: self.path.to_path_buf(), cause })
                     }
@@ -329,7 +329,7 @@ fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
 /// The format of a mesh, which was one when its folder was searched.
 fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
     let mut head = Vec::new();
-    let read = File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    let read = open_file(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
     read.map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
     mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
 }

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::csg;
 use crate::mesh;
+use crate::platform::open_file;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
@@ -39,7 +40,7 @@ impl SubjectKind {
             // Opening a pipe could wait forever.
             Ok(meta) if !meta.is_file() => return Self::Volume,
             meta => meta.and_then(|meta| {
-                let file = File::open(path)?;
+                let file = open_file(path)?;
                 (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
                 Ok((meta.len(), file))
             }),

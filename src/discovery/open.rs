@@ -14,9 +14,10 @@ use crate::facts::{
     SyntheticFault,
 };
 use crate::mesh;
+use crate::platform::open_file;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognition, recognise};
-use crate::source::{HEAD_BYTES, Subject, SubjectKind, known};
+use crate::source::{HEAD_BYTES, Subject, SubjectKind, known, known_folder};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::InfoOverride;
@@ -317,6 +318,9 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     {
         return error;
     }
+    if let Some(what) = known_folder(first) {
+        return SourceFault::Unusable { path: first.to_path_buf(), fault: Fault::Known(what) }.into();
+    }
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
         [] => Instead::EmptyFolder,
@@ -335,7 +339,7 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
 /// The refusal of a single file that is no volume.
 fn refuse_file(path: &Path) -> SourceError {
     let unusable = |fault| SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault });
-    let opened = File::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+    let opened = open_file(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let (length, file) = match opened {
         Ok(opened) => opened,
         Err(cause) => return SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),

@@ -25,7 +25,7 @@
 mod keys;
 
 use std::ffi::OsStr;
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -33,6 +33,7 @@ use super::placing;
 use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
 use crate::facts::{Fault, Misuse, SourceFault};
 use crate::geom::Orientation;
+use crate::platform::open_file;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::volume::Placement;
 use crate::volume::{InfoOverride, Note, Result, SourceError, VolumeSource};
@@ -87,7 +88,7 @@ fn text_of(path: &Path) -> Option<String> {
     let mut text = String::new();
     // Opening a pipe could wait forever.
     fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
-    let file = File::open(path).ok()?;
+    let file = open_file(path).ok()?;
     file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
     Some(text)
 }

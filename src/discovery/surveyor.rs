@@ -2,9 +2,9 @@
 //!
 //! [`Catalogue`]: super::Catalogue
 
-use crate::platform::OsStrExt;
+use crate::platform::{OsStrExt, open_file};
 use std::collections::HashMap;
-use std::fs::{File, Metadata};
+use std::fs::Metadata;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -72,7 +72,7 @@ impl<'a> Surveyor<'a> {
             return left_out(NotVolume::Empty);
         }
         let mut head = Vec::with_capacity(HEAD_BYTES);
-        let opened = File::open(path).and_then(|file| {
+        let opened = open_file(path).and_then(|file| {
             (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
             Ok(file)
         });

@@ -35,8 +35,6 @@ pub enum CsgFault {
     Singular { line: u64 },
     #[error("{}the faces of the polyhedron leave holes; close it, or write it as a mesh and import that", At(*.line))]
     Open { line: u64 },
-    #[error("{}$fn is more than {most}; leave it out for a smooth surface", At(*.line))]
-    Facets { line: u64, most: u64 },
     #[error("{}reaches more than {most_voxels} voxels from the corner of the grid; choose larger voxels, or an origin nearer to it", At(*.line))]
     TooFar { line: u64, most_voxels: u64 },
     #[error("has more than {most} leaves")]

@@ -15,6 +15,8 @@ pub(crate) enum HeaderFault {
     TooLong { most_bytes: u64 },
     #[error("the line `{}` of its header is no field", .line.escape_debug())]
     NotAField { line: String },
+    #[error("its header states `{field}` twice; remove the wrong line")]
+    Twice { field: &'static str },
     #[error("its data file `{}` is not in the folder of the header; put both into one folder and name it without a path", .name.escape_debug())]
     Outside { name: String },
     #[error("its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}", .name.escape_debug())]

@@ -64,6 +64,14 @@ pub enum Known {
     Ply,
     Off,
     Oct,
+    Hdf5,
+    NetCdf,
+    Vtk,
+    VtkXml,
+    Vgi,
+    Amira,
+    Mrc,
+    Zarr,
 }
 
 impl fmt::Display for Known {
@@ -74,6 +82,20 @@ impl fmt::Display for Known {
             Self::Ply => "a PLY mesh",
             Self::Off => "an OFF mesh",
             Self::Oct => "an .oct model, not a volume",
+            Self::Hdf5 => {
+                "an HDF5 file (MINC 2 and NetCDF-4 are, too), whose array has to be written as .npy or NRRD first"
+            }
+            Self::NetCdf => {
+                "a NetCDF file (MINC 1 is, too), whose array has to be written as .npy or NRRD first"
+            }
+            Self::Vtk => "a VTK file (.vtk), which has to be written as MetaImage or NRRD first",
+            Self::VtkXml => "a VTK file in XML (.vti), which has to be written as MetaImage or NRRD first",
+            Self::Vgi => {
+                "a VGStudio header (.vgi), whose .vol holds headerless voxels of the size and type that it states"
+            }
+            Self::Amira => "an Amira or Avizo file (.am), which has to be written as NRRD or MetaImage first",
+            Self::Mrc => "an MRC or CCP4 map (.mrc), which has to be written as TIFF or NRRD first",
+            Self::Zarr => "a Zarr folder (OME-Zarr is, too), of which an array has to be written as TIFF or NRRD first",
         })
     }
 }

@@ -68,12 +68,16 @@ pub(crate) enum MeshFault {
     BadArchive,
     #[error("holds a part that would grow from {} to {}, which no mesh does; it is refused", Bytes(*.stored), Bytes(*.stated))]
     Bomb { stated: u64, stored: u64 },
+    #[error("names a file by an empty name; repair the file")]
+    NoName,
     #[error("names {}, which is not below its own folder; copy it there", shown(.name))]
     Outside { name: String },
     #[error("names {}, from which a link leads out of its folder; {FOLLOW_LINKS} reads it", shown(.name))]
     Linked { name: String },
     #[error("names {}, which cannot be read: {}; put it beside the file", shown(.name), unreadable(*.why))]
     Missing { name: String, why: std::io::ErrorKind },
+    #[error("names {}, which is a folder, a pipe, a socket or a device; put the file in its place", shown(.name))]
+    NotRegular { name: String },
     #[error("has a texture, {}, which {fault}, or build it with {CHANNELS} normal", shown(.name))]
     Image { name: String, fault: ImageFault },
     #[error(
@@ -115,6 +119,7 @@ pub(crate) enum Part {
     Texture,
     Image,
     Object,
+    Skin,
     Text,
 }
 
@@ -132,6 +137,7 @@ impl fmt::Display for Part {
             Self::Texture => "a texture",
             Self::Image => "an image",
             Self::Object => "an object",
+            Self::Skin => "a skin or a joint",
             Self::Text => "a part of the archive",
         })
     }
@@ -157,8 +163,6 @@ pub(crate) enum Feature {
     Extension(String),
     #[error("is made of beams, which are not read; write it as triangles")]
     BeamLattice,
-    #[error("is an archive of more than 4 GiB, which is not read; write several")]
-    Zip64,
     #[error("is encrypted; decrypt it first")]
     Encrypted,
     #[error("is an archive packed by method {method}, which is not read; pack it by deflate")]
@@ -196,22 +200,46 @@ pub enum Fill {
     Surface,
 }
 
-/// What a mesh lacks that can be built all the same.
+/// What a mesh lacks, or what of it was not built, where it can be built all the same.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MeshNote {
     pub(crate) mesh: String,
-    pub(crate) name: String,
+    pub(crate) lack: MeshLack,
 }
 
 impl fmt::Display for MeshNote {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        write!(
-            f,
-            "{} takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
-            shown(&self.mesh),
-            shown(&self.name)
-        )
+        write!(f, "{} {}", shown(&self.mesh), self.lack)
     }
+}
+
+/// What is missing.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub(crate) enum MeshLack {
+    #[error(
+        "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+        shown(.name)
+    )]
+    Colors { name: String },
+    #[error("names places in a texture (vt) that it does not hold; the model lacks the texture")]
+    Places,
+    #[error("names normals (vn) that it does not hold; those of its triangles are used")]
+    Normals,
+    #[error(
+        "takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF",
+        shown(.name)
+    )]
+    Texture { name: String },
+    #[error("has colours in several layers or mixtures, which are not read; those triangles have no colour")]
+    Layers,
+    #[error("gives the exact shape as slices, which are not read; the coarser mesh with them was built")]
+    Slices,
+    #[error("begins with {texts} texts; the first was built")]
+    Starts { texts: u64 },
+    #[error("has morph targets with weights, which are not applied; the shape without them was built")]
+    Morphs,
+    #[error("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if *.thin == 1 { "is" } else { "are" }, if *.thin == 1 { "it" } else { "them" })]
+    Thin { thin: u64, parts: u64 },
 }
 
 /// What was found about a mesh, and what was chosen.

@@ -48,7 +48,7 @@ pub(crate) use error::{Fault, Instead, Misuse, OtherVolume};
 pub(crate) use found::{Candidate, Choice, Refusal};
 pub(crate) use left_out::{Known, NotVolume};
 pub use mesh::{Boundary, Fill, MeshFacts, MeshNote};
-pub(crate) use mesh::{Feature, ImageFault, MeshFault, Part};
+pub(crate) use mesh::{Feature, ImageFault, MeshFault, MeshLack, Part};
 pub(crate) use note::Note;
 pub use note::sentences;
 pub(crate) use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};

@@ -23,10 +23,14 @@ use crate::builder::{
     reserve_least_of,
 };
 use crate::facts::SourceFault;
-use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshNote, SourceError};
+use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshLack, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
+use crate::source::base_name;
+
+/// Most parts whose bounds are looked at.
+const MAX_PARTS: usize = 1024;
 
 pub(super) struct Front<'a> {
     pub(super) inputs: &'a [PathBuf],
@@ -174,7 +178,7 @@ impl Front<'_> {
         let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
         drop(dry.reserve(2 * held));
         let described = dry.reserve(held);
-        let grid = self.grid(&files)?;
+        let (grid, _) = self.grid(&files)?;
         let bins = Binner::new(self.boxes(&grid), &self.scratch)?.finish()?;
         let _bins = dry.reserve(Bins::memory_bytes(self.boxes(&grid)));
         let counted = self.count(&files, &grid, &mut |_| Ok(()))?;
@@ -206,7 +210,7 @@ impl Front<'_> {
         let others = files.iter().flat_map(|file| &file.summary.files);
         let inputs: Vec<_> =
             self.inputs.iter().chain(others).map(|p| (p.clone(), file_identity(p))).collect();
-        let grid = self.grid(&files)?;
+        let (grid, thin) = self.grid(&files)?;
         let held = self.reserve(budget, Bins::memory_bytes(self.boxes(&grid)))?;
         let binning = self.reserve(budget, BINNING_BYTES)?;
         let (binner, counted, paint) = self.binned(budget, &files, &grid)?;
@@ -225,7 +229,11 @@ impl Front<'_> {
             Closed::No => self.capped(budget, &files, &grid, (binner, binning))?,
         };
         let parts = files.iter().map(MeshFile::parts).sum();
-        let notes = self.notes(&files);
+        let mut notes = self.notes(&files);
+        if thin > 0 && self.mesh.thin().is_none() {
+            let mesh = if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() };
+            notes.push(MeshNote { mesh, lack: MeshLack::Thin { thin, parts } });
+        }
         drop(files);
         drop((reading, held, described));
         let (rule, fill) = match self.mesh.fill {
@@ -326,9 +334,9 @@ impl Front<'_> {
     /// Missing parts of files.
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
-            let mesh = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            let note = |name: &String| MeshNote { mesh: mesh.clone(), name: name.clone() };
-            file.summary.missing.iter().map(note).collect::<Vec<_>>()
+            let mesh = base_name(path);
+            let note = |lack: &MeshLack| MeshNote { mesh: mesh.clone(), lack: lack.clone() };
+            file.summary.lacks.iter().map(note).collect::<Vec<_>>()
         };
         files.iter().zip(self.inputs).flat_map(of).collect()
     }
@@ -375,25 +383,47 @@ impl Front<'_> {
         }
     }
 
-    /// The grid of the choice; the bounds are those of triangles, not of vertices that no face names.
-    fn grid(&self, files: &[MeshFile]) -> Result<Grid, SourceError> {
+    /// The grid of the choice, and how many parts of several have no centre of a voxel within; the bounds are those of
+    /// triangles, not of vertices that no face names.
+    fn grid(&self, files: &[MeshFile]) -> Result<(Grid, u64), SourceError> {
         let mut bounds = Bounds::EMPTY;
+        let mut parts = Vec::new();
         if !matches!(self.mesh.grid, GridChoice::Exact { .. }) {
             self.progress.stage("bounds", files.len() as u64);
-            let mut triangles = 0_u64;
             for file in files {
-                file.for_each(&self.scratch, &mut |t| {
-                    triangles += 1;
-                    t.iter().for_each(|p| bounds.add(*p));
-                    Ok(())
-                })?;
+                self.part_bounds(file, &mut parts)?;
                 self.progress.step(1)?;
             }
-            if triangles == 0 {
+            for part in parts.iter().filter(|part| **part != Bounds::EMPTY) {
+                [part.low, part.high].into_iter().for_each(|corner| bounds.add(corner));
+            }
+            if bounds == Bounds::EMPTY {
                 return Err(self.unusable(MeshFault::NoTriangles));
             }
         }
-        Grid::new(self.mesh.grid, &bounds, self.mesh.unit_mm).map_err(|fault| self.unusable(fault))
+        let grid =
+            Grid::new(self.mesh.grid, &bounds, self.mesh.unit_mm).map_err(|fault| self.unusable(fault))?;
+        let thin = |part: &&Bounds| **part != Bounds::EMPTY && !grid.has_centre(part);
+        let thin = if parts.len() > 1 { parts.iter().filter(thin).count() } else { 0 };
+        Ok((grid, thin as u64))
+    }
+
+    /// Adds the bounds of the parts of a file, as many as there is room for: others share the last.
+    fn part_bounds(&self, file: &MeshFile, parts: &mut Vec<Bounds>) -> Result<(), SourceError> {
+        let first = parts.len().min(MAX_PARTS - 1);
+        let all = usize::try_from(file.parts()).unwrap_or(MAX_PARTS);
+        parts.resize((first + all).clamp(parts.len().max(1), MAX_PARTS), Bounds::EMPTY);
+        if file.parts() == 1 {
+            return file.for_each(&self.scratch, &mut |t| {
+                t.iter().for_each(|p| parts[first].add(*p));
+                Ok(())
+            });
+        }
+        file.for_each_look(&self.scratch, &mut |t, look| {
+            let at = first.saturating_add(look.part as usize).min(parts.len() - 1);
+            t.iter().for_each(|p| parts[at].add(*p));
+            Ok(())
+        })
     }
 
     /// Brings every triangle onto the lattice, counts it, and hands it on.

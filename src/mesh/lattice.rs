@@ -102,7 +102,10 @@ impl Grid {
             return Self::checked(dims, edge_mm, origin_mm, unit_mm);
         }
         let extent_mm = bounds.extent() * unit_mm;
-        if extent_mm <= 0.0 || !extent_mm.is_finite() {
+        if extent_mm.is_infinite() {
+            return Err(MeshFault::Extent { mm: f64::MAX });
+        }
+        if extent_mm <= 0.0 || extent_mm.is_nan() {
             return Err(MeshFault::Point);
         }
         let (edge_mm, margin) = match choice {
@@ -144,6 +147,14 @@ impl Grid {
             return Err(MeshFault::Extent { mm: side * voxel_mm });
         }
         Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
+    }
+
+    /// Does the centre of a voxel lie within bounds in units of the file? Otherwise no voxel is inside what they bound.
+    pub(crate) fn has_centre(&self, bounds: &Bounds) -> bool {
+        (0..3).all(|axis| {
+            let at = |c: f64| (c * self.scale - self.shift[axis]).round() / f64::from(STEPS) - 0.5;
+            at(bounds.low[axis]).ceil() <= at(bounds.high[axis]).floor()
+        })
     }
 
     /// Nearest lattice point.

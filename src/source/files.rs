@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::platform::{OsStrExt, open_files_limit};
+use crate::platform::{OsStrExt, open_file, open_files_limit};
 
 use super::natural::natural_cmp;
 
@@ -116,12 +116,12 @@ impl FileSet {
     /// Runs `read` on file `index`.
     pub(crate) fn with<R>(&self, index: usize, read: impl FnOnce(&File) -> io::Result<R>) -> io::Result<R> {
         let Some(cell) = self.open.get(index) else {
-            return read(&File::open(self.list.path(index))?);
+            return read(&open_file(&self.list.path(index))?);
         };
         if let Some(file) = cell.get() {
             return read(file);
         }
-        let file = File::open(self.list.path(index))?;
+        let file = open_file(&self.list.path(index))?;
         if !keep_one(Self::most()) {
             return read(&file);
         }

@@ -49,6 +49,31 @@ impl<'a> Lines<'a> {
     }
 }
 
+/// The fields of a header that may be stated once.
+#[derive(Debug)]
+pub(super) struct Once {
+    fields: &'static [&'static str],
+    seen: u32,
+}
+
+impl Once {
+    /// Of at most 32 fields.
+    pub(super) fn new(fields: &'static [&'static str]) -> Self {
+        Self { fields, seen: 0 }
+    }
+
+    /// Refuses a field that was stated before.
+    pub(super) fn check(&mut self, field: &str) -> Result<(), HeaderFault> {
+        let Some(at) = self.fields.iter().position(|known| *known == field) else { return Ok(()) };
+        let bit = 1 << at;
+        if self.seen & bit != 0 {
+            return Err(HeaderFault::Twice { field: self.fields[at] });
+        }
+        self.seen |= bit;
+        Ok(())
+    }
+}
+
 /// A line as text; bytes outside UTF-8 become question marks.
 pub(super) fn text(line: &[u8]) -> String {
     String::from_utf8_lossy(line).trim().to_owned()

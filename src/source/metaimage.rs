@@ -9,18 +9,32 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
-    Lines, check_links, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable, unusable,
+    Lines, Once, check_links, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable,
+    unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::facts::header::HeaderFault;
 use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_file};
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
+
+/// Fields that say what the samples are and where they lie.
+const ONCE: [&str; 9] = [
+    "ndims",
+    "dimsize",
+    "elementtype",
+    "elementspacing",
+    "elementnumberofchannels",
+    "headersize",
+    "offset",
+    "transformmatrix",
+    "compresseddata",
+];
 
 /// Is this a MetaImage header?
 pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
@@ -35,7 +49,7 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     header.stored(path, options.follow_links)?.open()
 }
@@ -56,9 +70,8 @@ struct Header {
     origin: Vec<f64>,
     matrix: Vec<f64>,
     unit: String,
-    kinds: Vec<String>,
-    /// Does each frame have a transform?
-    placed_one_by_one: bool,
+    /// Do frames have fields of their own?
+    is_sequence: bool,
     data: String,
     /// Files of a `LIST`.
     list: FileList,
@@ -84,12 +97,12 @@ impl Header {
             origin: Vec::new(),
             matrix: Vec::new(),
             unit: String::new(),
-            kinds: Vec::new(),
-            placed_one_by_one: false,
+            is_sequence: false,
             data: String::new(),
             list: files_beside(path),
             end: 0,
         };
+        let mut once = Once::new(&ONCE);
         while let Some(line) = next(&mut lines)? {
             let line = text(&line);
             if line.is_empty() {
@@ -112,6 +125,7 @@ impl Header {
                 header.end = lines.offset;
                 return Ok(header);
             }
+            once.check(&key).map_err(|fault| unusable(path, fault))?;
             header
                 .field(&key, value)
                 .ok_or_else(|| unusable(path, MetaImageFault::Field { line: line.clone() }))?;
@@ -140,8 +154,7 @@ impl Header {
             "offset" | "position" | "origin" => self.origin = numbers(value)?,
             "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(value)?,
             "distanceunits" => self.unit = value.to_owned(),
-            "kinds" => self.kinds = value.split_whitespace().map(str::to_lowercase).collect(),
-            _ => self.placed_one_by_one |= key.starts_with("seq_frame") && key.ends_with("transform"),
+            _ => self.is_sequence |= key.starts_with("seq_frame"),
         }
         Some(())
     }
@@ -154,10 +167,10 @@ impl Header {
         if self.channels != 1 {
             return Err(refuse(MetaImageFault::Channels { count: self.channels }));
         }
-        // A list of volumes is read as volumes; a list of pictures is not.
+        // A list of volumes is read as volumes; a list of pictures is not. A kind of axes says neither: volumes that were
+        // reconstructed of pictures keep it.
         let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
-        let listed = self.kinds.iter().any(|kind| kind == "list");
-        if pictures && (listed || self.placed_one_by_one) {
+        if pictures && self.is_sequence {
             return Err(unusable(path, HeaderFault::Sweep));
         }
         let samples =
@@ -279,7 +292,7 @@ fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding> {
     let path = files.path(0);
     regular(&path)?;
     let mut magic = [0; 2];
-    let file = File::open(&path).map_err(|cause| unreadable(&path, cause))?;
+    let file = open_file(&path).map_err(|cause| unreadable(&path, cause))?;
     let gzip = file.read_exact_at(&mut magic, skip).is_ok() && magic == [0x1f, 0x8b];
     Ok(if gzip { Encoding::Gzip } else { Encoding::Zlib })
 }

@@ -35,11 +35,11 @@ mod stored;
 mod subject;
 mod tiff;
 
-pub(crate) use files::FileList;
+pub(crate) use files::{FileList, base_name};
 pub use finding::{BurnedIn, Finding, InputFiles};
 pub(crate) use formats::{FORMATS, STACKS, Slices};
 pub(crate) use header::stays;
-pub(crate) use known::{HEAD_BYTES, known};
+pub(crate) use known::{HEAD_BYTES, known, known_folder};
 pub(crate) use natural::natural_cmp;
 pub(crate) use nifti::header_of_samples;
 pub use options::{GapPolicy, OpenOptions};

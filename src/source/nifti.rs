@@ -16,6 +16,7 @@ use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::facts::nifti::NiftiFault;
 use crate::facts::samples::StoredFault;
 use crate::facts::{Note, StatedNumber};
+use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
 
@@ -79,7 +80,7 @@ fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
     let mut bytes = [0; NIFTI2_BYTES];
     let got = unpacked(encoding.open(&file, 0, Samples::Plain(ScalarType::U8)), &mut bytes);
@@ -99,7 +100,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         let mut beside = files_beside(path);
         beside.push(Path::new(data.file_name().unwrap_or_default()));
         check_links(path, &beside, options.follow_links)?;
-        let file = File::open(&data).map_err(|cause| unreadable(&data, cause))?;
+        let file = open_file(&data).map_err(|cause| unreadable(&data, cause))?;
         let encoding = encoding_of(&file).map_err(|cause| unreadable(&data, cause))?;
         (data, encoding, header.offset)
     };

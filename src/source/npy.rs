@@ -4,7 +4,6 @@
 //! order gives the same volume. In C order x is the fastest axis, as everywhere; in Fortran order it is the
 //! slowest, and the array is turned once. The header is a Python literal; it is parsed, never evaluated.
 
-use std::fs::File;
 use std::path::Path;
 
 use super::OpenOptions;
@@ -15,7 +14,7 @@ use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_file};
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -30,7 +29,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 
 /// Opens an array of two or three dimensions.
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
     let short = || unusable(path, NpyFault::Short);
     let mut start = [0; 12];

@@ -13,16 +13,39 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::files::base_name;
-use super::header::{Lines, check_links, counts, files_beside, listed, numbered, text, unreadable, unusable};
+use super::header::{
+    Lines, Once, check_links, counts, files_beside, listed, numbered, text, unreadable, unusable,
+};
 use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::facts::header::HeaderFault;
 use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Fault, Note};
+use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 
 /// Most axes that the format allows.
 const MAX_AXES: usize = 16;
+
+/// Fields that say what the samples are and where they lie.
+const ONCE: [&str; 16] = [
+    "type",
+    "encoding",
+    "endian",
+    "dimension",
+    "sizes",
+    "line skip",
+    "byte skip",
+    "space",
+    "space directions",
+    "space origin",
+    "space units",
+    "units",
+    "spacings",
+    "axis mins",
+    "axis maxs",
+    "kinds",
+];
 
 /// Is this an NRRD header?
 pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
@@ -31,7 +54,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = File::open(path).map_err(|cause| unreadable(path, cause))?;
+    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     let stored = header.stored(path, &file, options.follow_links).map_err(|wrong| match wrong {
         HeaderError::Header(fault) => unusable(path, fault),
@@ -89,6 +112,7 @@ impl Header {
         }
         let mut header = Self::default();
         let mut wrong: Option<Fault> = None;
+        let mut once = Once::new(&ONCE);
         while let Some(line) = next(&mut lines)? {
             if line.is_empty() {
                 header.data.get_or_insert(DataFiles::Attached(lines.offset));
@@ -121,6 +145,8 @@ impl Header {
                     break;
                 }
                 header.data = Some(data_file(path, value).map_err(|fault| unusable(path, fault))?);
+            } else if let Err(fault) = once.check(&field) {
+                wrong.get_or_insert(fault.into());
             } else if let Err(fault) = header.field(&field, value) {
                 wrong.get_or_insert(fault.into());
             }
@@ -239,7 +265,7 @@ impl Header {
                 file
             } else {
                 super::stored::regular(&data_path).map_err(HeaderError::Other)?;
-                opened = File::open(&data_path)
+                opened = open_file(&data_path)
                     .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?;
                 &opened
             };

@@ -21,6 +21,7 @@ use super::stored::{StoredVolume, Target, Unroll, regular, section};
 use crate::facts::png::{PngFault, PngHead};
 use crate::facts::{Carrier, Fault, Note};
 use crate::geom::{Affine, Dims};
+use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -114,7 +115,7 @@ struct Head {
 impl Head {
     fn read(path: &Path) -> io::Result<Self> {
         let mut bytes = [0; HEAD_BYTES];
-        File::open(path)?.read_exact(&mut bytes)?;
+        open_file(path)?.read_exact(&mut bytes)?;
         let number = |at: usize| {
             bytes.get(at..).and_then(|b| b.first_chunk::<4>()).map_or(0, |b| u32::from_be_bytes(*b))
         };

@@ -13,6 +13,7 @@ use crate::facts::samples::{RawFault, RawLayout};
 use crate::facts::{Fault, Instead, Known, Misuse, SourceFault};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
+use crate::platform::open_file;
 use crate::volume::{
     Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
@@ -171,7 +172,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
 /// its name; a file that cannot be read says so when it is opened as a slice.
 fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);
-    let read = fs::File::open(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    let read = open_file(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
     read.is_ok() && (known(&head) == Some(Known::Oct) || is_own_picture(&head))
 }
 

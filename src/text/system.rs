@@ -4,16 +4,23 @@ use std::fmt;
 use std::io;
 
 use crate::atomic::TargetFault;
-use crate::platform::is_too_many_open;
+use crate::platform::{is_not_regular, is_too_many_open};
 
 /// The cure where a file cannot be read; `usual` where the reason says no more.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
-    if is_too_many_open(cause) { Cure::RaiseLimit } else { Cure::Usual(usual) }
+    if is_too_many_open(cause) {
+        Cure::RaiseLimit
+    } else if is_not_regular(cause) {
+        Cure::NameFile
+    } else {
+        Cure::Usual(usual)
+    }
 }
 
 /// The end of a sentence about a file that cannot be read.
 pub(crate) enum Cure<T> {
     RaiseLimit,
+    NameFile,
     Usual(T),
 }
 
@@ -21,6 +28,7 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::RaiseLimit => f.write_str(RAISE_LIMIT),
+            Self::NameFile => f.write_str("give a file"),
             Self::Usual(cure) => cure.fmt(f),
         }
     }

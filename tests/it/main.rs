@@ -37,6 +37,7 @@ mod many_volumes;
 mod memory;
 mod mesh_command;
 mod mesh_containers;
+mod mesh_foreign;
 mod mesh_looks;
 mod mesh_solids;
 mod normals;

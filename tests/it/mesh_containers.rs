@@ -199,7 +199,7 @@ fn what_cannot_be_read_is_refused_by_name() {
                 "<item objectid=\"39\"/>",
             ),
         ),
-        ("beams", model("<object id=\"1\"><mesh><b:beamlattice/></mesh></object>", item)),
+        ("beams", model("<object id=\"1\"><mesh><b:beamlattice xmlns:b=\"urn:b\"/></mesh></object>", item)),
         ("cannot be understood", packed("<!DOCTYPE a [<!ENTITY b \"c\">]><model/>", 8)),
         ("UTF-16", packed("\u{0}<", 0)),
         ("would grow", packed(&text("millimeter", &"<object id=\"1\"/>".repeat(500_000), item), 8)),

@@ -162,7 +162,7 @@ fn free_hand_sweeps_are_not_stacked() {
         open_unprepared(&[path], &OpenOptions::default()).map(|_| ()).map_err(|e| e.to_string())
     };
     for refused in [
-        mha(3, "4 3 10", "Kinds = domain domain list\n"),
+        mha(3, "4 3 10", "Kinds = domain domain list\nSeq_Frame0000_Timestamp = 1\n"),
         mha(3, "4 3 10", &format!("{transform} = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\n{transform}Status = OK\n")),
         nrrd(3, "4 3 10", "kinds: domain domain list\n"),
     ] {
@@ -171,6 +171,8 @@ fn free_hand_sweeps_are_not_stacked() {
     }
     // A list of volumes is read as volumes.
     assert_eq!(mha(3, "4 3 10", ""), Ok(()));
+    // So are volumes that were reconstructed of pictures: they keep the kind of the axis, and no frame has a field.
+    assert_eq!(mha(3, "4 3 10", "Kinds = domain domain list\n"), Ok(()));
     assert_eq!(mha(4, "4 3 5 2", "Kinds = domain domain domain list\n"), Ok(()));
     assert_eq!(nrrd(4, "4 3 5 2", "kinds: domain domain domain list\n"), Ok(()));
 }

@@ -321,7 +321,8 @@ impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
     fn found(&self) -> ScanSummary {
         ScanSummary {
             reading: self.slices.reading,
-            not_numbers: self.slices.not_numbers,
+            not_numbers: self.slices.odd.not_numbers,
+            infinite: self.slices.odd.infinite,
             ..ScanSummary::default()
         }
     }

@@ -187,15 +187,13 @@ fn radius(
     Ok(half.or(of.number(radius, place)?))
 }
 
-/// Sides of something round; `None` if it is to be round.
+/// Sides of something round; `None` if it is to be round, or has so many sides that it is within 0.008 % of its radius.
 fn sides(of: &Arguments) -> Result<Option<usize>, CsgFault> {
     match of.number("$fn", None)? {
         None => Ok(None),
-        Some(count) if count <= 0.0 => Ok(None),
+        Some(count) if count <= 0.0 || count > MAX_SIDES => Ok(None),
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
-        Some(count) if count <= MAX_SIDES => Ok(Some(count.max(3.0) as usize)),
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "256")]
-        Some(_) => Err(CsgFault::Facets { line: of.line, most: MAX_SIDES as u64 }),
+        Some(count) => Ok(Some(count.max(3.0) as usize)),
     }
 }
 

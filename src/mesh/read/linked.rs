@@ -5,7 +5,7 @@ use std::path::{Component, Path, PathBuf};
 
 use super::stop::Stop;
 use crate::facts::MeshFault;
-use crate::platform::open_file;
+use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
 
 /// A file that the mesh at `mesh` names, its whole path and its length.
@@ -15,7 +15,10 @@ use crate::source::stays;
 pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File, PathBuf, u64), Stop> {
     let relative = Path::new(name);
     let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
-    if !inside || name.is_empty() {
+    if name.is_empty() {
+        return Err(MeshFault::NoName.into());
+    }
+    if !inside {
         return Err(MeshFault::Outside { name: name.to_owned() }.into());
     }
     let path = mesh.parent().unwrap_or(Path::new("")).join(relative);
@@ -24,6 +27,7 @@ pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File
     }
     match open_file(&path).and_then(|file| Ok((file.metadata()?.len(), file))) {
         Ok((bytes, file)) => Ok((file, path, bytes)),
+        Err(cause) if is_not_regular(&cause) => Err(MeshFault::NotRegular { name: name.to_owned() }.into()),
         Err(cause) => Err(MeshFault::Missing { name: name.to_owned(), why: cause.kind() }.into()),
     }
 }

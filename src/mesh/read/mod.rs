@@ -36,7 +36,7 @@ use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::corner::{Corner, EachCorners, PlaceVertex};
-use crate::facts::{Fault, MeshFault, SourceError, SourceFault};
+use crate::facts::{Fault, MeshFault, MeshLack, SourceError, SourceFault};
 use crate::platform;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use stop::Stop;
@@ -164,8 +164,8 @@ pub(super) struct Summary {
     pub(super) materials: Vec<Material>,
     /// Other files that it is read from.
     pub(super) files: Vec<PathBuf>,
-    /// Names of files of materials that are missing.
-    pub(super) missing: Vec<String>,
+    /// What it lacks, or what of it is not read.
+    pub(super) lacks: Vec<MeshLack>,
     /// Memory of its description.
     pub(super) held_bytes: u64,
     parts: u64,
@@ -211,9 +211,11 @@ impl MeshFile {
                 None => Kind::StlText { file },
             },
             Format::Ply => {
-                let open = ply::Ply::open(file, bytes, limits)?;
+                let (open, texture) = ply::Ply::open(file, bytes, limits)?;
                 let looks = open.has_looks();
-                return Ok((Kind::Ply(open), Summary { looks, ..Summary::default() }));
+                let texture = texture.filter(|_| limits.colors);
+                let lacks = texture.map(|name| MeshLack::Texture { name }).into_iter().collect();
+                return Ok((Kind::Ply(open), Summary { looks, lacks, ..Summary::default() }));
             }
             Format::Off => Kind::Off(text::Faces::off(&file, bytes, limits.scratch)?),
             Format::Obj => return obj::open(&file, path, limits).map(|(o, s)| (Kind::Obj(Box::new(o)), s)),

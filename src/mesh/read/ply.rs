@@ -6,7 +6,7 @@ use std::fs::File;
 
 use super::Limits;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
-use super::stream::{Stream, Token, Words};
+use super::stream::{Stream, Token, Words, head};
 use super::text::{Faces, Fan};
 use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
@@ -28,6 +28,7 @@ pub(super) struct Binary {
     /// Where faces begin, how many there are, and what each holds.
     offset: u64,
     faces: u64,
+    kind: Kind,
     properties: Vec<Property>,
     /// Which property names vertices.
     corners: usize,
@@ -54,7 +55,19 @@ struct Element {
 enum Kind {
     Vertex,
     Face,
+    /// Triangles that share edges; -1 begins another strip.
+    Strips,
     Other,
+}
+
+impl Kind {
+    fn has_corners(self) -> bool {
+        matches!(self, Self::Face | Self::Strips)
+    }
+
+    fn fan<V: Copy>(self) -> Fan<V> {
+        if self == Self::Strips { Fan::strip() } else { Fan::new() }
+    }
 }
 
 #[derive(Clone, Copy, Debug)]
@@ -78,6 +91,15 @@ enum Name {
     NormalY,
     NormalZ,
     Other,
+}
+
+impl Name {
+    /// Puts the value of a property of this name in its place, if it is one of three.
+    fn put(self, value: f64, names: [Self; 3], values: &mut [f64; 3]) {
+        if let Some(at) = names.iter().position(|name| *name == self) {
+            values[at] = value;
+        }
+    }
 }
 
 const PLACE: [Name; 3] = [Name::X, Name::Y, Name::Z];
@@ -115,13 +137,21 @@ struct Header {
     form: Form,
     elements: Vec<Element>,
     end: u64,
+    /// Line behind it, and do lines end in CR alone?
+    line: u64,
+    cr_alone: bool,
+    /// Name of a texture.
+    texture: Option<String>,
 }
 
 impl Header {
     fn read(file: &File) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0);
+        let mut words = Words::new(file, 0, 1);
+        let cr_alone =
+            head(file).map_err(Stop::Read)?.get(3..5).is_some_and(|end| end[0] == b'\r' && end[1] != b'\n');
+        words.cr_alone = cr_alone;
         words.skip_line()?;
-        let (mut form, mut elements) = (None, Vec::<Element>::new());
+        let (mut form, mut elements, mut texture) = (None, Vec::<Element>::new(), None);
         let mut line = 1_u64;
         loop {
             line += 1;
@@ -149,6 +179,7 @@ impl Header {
                     let kind = match words.word() {
                         b"vertex" => Kind::Vertex,
                         b"face" => Kind::Face,
+                        b"tristrips" => Kind::Strips,
                         _ => Kind::Other,
                     };
                     words.must()?;
@@ -189,9 +220,18 @@ impl Header {
                 b"end_header" => {
                     words.skip_line()?;
                     let form = form.ok_or_else(wrong)?;
-                    return Ok(Self { form, elements, end: words.offset() });
+                    let (end, line) = (words.offset(), words.line());
+                    return Ok(Self { form, elements, end, line, cr_alone, texture });
                 }
-                b"comment" | b"obj_info" => {}
+                b"comment" => {
+                    if words.next()? != Token::Word {
+                        continue;
+                    }
+                    if words.is("TextureFile") {
+                        texture = Some(words.rest_of_line(1024)?);
+                    }
+                }
+                b"obj_info" => {}
                 _ => return Err(wrong()),
             }
             words.skip_line()?;
@@ -210,16 +250,19 @@ pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
 }
 
 impl Ply {
-    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<Self, Stop> {
-        let header = Header::read(&file)?;
-        match header.form {
-            Form::Text => read_text(&file, bytes, &header, *limits).map(Self::Text),
+    /// A file, and the name of its texture.
+    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Self, Option<String>), Stop> {
+        let mut header = Header::read(&file)?;
+        let texture = header.texture.take();
+        let open = match header.form {
+            Form::Text => Self::Text(read_text(&file, bytes, &header, *limits)?),
             form => {
                 let mut binary = Binary::open(file, bytes, header, form == Form::Big)?;
                 binary.face_colors = binary.face_colors.filter(|_| limits.colors);
-                Ok(Self::Binary(binary))
+                Self::Binary(binary)
             }
-        }
+        };
+        Ok((open, texture))
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
@@ -319,7 +362,7 @@ impl Binary {
                     looks.normals = self::fields(&element, NORMAL).map(of).transpose()?;
                     vertices = Some(of(fields)?);
                 }
-                Kind::Face => {
+                Kind::Face | Kind::Strips => {
                     let corners = element.properties.iter().position(|p| {
                         p.name == Name::Corners
                             && p.length.is_some()
@@ -331,7 +374,8 @@ impl Binary {
                     let colors = fields(&element, COLOR).filter(|_| looks.colors.is_none());
                     return Ok(Self {
                         looks,
-                        face_colors: colors.map(color_scale),
+                        kind: element.kind,
+                        face_colors: colors.filter(|_| element.kind == Kind::Face).map(color_scale),
                         vertices,
                         offset: at,
                         faces: element.count,
@@ -358,6 +402,7 @@ impl Binary {
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
         let usual = !self.vertices.big
+            && self.kind == Kind::Face
             && matches!(self.properties[..], [Property { length: Some(n), value, .. }]
                 if n.bytes() == 1 && value.bytes() == 4);
         for face in 0..self.faces {
@@ -398,9 +443,14 @@ impl Binary {
                 stream.skip(property.value.bytes().saturating_mul(count));
                 continue;
             }
-            let mut fan = Fan::new();
+            let mut fan = self.kind.fan();
             for _ in 0..count {
-                let index = u32::try_from(whole(stream, property.value, big)?).map_err(bad)?;
+                let index = whole(stream, property.value, big)?;
+                if index == -1 && self.kind == Kind::Strips {
+                    fan = self.kind.fan();
+                    continue;
+                }
+                let index = u32::try_from(index).map_err(bad)?;
                 if let Some(t) = fan.next(vertex(index)?) {
                     each(t)?;
                 }
@@ -490,13 +540,24 @@ fn whole(stream: &mut Stream<'_>, number: Number, big: bool) -> Result<i64, Stop
     })
 }
 
+/// Colours and normals of vertices, and colours of triangles, as they were written.
+fn written(spools: [Option<(Spool, f64)>; 3]) -> Result<VertexLooks, Stop> {
+    let read = |of: Option<(Spool, f64)>| {
+        of.map(|(spool, scale)| Ok::<_, Stop>((spool.into_vertices()?, scale))).transpose()
+    };
+    let [colors, normals, of_triangles] = spools.map(read);
+    let normals = normals?.map(|(vertices, _)| vertices);
+    Ok(VertexLooks { colors: colors?, normals, of_triangles: of_triangles? })
+}
+
 fn read_text(
     file: &File,
     bytes: u64,
     header: &Header,
     Limits { scratch, looks, colors: colored, .. }: Limits<'_>,
 ) -> Result<Faces, Stop> {
-    let mut words = Words::new(file, header.end);
+    let mut words = Words::new(file, header.end, header.line);
+    words.cr_alone = header.cr_alone;
     let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
     let (mut colors, mut normals, mut of_triangles) = (None, None, None);
     let spool = |fields: Option<[(usize, Number); 3]>| {
@@ -518,12 +579,13 @@ fn read_text(
                 }
                 has_vertices = true;
             }
-            Kind::Face => {
+            Kind::Face | Kind::Strips => {
                 let lists = |p: &Property| p.name == Name::Corners && p.length.is_some();
                 if !has_vertices || !element.properties.iter().any(lists) {
                     return Err(MeshFault::NoFaces.into());
                 }
-                let own = fields(element, COLOR).filter(|_| colored && colors.is_none());
+                let own = fields(element, COLOR);
+                let own = own.filter(|_| colored && colors.is_none() && element.kind == Kind::Face);
                 of_triangles = spool(own)?.or(of_triangles);
             }
             Kind::Other => {}
@@ -534,22 +596,24 @@ fn read_text(
             for property in &element.properties {
                 words.must_anywhere()?;
                 if property.length.is_none() {
-                    if element.kind == Kind::Vertex || element.kind == Kind::Face && of_triangles.is_some() {
+                    if element.kind == Kind::Vertex || of_triangles.is_some() {
                         let value = words.as_number()?;
                         let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
                         for (names, values) in kinds {
-                            if let Some(at) = names.iter().position(|name| *name == property.name) {
-                                values[at] = value;
-                            }
+                            property.name.put(value, names, values);
                         }
                     }
                     continue;
                 }
-                let count = words.as_whole()?;
-                let mut fan = Fan::new();
+                let count = u64::try_from(words.as_whole()?).map_err(|_| words.wrong())?;
+                let mut fan = element.kind.fan();
                 for _ in 0..count {
                     words.must_anywhere()?;
-                    if element.kind != Kind::Face || property.name != Name::Corners {
+                    if !element.kind.has_corners() || property.name != Name::Corners {
+                        continue;
+                    }
+                    if element.kind == Kind::Strips && words.word() == b"-1" {
+                        fan = Fan::strip();
                         continue;
                     }
                     let index = u32::try_from(words.as_whole()?)
@@ -559,6 +623,10 @@ fn read_text(
                         added += 1;
                     }
                 }
+            }
+            // An element has lines of its own; a number more would be taken for the next one's.
+            if !element.properties.is_empty() {
+                words.end_of_line()?;
             }
             if let (Kind::Face, Some((spool, _))) = (element.kind, &mut of_triangles) {
                 for _ in 0..added {
@@ -574,13 +642,8 @@ fn read_text(
                 }
             }
         }
-        if element.kind == Kind::Face {
-            let read = |of: Option<(Spool, f64)>| {
-                of.map(|(spool, scale)| Ok::<_, Stop>((spool.into_vertices()?, scale))).transpose()
-            };
-            let (colors, normals, of_triangles) = (read(colors)?, read(normals)?, read(of_triangles)?);
-            let normals = normals.map(|(vertices, _)| vertices);
-            return Faces::of(vertices, triangles, VertexLooks { colors, normals, of_triangles });
+        if element.kind.has_corners() {
+            return Faces::of(vertices, triangles, written([colors, normals, of_triangles])?);
         }
     }
     Err(MeshFault::NoFaces.into())

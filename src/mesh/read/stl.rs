@@ -37,7 +37,7 @@ pub(super) fn triangles(head: &[u8], bytes: u64) -> Result<Option<u64>, Stop> {
 /// Does it begin like text?
 pub(super) fn is_text(head: &[u8]) -> bool {
     let start = head.trim_ascii_start();
-    start.starts_with(b"solid") && !start.contains(&0)
+    start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !start.contains(&0)
 }
 
 pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) -> Result<(), Stop> {
@@ -53,49 +53,78 @@ pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) 
     Ok(())
 }
 
+/// Words make a text, not lines; but a name ends with its line, or where a facet begins.
 pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop> {
-    let mut words = Words::new(file, 0);
+    let mut words = Words::new(file, 0, 1);
     let mut triangle = [[0.0; 3]; 3];
     let (mut vertices, mut read) = (0, 0);
-    let mut first = true;
+    // Is a solid still to end?
+    let mut solid = false;
     loop {
         match words.next()? {
-            Token::LineEnd => {
-                first = true;
-                continue;
-            }
-            Token::End if vertices > 0 => return Err(MeshFault::CutShort.into()),
+            Token::LineEnd => continue,
+            Token::End if solid || vertices > 0 => return Err(MeshFault::CutShort.into()),
             Token::End => return Ok(()),
             Token::Word => {}
         }
-        // Keywords begin a line; names after `solid` may be anything.
-        let word = words.word();
-        if first && (word.eq_ignore_ascii_case(b"solid") || word.eq_ignore_ascii_case(b"endsolid")) {
-            words.skip_line()?;
-            continue;
-        }
-        first = false;
-        if word.eq_ignore_ascii_case(b"vertex") {
+        if words.is("solid") || words.is("endsolid") {
+            solid = words.is("solid");
+            if vertices > 0 {
+                return Err(words.wrong());
+            }
+            solid |= name_ends_with_a_facet(&mut words)?;
+        } else if words.is("facet") || words.is("endfacet") {
+            if vertices > 0 {
+                return Err(words.wrong());
+            }
+            solid |= words.is("facet");
+        } else if words.is("normal") {
+            // Triangles have normals of their own.
+            for _ in 0..3 {
+                words.must_anywhere()?;
+                if words.is("outer") {
+                    return Err(words.wrong());
+                }
+            }
+        } else if words.is("vertex") {
             if vertices == 3 {
                 return Err(words.wrong());
             }
-            triangle[vertices] = [words.number()?, words.number()?, words.number()?];
+            for coordinate in &mut triangle[vertices] {
+                words.must_anywhere()?;
+                *coordinate = words.as_number()?;
+            }
             if !triangle[vertices].iter().all(|c| c.is_finite()) {
                 return Err(MeshFault::NotFinite { triangle: read + 1 }.into());
             }
             vertices += 1;
-        } else if word.eq_ignore_ascii_case(b"endloop") {
+        } else if words.is("endloop") {
             if vertices != 3 {
                 return Err(words.wrong());
             }
             each(&triangle)?;
             read += 1;
             vertices = 0;
-        } else if word.eq_ignore_ascii_case(b"facet") || word.eq_ignore_ascii_case(b"outer") {
-            words.skip_line()?;
-            first = true;
-        } else if !word.eq_ignore_ascii_case(b"endfacet") {
+        } else if !words.is("outer") && !words.is("loop") {
             return Err(words.wrong());
         }
     }
+}
+
+/// Leaves out a name, which may be of any words; has a facet begun in its line?
+fn name_ends_with_a_facet(words: &mut Words<'_>) -> Result<bool, Stop> {
+    words.comments = false;
+    let mut begins = false;
+    while words.next()? == Token::Word {
+        if begins && words.is("normal") {
+            words.comments = true;
+            for _ in 0..3 {
+                words.must_anywhere()?;
+            }
+            return Ok(true);
+        }
+        begins = words.is("facet");
+    }
+    words.comments = true;
+    Ok(false)
 }

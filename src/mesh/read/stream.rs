@@ -125,7 +125,7 @@ pub(super) enum Token {
     End,
 }
 
-/// Words and ends of lines; comments from `#` on are left out.
+/// Words and ends of lines (CR, LF or both); comments from `#` on are left out.
 pub(super) struct Words<'a> {
     stream: Stream<'a>,
     /// Line of the next byte, counted from 1.
@@ -133,11 +133,17 @@ pub(super) struct Words<'a> {
     word: [u8; WORD],
     length: usize,
     ended: bool,
+    /// Do lines end in CR alone, so that an LF behind one is no part of it?
+    pub(super) cr_alone: bool,
+    /// Does `#` begin a comment?
+    pub(super) comments: bool,
 }
 
 impl<'a> Words<'a> {
-    pub(super) fn new(file: &'a File, from: u64) -> Self {
-        Self { stream: Stream::new(file, from), line: 1, word: [0; WORD], length: 0, ended: false }
+    /// From a place in a file on, at this line.
+    pub(super) fn new(file: &'a File, from: u64, line: u64) -> Self {
+        let stream = Stream::new(file, from);
+        Self { stream, line, word: [0; WORD], length: 0, ended: false, cr_alone: false, comments: true }
     }
 
     /// Reads on; the word is [`Words::word`] then.
@@ -157,18 +163,24 @@ impl<'a> Words<'a> {
                 });
             };
             match byte {
-                b'\n' if self.length == 0 => {
+                b'\n' | b'\r' if self.length == 0 => {
+                    if byte == b'\r'
+                        && !self.cr_alone
+                        && self.stream.byte()?.is_some_and(|next| next != b'\n')
+                    {
+                        self.stream.at -= 1;
+                    }
                     self.line += 1;
                     return Ok(Token::LineEnd);
                 }
-                b'\n' => {
+                b'\n' | b'\r' => {
                     self.stream.at -= 1;
                     return Ok(Token::Word);
                 }
                 _ if comment => {}
-                b' ' | b'\t' | b'\r' | 0x0b | 0x0c if self.length == 0 => {}
-                b' ' | b'\t' | b'\r' | 0x0b | 0x0c => return Ok(Token::Word),
-                b'#' if self.length == 0 => comment = true,
+                b' ' | b'\t' | 0x0b | 0x0c if self.length == 0 => {}
+                b' ' | b'\t' | 0x0b | 0x0c => return Ok(Token::Word),
+                b'#' if self.length == 0 && self.comments => comment = true,
                 _ if self.length < WORD => {
                     self.word[self.length] = byte;
                     self.length += 1;
@@ -185,7 +197,26 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn wrong(&self) -> Stop {
-        MeshFault::BadText { line: self.line }.into()
+        Self::wrong_at(self.line)
+    }
+
+    pub(super) fn wrong_at(line: u64) -> Stop {
+        MeshFault::BadText { line }.into()
+    }
+
+    /// Line of the last word, or of the next one where a line has ended.
+    pub(super) fn line(&self) -> u64 {
+        self.line
+    }
+
+    /// Is it the last word, whatever the case of its letters?
+    pub(super) fn is(&self, word: &str) -> bool {
+        self.word().eq_ignore_ascii_case(word.as_bytes())
+    }
+
+    /// The end of this line, before which there is nothing more.
+    pub(super) fn end_of_line(&mut self) -> Result<(), Stop> {
+        if self.next()? == Token::Word { Err(self.wrong()) } else { Ok(()) }
     }
 
     pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
@@ -197,7 +228,7 @@ impl<'a> Words<'a> {
     pub(super) fn rest_of_line(&mut self, most: usize) -> Result<String, Stop> {
         let mut rest = Vec::new();
         while let Some(byte) = self.stream.byte()? {
-            if byte == b'\n' {
+            if matches!(byte, b'\n' | b'\r') {
                 // It is met again as the end of the line.
                 self.stream.at -= 1;
                 break;
@@ -235,7 +266,7 @@ impl<'a> Words<'a> {
     pub(super) fn must(&mut self) -> Result<(), Stop> {
         match self.next()? {
             Token::Word => Ok(()),
-            Token::LineEnd => Err(MeshFault::BadText { line: self.line - 1 }.into()),
+            Token::LineEnd => Err(Self::wrong_at(self.line - 1)),
             Token::End => Err(MeshFault::CutShort.into()),
         }
     }

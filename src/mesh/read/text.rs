@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::Path;
 
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
-use super::stream::{Stream, Words, numbers};
+use super::stream::{Stream, Token, Words, numbers};
 use super::vertex_looks::VertexLooks;
 use super::vertices::{PAGES, Pages, Spool, Vertices};
 use crate::facts::MeshFault;
@@ -18,15 +18,22 @@ pub(super) struct Faces {
     looks: VertexLooks,
 }
 
-/// Triangles that fan out from the first vertex of a face.
+/// Triangles that fan out from the first vertex of a face, or of which each shares an edge with the next.
 pub(super) struct Fan<V = u32> {
     first: Option<V>,
     last: Option<V>,
+    strip: bool,
+    /// Every other triangle of a strip is turned over.
+    odd: bool,
 }
 
 impl<V: Copy> Fan<V> {
     pub(super) fn new() -> Self {
-        Self { first: None, last: None }
+        Self { first: None, last: None, strip: false, odd: false }
+    }
+
+    pub(super) fn strip() -> Self {
+        Self { strip: true, ..Self::new() }
     }
 
     /// The triangle that the next vertex adds.
@@ -36,7 +43,13 @@ impl<V: Copy> Fan<V> {
             self.first = Some(vertex);
             return None;
         };
-        Some([first, self.last.replace(vertex)?, vertex])
+        let last = self.last.replace(vertex)?;
+        if !self.strip {
+            return Some([first, last, vertex]);
+        }
+        self.first = Some(last);
+        self.odd = !self.odd;
+        Some(if self.odd { [first, last, vertex] } else { [last, first, vertex] })
     }
 }
 
@@ -55,7 +68,7 @@ pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
 impl Faces {
     /// Reads an OFF file, with or without colours behind its vertices and faces.
     pub(super) fn off(file: &File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0);
+        let mut words = Words::new(file, 0, 1);
         words.must_anywhere()?;
         let mut counts = [0; 3];
         for count in &mut counts {
@@ -76,16 +89,24 @@ impl Faces {
         }
         for face in 0..face_count {
             words.must_anywhere()?;
-            let corners = words.as_whole()?;
+            let (line, corners) = (words.line(), words.as_whole()?);
+            if corners < 0 {
+                return Err(words.wrong());
+            }
             let mut fan = Fan::new();
             for _ in 0..corners {
-                words.must()?;
+                words.must_anywhere()?;
                 let at = index(vertex_count, face, words.as_whole()?)?;
                 if let Some(t) = fan.next(at) {
                     triangles.numbers(t)?;
                 }
             }
-            words.skip_line()?;
+            if words.line() == line {
+                words.skip_line()?;
+            } else if words.next()? == Token::Word {
+                // Colours stand behind faces of one line: the first line was short.
+                return Err(Words::wrong_at(line));
+            }
         }
         Self::of(vertices, triangles, VertexLooks::default())
     }

@@ -160,6 +160,10 @@ impl<'a, P: Copy> Pages<'a, P> {
         }
     }
 
+    pub(super) fn is_empty(&self) -> bool {
+        self.vertices.count == 0
+    }
+
     /// Vertex `at` of face `face`, which is counted from 0.
     #[inline]
     pub(super) fn get(&mut self, at: u64, face: u64) -> Result<P, Stop> {

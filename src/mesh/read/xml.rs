@@ -1,7 +1,8 @@
 //! Elements of an XML text with their attributes, one after the other, in constant memory.
 //!
 //! Text between elements, comments and instructions are left out; declarations of types, through which a text could
-//! make itself longer, are refused. What is not closed, or closed otherwise, is refused where it ends.
+//! make itself longer, are refused. So is what is not well-formed: elements that are not closed, or by another name,
+//! attributes that are stated twice, prefixes without a namespace.
 
 use std::io::Read;
 
@@ -15,7 +16,10 @@ const BUFFER: usize = 64 << 10;
 /// Longest tag with its attributes, most attributes, and how deep elements may nest.
 const MAX_TAG: usize = 16 << 10;
 const MAX_ATTRIBUTES: usize = 64;
-const MAX_DEPTH: u32 = 64;
+const MAX_DEPTH: usize = 64;
+/// Most namespaces that are declared at a time, and bytes of open names and of these.
+const MAX_SPACES: usize = 64;
+const MAX_HELD: usize = 32 << 10;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Event {
@@ -33,8 +37,15 @@ pub(super) struct Xml<R> {
     buffer: Vec<u8>,
     at: usize,
     line: u64,
-    depth: u32,
+    /// Names of the open elements one after the other, and where each begins.
+    open: Vec<u8>,
+    depths: Vec<usize>,
+    /// What prefixes stand for (Namespaces in XML 1.0), the empty one included, the innermost last.
+    spaces: Vec<Declared>,
+    space_bytes: usize,
     begun: bool,
+    /// Has the only element at the top begun?
+    rooted: bool,
     /// The tag: its name, then its attributes.
     tag: Vec<u8>,
     name: usize,
@@ -42,9 +53,17 @@ pub(super) struct Xml<R> {
     attributes: Vec<[u32; 4]>,
 }
 
-/// A name without what stands before its colon.
-fn local(name: &[u8]) -> &[u8] {
-    name.iter().position(|b| *b == b':').map_or(name, |at| &name[at + 1..])
+struct Declared {
+    /// Open elements around the one that declares it.
+    depth: usize,
+    prefix: Vec<u8>,
+    space: Vec<u8>,
+}
+
+/// A name's prefix and what stands behind its colon.
+#[inline]
+fn split(name: &[u8]) -> (&[u8], &[u8]) {
+    name.iter().position(|b| *b == b':').map_or((&[], name), |at| (&name[..at], &name[at + 1..]))
 }
 
 impl<R: Read> Xml<R> {
@@ -54,8 +73,12 @@ impl<R: Read> Xml<R> {
             buffer: Vec::new(),
             at: 0,
             line: 1,
-            depth: 0,
+            open: Vec::new(),
+            depths: Vec::new(),
+            spaces: Vec::new(),
+            space_bytes: 0,
             begun: false,
+            rooted: false,
             tag: Vec::new(),
             name: 0,
             attributes: Vec::new(),
@@ -114,8 +137,14 @@ impl<R: Read> Xml<R> {
             loop {
                 match self.byte()? {
                     Some(b'<') => break,
+                    // The mark of the byte order may stand before all.
+                    Some(byte) if self.depths.is_empty() => {
+                        if !byte.is_ascii_whitespace() && (self.rooted || byte.is_ascii()) {
+                            return Err(self.wrong());
+                        }
+                    }
                     Some(_) => {}
-                    None if self.depth == 0 => return Ok(Event::Done),
+                    None if self.depths.is_empty() => return Ok(Event::Done),
                     None => return Err(MeshFault::CutShort.into()),
                 }
             }
@@ -123,26 +152,111 @@ impl<R: Read> Xml<R> {
                 b'?' => self.skip_past(b"?>")?,
                 b'!' => match (self.must()?, self.must()?) {
                     (b'-', b'-') => self.skip_past(b"-->")?,
-                    (b'[', b'C') => self.skip_past(b"]]>")?,
+                    (b'[', b'C') if !self.depths.is_empty() => self.skip_past(b"]]>")?,
                     _ => return Err(self.wrong()),
                 },
                 b'/' => {
-                    while self.must()? != b'>' {}
-                    self.depth = self.depth.checked_sub(1).ok_or_else(|| self.wrong())?;
+                    self.end()?;
                     return Ok(Event::End);
                 }
                 first => {
+                    let outside = self.depths.is_empty();
+                    if outside && std::mem::replace(&mut self.rooted, true) {
+                        return Err(self.wrong());
+                    }
+                    self.leave();
                     let empty = self.start(first)?;
+                    self.declare()?;
                     if !empty {
-                        self.depth += 1;
-                        if self.depth > MAX_DEPTH {
+                        if self.depths.len() == MAX_DEPTH || self.open.len() + self.name > MAX_HELD {
                             return Err(MeshFault::Recursion.into());
                         }
+                        self.depths.push(self.open.len());
+                        self.open.extend_from_slice(&self.tag[..self.name]);
                     }
                     return Ok(Event::Start { empty });
                 }
             }
         }
+    }
+
+    /// Reads the tag that closes the innermost element from its third byte on.
+    fn end(&mut self) -> Result<(), Stop> {
+        self.leave();
+        let from = self.depths.pop().ok_or_else(|| self.wrong())?;
+        for at in from..self.open.len() {
+            if self.must()? != self.open[at] {
+                return Err(self.wrong());
+            }
+        }
+        self.open.truncate(from);
+        loop {
+            match self.must()? {
+                b'>' => break,
+                blank if blank.is_ascii_whitespace() => {}
+                _ => return Err(self.wrong()),
+            }
+        }
+        Ok(())
+    }
+
+    /// Forgets what elements declared that have ended.
+    #[inline]
+    fn leave(&mut self) {
+        while let Some(last) = self.spaces.pop_if(|last| last.depth >= self.depths.len()) {
+            self.space_bytes -= last.prefix.len() + last.space.len();
+        }
+    }
+
+    /// Takes the namespaces that the tag declares, and looks for prefixes without one.
+    fn declare(&mut self) -> Result<(), Stop> {
+        for at in 0..self.attributes.len() {
+            let [from, to, begin, end] = self.attributes[at];
+            let name = self.part(from, to);
+            let prefix = match split(name) {
+                (b"xmlns", b"") => return Err(self.wrong()),
+                (b"xmlns", prefix) => prefix,
+                (b"", b"xmlns") => b"",
+                _ => continue,
+            };
+            let declared = Declared {
+                depth: self.depths.len(),
+                prefix: prefix.to_vec(),
+                space: self.part(begin, end).to_vec(),
+            };
+            self.space_bytes += declared.prefix.len() + declared.space.len();
+            if self.spaces.len() == MAX_SPACES || self.space_bytes > MAX_HELD {
+                return Err(self.wrong());
+            }
+            self.spaces.push(declared);
+        }
+        let names = self.attributes.iter().map(|a| self.part(a[0], a[1]));
+        for (prefix, _) in names.chain([&self.tag[..self.name]]).map(split) {
+            if !matches!(prefix, b"" | b"xml" | b"xmlns") && self.space_of(prefix).is_none() {
+                return Err(self.wrong());
+            }
+        }
+        Ok(())
+    }
+
+    /// The namespace that a prefix stands for; that of elements without one for the empty one.
+    pub(super) fn space_of(&self, prefix: &[u8]) -> Option<&[u8]> {
+        self.spaces.iter().rev().find(|known| known.prefix == prefix).map(|known| known.space.as_slice())
+    }
+
+    /// The namespace of the element; empty for none.
+    #[inline]
+    pub(super) fn space(&self) -> &[u8] {
+        self.space_of(split(&self.tag[..self.name]).0).unwrap_or_default()
+    }
+
+    /// Reads on past the end of the element that has begun.
+    pub(super) fn skip_element(&mut self) -> Result<(), Stop> {
+        let depth = self.depths.len();
+        while self.depths.len() >= depth {
+            self.next()?;
+        }
+        Ok(())
     }
 
     /// Reads a tag from its second byte on; is the element empty?
@@ -199,11 +313,16 @@ impl<R: Read> Xml<R> {
                 }
             }
             let places = [begin, name_end, name_end, self.tag.len()];
-            self.attributes.push(places.map(|at| u32::try_from(at).unwrap_or(u32::MAX)));
-            if self.attributes.len() > MAX_ATTRIBUTES {
+            let name = &self.tag[begin..name_end];
+            let twice = self.attributes.iter().any(|a| self.part(a[0], a[1]) == name);
+            if twice || name.is_empty() || self.attributes.len() == MAX_ATTRIBUTES {
                 return Err(self.wrong());
             }
+            self.attributes.push(places.map(|at| u32::try_from(at).unwrap_or(u32::MAX)));
             next = self.must()?;
+            if !next.is_ascii_whitespace() && next != b'>' && next != b'/' {
+                return Err(self.wrong());
+            }
         }
     }
 
@@ -219,28 +338,33 @@ impl<R: Read> Xml<R> {
     /// Name of the element, without what stands before its colon.
     #[inline]
     pub(super) fn name(&self) -> &[u8] {
-        local(&self.tag[..self.name])
+        split(&self.tag[..self.name]).1
     }
 
     fn part(&self, from: u32, to: u32) -> &[u8] {
         self.tag.get(from as usize..to as usize).unwrap_or_default()
     }
 
-    /// Value of an attribute as it stands, by its name without what stands before its colon.
+    /// Value of an attribute of the element's own, which has no prefix, as it stands.
     #[inline]
     pub(super) fn raw(&self, name: &[u8]) -> Option<&[u8]> {
-        let found = self.attributes.iter().find(|a| local(self.part(a[0], a[1])) == name)?;
+        let found = self.attributes.iter().find(|a| self.part(a[0], a[1]) == name)?;
         Some(self.part(found[2], found[3]))
     }
 
-    /// Whole names of attributes with their values.
-    pub(super) fn all(&self) -> impl Iterator<Item = (&[u8], &[u8])> {
-        self.attributes.iter().map(|a| (self.part(a[0], a[1]), self.part(a[2], a[3])))
+    /// The same of an attribute of a namespace.
+    pub(super) fn raw_of(&self, space: &[u8], name: &[u8]) -> Option<&[u8]> {
+        let is_it = |whole| match split(whole) {
+            (b"", _) => false,
+            (prefix, own) => own == name && self.space_of(prefix) == Some(space),
+        };
+        let found = self.attributes.iter().find(|a| is_it(self.part(a[0], a[1])))?;
+        Some(self.part(found[2], found[3]))
     }
 
     /// Value of an attribute as text, with what `&amp;` and the like stand for.
-    pub(super) fn text(&self, name: &[u8]) -> Result<Option<String>, Stop> {
-        let Some(raw) = self.raw(name) else { return Ok(None) };
+    pub(super) fn text(&self, raw: Option<&[u8]>) -> Result<Option<String>, Stop> {
+        let Some(raw) = raw else { return Ok(None) };
         let text = std::str::from_utf8(raw).map_err(|_| self.wrong())?;
         let known = [("&lt;", "<"), ("&gt;", ">"), ("&quot;", "\""), ("&apos;", "'"), ("&amp;", "&")];
         Ok(Some(known.iter().fold(text.to_owned(), |text, (name, sign)| text.replace(name, sign))))
@@ -275,7 +399,10 @@ mod tests {
         loop {
             match xml.next()? {
                 Event::Start { empty } => {
-                    let value = xml.text(b"v")?.map(|v| format!("={v}")).unwrap_or_default();
+                    let value = xml
+                        .text(xml.raw(b"v").or(xml.raw_of(b"r", b"v")))?
+                        .map(|v| format!("={v}"))
+                        .unwrap_or_default();
                     let name = String::from_utf8_lossy(xml.name()).into_owned();
                     all.push(format!("{name}{value}{}", if empty { "/" } else { "" }));
                 }
@@ -287,9 +414,9 @@ mod tests {
 
     #[test]
     fn elements_and_attributes_come_in_order() {
-        let text = "\u{feff}<?xml version='1.0'?><!-- <x> -- --><a:b v = '1 &lt; &amp;lt;' w=\"\"><c/>text<d q:v=\"2\" />\
-                    <![CDATA[<e>]]></a:b>";
-        assert_eq!(names(text).unwrap(), ["b=1 < &lt;", "c/", "d=2/", "end"]);
+        let text = "\u{feff}<?xml version='1.0'?><!-- <x> -- --><a:b v = '1 &lt; &amp;lt;' w=\"\" xmlns:a='s'><c/>text\
+                    <d xmlns:q='r' q:v=\"2\" /><d xmlns:q='t' q:v=\"2\"/><![CDATA[<e>]]></a:b \n> <!-- end -->";
+        assert_eq!(names(text).unwrap(), ["b=1 < &lt;", "c/", "d=2/", "d/", "end"]);
     }
 
     #[test]
@@ -304,6 +431,19 @@ mod tests {
             "<!DOCTYPE a [<!ENTITY b 'c'>]><a/>",
             "<a/b>",
             "<>",
+            "<a><b></a></b>",
+            "<a></b>",
+            "<a></a b>",
+            "<a></ab>",
+            "<a b='1' b='2'/>",
+            "<a b='1'c='2'/>",
+            "<a ='1'/>",
+            "<a/><b/>",
+            "<a/>b",
+            "<p:a/>",
+            "<a xmlns:='s'/>",
+            "<a p:b='1'/>",
+            "<a><b xmlns:p='s'/><p:c/></a>",
             "<!-- a",
             "<a b='",
         ] {

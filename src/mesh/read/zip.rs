@@ -1,6 +1,6 @@
 //! Members of a ZIP archive, found by name and read as streams (PKWARE APPNOTE 4.3).
 //!
-//! The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
+//! Numbers may have 64 bits, in small archives, too (4.3.14, 4.5.3). The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
 //! of the list at the end; of the header before a member only its own length counts.
 
 use std::fs::File;
@@ -15,6 +15,12 @@ use crate::platform::FileExt;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
 const END: u64 = 22;
+/// Bytes of the record with 64-bit numbers that matter, and of that before the end that says where it is.
+const END64: usize = 56;
+const LOCATOR: usize = 20;
+/// Marks the part of an entry that holds 64-bit numbers, and a number that stands there.
+const EXTRA64: u16 = 1;
+const ELSEWHERE: u64 = u32::MAX as u64;
 const COMMENT: u64 = 65_535;
 /// Bytes of an entry of the list and of a member's header, before their names.
 const ENTRY: usize = 46;
@@ -53,16 +59,30 @@ impl Archive {
         file.read_exact_at(&mut tail, bytes - span).map_err(Stop::reading)?;
         let at = (0..tail.len().saturating_sub(21)).rev().find(|at| tail[*at..].starts_with(b"PK\x05\x06"));
         let end = at.and_then(|at| tail.get(at..at + 22)).ok_or_else(bad)?;
-        let two = |at: usize| u16::from_le_bytes([end[at], end[at + 1]]);
-        let four = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| end[at + i]));
-        let (entries, length, list) = (two(10), four(12), four(16));
-        if entries == u16::MAX || length == u32::MAX || list == u32::MAX {
-            return Err(MeshFault::Unsupported(Feature::Zip64).into());
-        }
-        if two(4) != 0 || two(6) != 0 || u64::from(list) + u64::from(length) > bytes {
+        let two = |at: usize| u64::from(u16::from_le_bytes([end[at], end[at + 1]]));
+        let four = |at: usize| u64::from(u32::from_le_bytes(std::array::from_fn(|i| end[at + i])));
+        if two(4) != 0 && two(4) != u64::from(u16::MAX) || two(6) != 0 && two(6) != u64::from(u16::MAX) {
             return Err(bad());
         }
-        Ok(Self { list: list.into(), entries: entries.into(), bytes })
+        let (mut entries, mut length, mut list) = (two(10), four(12), four(16));
+        if entries == u64::from(u16::MAX) || length == ELSEWHERE || list == ELSEWHERE {
+            let here = bytes - span + at.unwrap_or(0) as u64;
+            let locator = here.checked_sub(LOCATOR as u64).ok_or_else(bad)?;
+            let locator: [u8; LOCATOR] = Stream::new(file, locator).take()?;
+            let [at] = eights(&locator, 8);
+            if at >= bytes {
+                return Err(bad());
+            }
+            let record: [u8; END64] = Stream::new(file, at).take()?;
+            if !locator.starts_with(b"PK\x06\x07") || !record.starts_with(b"PK\x06\x06") {
+                return Err(bad());
+            }
+            [entries, length, list] = eights(&record, 32);
+        }
+        if list.checked_add(length).is_none_or(|end| end > bytes) {
+            return Err(bad());
+        }
+        Ok(Self { list, entries, bytes })
     }
 
     /// The member of a name, in which upper and lower case are one (ECMA-376-2, 6.2.2).
@@ -83,8 +103,8 @@ impl Archive {
                 let [byte] = stream.take()?;
                 same = same && wanted.get(at).is_some_and(|w| w.eq_ignore_ascii_case(&byte));
             }
-            stream.skip(u64::from(two(30)) + u64::from(two(32)));
             if !same {
+                stream.skip(u64::from(two(30)) + u64::from(two(32)));
                 continue;
             }
             if two(8) & 1 != 0 {
@@ -95,17 +115,21 @@ impl Archive {
                 8 => true,
                 method => return Err(MeshFault::Unsupported(Feature::Packing { method }).into()),
             };
-            let (stored, bytes) = (u64::from(four(20)), u64::from(four(24)));
-            if stored == u64::from(u32::MAX) || bytes == u64::from(u32::MAX) {
-                return Err(MeshFault::Unsupported(Feature::Zip64).into());
+            // In this order, where they stand elsewhere.
+            let mut numbers = [four(24), four(20), four(42)].map(u64::from);
+            if numbers.contains(&ELSEWHERE) {
+                large(&mut stream, two(30), &mut numbers)?;
             }
-            let header = u64::from(four(42));
+            let [bytes, stored, header] = numbers;
+            if header >= self.bytes {
+                return Err(MeshFault::CutShort.into());
+            }
             let head: [u8; HEADER] = Stream::new(file, header).take()?;
             if !head.starts_with(b"PK\x03\x04") {
                 return Err(bad());
             }
             let lengths = [26, 28].map(|at| u64::from(u16::from_le_bytes([head[at], head[at + 1]])));
-            let offset = header + HEADER as u64 + lengths.iter().sum::<u64>();
+            let offset = header.saturating_add(HEADER as u64 + lengths.iter().sum::<u64>());
             if offset.checked_add(stored).is_none_or(|end| end > self.bytes) {
                 return Err(MeshFault::CutShort.into());
             }
@@ -116,6 +140,34 @@ impl Archive {
         }
         Ok(None)
     }
+}
+
+/// Little-endian numbers of 64 bits, from a place on.
+fn eights<const N: usize>(bytes: &[u8], from: usize) -> [u64; N] {
+    let rest = bytes.get(from..).unwrap_or_default();
+    std::array::from_fn(|k| {
+        rest.get(8 * k..).and_then(|rest| rest.first_chunk()).map_or(0, |bytes| u64::from_le_bytes(*bytes))
+    })
+}
+
+/// Finds the numbers of an entry that stand elsewhere in its extra part, which begins here.
+fn large(stream: &mut Stream<'_>, extra_bytes: u16, numbers: &mut [u64; 3]) -> Result<(), Stop> {
+    let mut left = extra_bytes;
+    while left >= 4 {
+        let [a, b, c, d]: [u8; 4] = stream.take()?;
+        let (kind, mut bytes) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
+        left = left.checked_sub(4).and_then(|left| left.checked_sub(bytes)).ok_or(MeshFault::BadArchive)?;
+        if kind != EXTRA64 {
+            stream.skip(bytes.into());
+            continue;
+        }
+        for number in numbers.iter_mut().filter(|number| **number == ELSEWHERE) {
+            bytes = bytes.checked_sub(8).ok_or(MeshFault::BadArchive)?;
+            *number = u64::from_le_bytes(stream.take()?);
+        }
+        return Ok(());
+    }
+    Err(MeshFault::BadArchive.into())
 }
 
 impl Member {

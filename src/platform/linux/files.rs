@@ -8,6 +8,7 @@ use std::path::Path;
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 use rustix::process::{Resource, getrlimit};
+use thiserror::Error;
 
 /// Names as bytes.
 pub(crate) use std::os::unix::ffi::OsStrExt;
@@ -30,7 +31,7 @@ pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
 }
 
 /// A folder, a pipe or a device where a file is needed; held by an [`io::Error`].
-#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 #[error("it is not a regular file")]
 pub(crate) struct NotRegular;
 
@@ -73,6 +74,11 @@ pub(crate) fn unnamed_file(folder: &Path) -> io::Result<File> {
 pub(crate) fn give_name(file: &File, name: &Path) -> io::Result<()> {
     let source = format!("/proc/self/fd/{}", file.as_raw_fd());
     Ok(rustix::fs::linkat(CWD, source.as_str(), CWD, name, AtFlags::SYMLINK_FOLLOW)?)
+}
+
+/// Was it refused by [`open_file`]?
+pub(crate) fn is_not_regular(cause: &io::Error) -> bool {
+    cause.get_ref().is_some_and(|inner| inner.is::<NotRegular>())
 }
 
 /// Opens a file for reading and writing, and makes it where it is missing. A link, which would lead elsewhere, is

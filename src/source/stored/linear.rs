@@ -9,7 +9,7 @@ use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
 use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing, SourceFault};
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_file};
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
 use crate::volume::{Endian, Result, SourceError, VolumeInfo};
@@ -48,7 +48,7 @@ impl Encoding {
         let level_of = |index: usize| {
             let mut head = [0; BZIP2_HEAD];
             let path = files.path(index);
-            let file = regular(&path).ok().and_then(|_| File::open(&path).ok())?;
+            let file = regular(&path).ok().and_then(|_| open_file(&path).ok())?;
             file.read_exact_at(&mut head, skip).ok()?;
             bzip2_level(&head)
         };

@@ -29,6 +29,7 @@ use crate::facts::samples::Damage;
 use crate::facts::tiff::{TiffFault, TiffShape};
 use crate::facts::{Carrier, Note};
 use crate::geom::{Affine, Dims};
+use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
@@ -131,7 +132,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
 /// Has a file that cannot be used several pages? `None` if that cannot be seen, either.
 fn several_pages(path: &Path) -> Option<bool> {
     super::stored::regular(path).ok()?;
-    let opened = File::open(path).ok()?;
+    let opened = open_file(path).ok()?;
     let (tiff, mut offset) = Tiff::open(&opened).ok()?;
     let mut pages = 0;
     for _ in 0..MAX_PAGES {
@@ -195,7 +196,7 @@ impl Stack {
     /// Adds the pages of a file.
     fn add(&mut self, path: &Path, file: u32) -> Result {
         super::stored::regular(path)?;
-        let added = File::open(path).and_then(|opened| self.add_pages(&opened, file));
+        let added = open_file(path).and_then(|opened| self.add_pages(&opened, file));
         added.map_err(|cause| unreadable(path, cause))
     }
 

@@ -2,11 +2,13 @@
 //!
 //! | file | promise |
 //! |---|---|
+//! | `foreign` | other programs' volumes: one model by every route, kinds that are not read, pipes |
 //! | `formats_read` | every format gives the values, type and place of what was written |
 //! | `headerless` | raw files, whole or one for each slice |
 //! | `placement` | spacing and directions, stated by the file, beside it, or by the caller |
 //! | `thresholds` | labels are all inside, padding is left out, and all else is as Otsu has it |
 
+mod foreign;
 mod formats_read;
 mod headerless;
 mod placement;

@@ -10,12 +10,16 @@ use super::super::linked::{open_linked, unescaped};
 use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
-use super::super::vertices::{Number, Vertices};
+use super::super::vertices::{Number, Spool, Vertices};
 use super::json::{Accessor, Described, Embedded, Shape};
 use crate::facts::{Feature, MeshFault, Part};
+use crate::geom::Affine;
+use crate::platform::FileExt;
 
 /// Longest distance of two items.
 const MAX_STRIDE: u64 = 252;
+/// Bytes of a matrix.
+const MATRIX: u64 = 64;
 
 /// A run of bytes of a file.
 #[derive(Clone, Debug)]
@@ -180,13 +184,7 @@ impl Buffers {
             5126 => (Number::F32, 1.0),
             _ => return Err(out_of_range(Part::Accessor)),
         };
-        let parts = match accessor.shape {
-            Shape::Scalar => 1,
-            Shape::Two => 2,
-            Shape::Three => 3,
-            Shape::Four => 4,
-            Shape::Other => return Err(out_of_range(Part::Accessor)),
-        };
+        let parts = accessor.shape.parts().ok_or_else(|| out_of_range(Part::Accessor))?;
         let own = parts * number.bytes();
         let (run, stride) = self.view(described, view)?;
         let stride = stride.unwrap_or(own);
@@ -206,6 +204,29 @@ impl Buffers {
         Ok(Items { run, stride, count: accessor.count, number, shape: accessor.shape, scale })
     }
 
+    /// Matrices of singles, one behind the other.
+    pub(super) fn matrices(&self, described: &Described, at: u32) -> Result<Vec<Affine>, Stop> {
+        let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
+        let view = accessor.buffer_view.ok_or_else(|| out_of_range(Part::Accessor))?;
+        let (run, _) = self.view(described, view)?;
+        let held = run.bytes.saturating_sub(accessor.byte_offset) / MATRIX;
+        if (accessor.shape, accessor.component_type) != (Shape::Matrix, 5126) || accessor.count > held {
+            return Err(out_of_range(Part::Accessor));
+        }
+        let mut stream = Stream::new(&run.file, run.offset + accessor.byte_offset);
+        let mut matrix = || {
+            let mut rows = [[0.0; 4]; 3];
+            for at in 0..16 {
+                let number = f32::from_le_bytes(stream.take()?);
+                if let Some(row) = rows.get_mut(at % 4) {
+                    row[at / 4] = number.into();
+                }
+            }
+            Ok(Affine { rows })
+        };
+        (0..accessor.count).map(|_| matrix()).collect()
+    }
+
     /// An image, whose bytes stand in a view.
     pub(super) fn image(&self, described: &Described, view: u32, name: String) -> Result<Image, Stop> {
         let (run, _) = self.view(described, view)?;
@@ -214,6 +235,27 @@ impl Buffers {
 }
 
 impl Items {
+    /// Vertices that were written, as items.
+    pub(super) fn written(spool: Spool) -> Result<Self, Stop> {
+        let Vertices { file, record: stride, count, .. } = spool.into_vertices()?;
+        let run = Section { file: Arc::new(file), offset: 0, bytes: count * stride };
+        Ok(Self { run, stride, count, number: Number::F64, shape: Shape::Three, scale: 1.0 })
+    }
+
+    /// The numbers of one item, which is there.
+    pub(super) fn at(&self, index: u64) -> Result<[f64; 4], Stop> {
+        let width = usize::try_from(self.number.bytes()).unwrap_or(8);
+        let parts = self.shape.parts().and_then(|parts| usize::try_from(parts).ok()).unwrap_or(0);
+        let mut raw = [0; 32];
+        let raw = raw.get_mut(..parts * width).unwrap_or_default();
+        self.run.file.read_exact_at(raw, self.run.offset + index * self.stride).map_err(Stop::reading)?;
+        let mut numbers = [0.0; 4];
+        for (out, raw) in numbers.iter_mut().zip(raw.chunks(width)) {
+            *out = self.number.read(raw, false) * self.scale;
+        }
+        Ok(numbers)
+    }
+
     /// As vertices of three numbers, of two the last twice.
     pub(super) fn vertices(&self) -> Result<Vertices, Stop> {
         let width = usize::try_from(self.number.bytes()).unwrap_or(4);

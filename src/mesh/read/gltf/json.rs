@@ -42,6 +42,8 @@ pub(super) struct Root {
     #[serde(default)]
     pub(super) samplers: Vec<Sampler>,
     #[serde(default)]
+    pub(super) skins: Vec<Skin>,
+    #[serde(default)]
     pub(super) extensions_required: Vec<String>,
 }
 
@@ -65,12 +67,46 @@ pub(super) struct Node {
     pub(super) translation: Option<[f64; 3]>,
     pub(super) rotation: Option<[f64; 4]>,
     pub(super) scale: Option<[f64; 3]>,
+    pub(super) skin: Option<u32>,
+    pub(super) weights: Option<Vec<f64>>,
+    #[serde(default)]
+    pub(super) extensions: NodeExtensions,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct NodeExtensions {
+    #[serde(rename = "EXT_mesh_gpu_instancing")]
+    pub(super) instancing: Option<Instancing>,
+}
+
+#[derive(Debug, Deserialize)]
+pub(super) struct Instancing {
+    #[serde(default)]
+    pub(super) attributes: InstanceAttributes,
+}
+
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct InstanceAttributes {
+    #[serde(rename = "TRANSLATION")]
+    pub(super) translation: Option<u32>,
+    #[serde(rename = "ROTATION")]
+    pub(super) rotation: Option<u32>,
+    #[serde(rename = "SCALE")]
+    pub(super) scale: Option<u32>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+pub(super) struct Skin {
+    pub(super) joints: Vec<u32>,
+    pub(super) inverse_bind_matrices: Option<u32>,
 }
 
 #[derive(Debug, Deserialize)]
 pub(super) struct Mesh {
     #[serde(default)]
     pub(super) primitives: Vec<Primitive>,
+    pub(super) weights: Option<Vec<f64>>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -79,6 +115,9 @@ pub(super) struct Primitive {
     pub(super) indices: Option<u32>,
     pub(super) material: Option<u32>,
     pub(super) mode: Option<u32>,
+    /// Are there shapes that it may be moved to?
+    #[serde(default)]
+    pub(super) targets: Vec<IgnoredAny>,
     #[serde(default)]
     pub(super) extensions: PrimitiveExtensions,
 }
@@ -101,6 +140,14 @@ pub(super) struct Attributes {
     pub(super) texcoord_0: Option<u32>,
     #[serde(rename = "TEXCOORD_1")]
     pub(super) texcoord_1: Option<u32>,
+    #[serde(rename = "JOINTS_0")]
+    pub(super) joints_0: Option<u32>,
+    #[serde(rename = "WEIGHTS_0")]
+    pub(super) weights_0: Option<u32>,
+    #[serde(rename = "JOINTS_1")]
+    pub(super) joints_1: Option<u32>,
+    #[serde(rename = "WEIGHTS_1")]
+    pub(super) weights_1: Option<u32>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -128,8 +175,23 @@ pub(super) enum Shape {
     Three,
     #[serde(rename = "VEC4")]
     Four,
+    #[serde(rename = "MAT4")]
+    Matrix,
     #[serde(other)]
     Other,
+}
+
+impl Shape {
+    /// Numbers of an item, for all but matrices.
+    pub(super) fn parts(self) -> Option<u64> {
+        match self {
+            Self::Scalar => Some(1),
+            Self::Two => Some(2),
+            Self::Three => Some(3),
+            Self::Four => Some(4),
+            Self::Matrix | Self::Other => None,
+        }
+    }
 }
 
 #[derive(Debug, Deserialize)]
@@ -237,8 +299,11 @@ pub(super) struct Described {
 pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) -> Result<Described, Stop> {
     let (text, embedded, held_bytes) = condensed(file, offset, bytes, limits)?;
     // Unknown parts nest as deep as the crate allows: 128 levels.
-    let root: Root =
-        serde_json::from_slice(&text).map_err(|e| MeshFault::BadText { line: e.line() as u64 })?;
+    let root: Root = serde_json::from_slice(&text).map_err(|e| match e.line() {
+        // There is no line.
+        0 => MeshFault::CutShort,
+        line => MeshFault::BadText { line: line as u64 },
+    })?;
     if root.asset.version.split('.').next() != Some("2") {
         return Err(MeshFault::GltfVersion { version: root.asset.version.chars().take(16).collect() }.into());
     }

@@ -9,10 +9,12 @@
 //! | `json` | the description |
 //! | `buffers` | bytes and items |
 //! | `looks` | materials and textures |
+//! | `posed` | skins at rest, and meshes that are placed many times |
 
 mod buffers;
 mod json;
 mod looks;
+mod posed;
 
 use std::fs::File;
 use std::path::Path;
@@ -25,20 +27,24 @@ use super::text::Fan;
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
 use super::{Limits, Summary};
-use crate::facts::{Feature, MeshFault, Part};
+use crate::facts::{Feature, MeshFault, MeshLack, Part};
 use crate::geom::Affine;
 use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
+use posed::{BentMeshes, Copies, bent_meshes};
 
 /// Triangles of a file that may be much smaller than its model, and more for each of its bytes.
-pub(super) const MAX_TRIANGLES: u64 = 1 << 22;
+pub(super) const MAX_TRIANGLES: u64 = 1 << 23;
 pub(super) const MAX_TRIANGLES_PER_BYTE: u64 = 4;
 /// From metres with y up to millimetres with z up.
-const UPRIGHT: [[f64; 4]; 3] = [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]];
+const UPRIGHT: Affine =
+    Affine { rows: [[1000.0, 0.0, 0.0, 0.0], [0.0, 0.0, -1000.0, 0.0], [0.0, 1000.0, 0.0, 0.0]] };
+const IDENTITY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
 
 pub(super) struct Gltf {
     described: Described,
     buffers: Buffers,
+    bent: BentMeshes,
     with_looks: bool,
     with_colors: bool,
 }
@@ -71,6 +77,8 @@ struct PrimitiveItems {
     colors: Option<Items>,
     places: Option<Items>,
     material: u32,
+    /// Are its triangles mirrored before they are placed?
+    mirrored: bool,
 }
 
 impl PrimitiveItems {
@@ -126,7 +134,10 @@ fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
 fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
     for name in required {
         let feature = match name.as_str() {
-            "KHR_mesh_quantization" | "KHR_texture_transform" | "KHR_lights_punctual" => continue,
+            "KHR_mesh_quantization"
+            | "KHR_texture_transform"
+            | "KHR_lights_punctual"
+            | "EXT_mesh_gpu_instancing" => continue,
             "KHR_draco_mesh_compression" => Feature::Draco,
             "EXT_meshopt_compression" | "KHR_meshopt_compression" => Feature::Meshopt,
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" if !with_looks => continue,
@@ -157,20 +168,24 @@ pub(super) fn open(
         if limits.colors { looks::materials(&described, &buffers, &mut resolver)? } else { Vec::new() };
     let all: u64 = described.root.buffers.iter().map(|b| b.byte_length).fold(bytes, u64::saturating_add);
     let held_bytes = described.held_bytes;
-    let open = Gltf { described, buffers, with_looks: limits.looks, with_colors: limits.colors };
-    let parts = open.check(all)?;
+    let bent = BentMeshes::new();
+    let mut open = Gltf { described, buffers, bent, with_looks: limits.looks, with_colors: limits.colors };
+    let (parts, morphs) = open.check(all)?;
+    open.bent = bent_meshes(&open, limits)?;
+    let lacks = if morphs { vec![MeshLack::Morphs] } else { Vec::new() };
     let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
     let primitives = || open.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let colored = primitives().any(|p| p.attributes.color.is_some());
     let smooth = primitives().any(|p| p.attributes.normal.is_some());
     let looks = [colored || !materials.iter().all(plain), smooth];
     let files = resolver.files;
-    Ok((open, Summary { materials, files, missing: Vec::new(), held_bytes, parts, looks }))
+    Ok((open, Summary { materials, files, lacks, held_bytes, parts, looks }))
 }
 
 impl Gltf {
-    /// Checks every mesh once, counts triangles, and returns how many nodes have a mesh.
-    fn check(&self, bytes: u64) -> Result<u64, Stop> {
+    /// Checks every mesh once, counts triangles, and returns how many nodes have a mesh, and whether one of these would
+    /// be moved to other shapes.
+    fn check(&self, bytes: u64) -> Result<(u64, bool), Stop> {
         let most = MAX_TRIANGLES + bytes.saturating_mul(MAX_TRIANGLES_PER_BYTE);
         let mut counts = Vec::with_capacity(self.described.root.meshes.len());
         for mesh in &self.described.root.meshes {
@@ -181,30 +196,36 @@ impl Gltf {
             counts.push(count);
         }
         let mut seen = vec![false; self.described.root.nodes.len()];
-        let (mut all, mut parts) = (0_u64, 0);
-        self.walk(&Affine { rows: UPRIGHT }, &mut |node, at, _| {
+        let (mut all, mut parts, mut morphs) = (0_u64, 0, false);
+        self.walk(&mut |node, at, _| {
             // A node has one parent at most, so that nodes form no circle.
             if std::mem::replace(&mut seen[at], true) {
                 return Err(MeshFault::Recursion.into());
             }
             if let Some(mesh) = node.mesh {
-                all = all.saturating_add(*item(&counts, mesh, Part::Mesh)?);
+                let (triangles, copies) = (*item(&counts, mesh, Part::Mesh)?, Copies::of(self, node)?.count);
+                // A copy of nothing costs time, too.
+                all = all.saturating_add(if copies == 1 {
+                    triangles
+                } else {
+                    triangles.max(1).saturating_mul(copies)
+                });
                 parts += 1;
+                let mesh = item(&self.described.root.meshes, mesh, Part::Mesh)?;
+                let weights = node.weights.as_ref().or(mesh.weights.as_ref());
+                let moved = weights.is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0));
+                morphs |= moved && mesh.primitives.iter().any(|primitive| !primitive.targets.is_empty());
             }
             if all > most {
                 return Err(MeshFault::TooManyTriangles { most }.into());
             }
             Ok(())
         })?;
-        Ok(parts)
+        Ok((parts, morphs))
     }
 
     /// Calls `each` with every node of the scene and how it is placed.
-    fn walk(
-        &self,
-        placed: &Affine,
-        each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>,
-    ) -> Result<(), Stop> {
+    fn walk(&self, each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
         let root = &self.described.root;
         let roots: Vec<u32> = match (root.scene, root.scenes.first()) {
             (Some(at), _) => item(&root.scenes, at, Part::Scene)?.nodes.clone(),
@@ -218,7 +239,7 @@ impl Gltf {
                     .collect()
             }
         };
-        let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, *placed)).collect();
+        let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, UPRIGHT)).collect();
         while let Some((at, parent)) = stack.pop() {
             let node = item(&root.nodes, at, Part::Node)?;
             let own = parent.after(&own_place(node));
@@ -264,6 +285,7 @@ impl Gltf {
             colors: None,
             places: None,
             material: NO_MATERIAL,
+            mirrored: false,
         };
         if self.with_looks {
             let count = prepared.positions.count;
@@ -290,15 +312,25 @@ impl Gltf {
     pub(super) fn for_each(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut faces = 0;
         let mut next_part = 0_u32;
-        self.walk(&Affine { rows: UPRIGHT }, &mut |node, _, placed| {
+        self.walk(&mut |node, number, placed| {
             let Some(at) = node.mesh else { return Ok(()) };
             let part = next_part;
             next_part = next_part.saturating_add(1);
             let each: &mut EachLook<'_> = &mut |t, look| each(t, &Look { part, ..*look });
             let mesh: &Mesh = item(&self.described.root.meshes, at, Part::Mesh)?;
-            for primitive in &mesh.primitives {
-                if let Some(prepared) = self.prepared(primitive)? {
-                    primitive_triangles(&prepared, placed, &mut faces, each)?;
+            let copies = Copies::of(self, node)?;
+            for copy in 0..copies.count {
+                let placed = placed.after(&copies.place(copy)?);
+                for (at, primitive) in mesh.primitives.iter().enumerate() {
+                    let Some(mut prepared) = self.prepared(primitive)? else { continue };
+                    let Some(bent) = self.bent.get(&(number, at)) else {
+                        primitive_triangles(&prepared, &placed, &mut faces, each)?;
+                        continue;
+                    };
+                    prepared.positions = bent.positions.clone();
+                    prepared.normals = bent.normals.clone();
+                    prepared.mirrored = bent.mirrored;
+                    primitive_triangles(&prepared, &IDENTITY, &mut faces, each)?;
                 }
             }
             Ok(())
@@ -311,9 +343,13 @@ fn own_place(node: &Node) -> Affine {
     if let Some(m) = &node.matrix {
         return Affine { rows: std::array::from_fn(|r| std::array::from_fn(|c| m[4 * c + r])) };
     }
-    let [x, y, z, w] = node.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
-    let s = node.scale.unwrap_or([1.0; 3]);
-    let t = node.translation.unwrap_or([0.0; 3]);
+    turned_place(node.translation, node.rotation, node.scale)
+}
+
+/// A place by its parts, the rotation as a quaternion.
+fn turned_place(t: Option<[f64; 3]>, rotation: Option<[f64; 4]>, s: Option<[f64; 3]>) -> Affine {
+    let [x, y, z, w] = rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let (s, t) = (s.unwrap_or([1.0; 3]), t.unwrap_or([0.0; 3]));
     let turned = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
         [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
@@ -383,7 +419,7 @@ fn primitive_triangles(
     let mirrored = placed.determinant() < 0.0;
     let upright = cofactors(placed, mirrored);
     let mut emit = |mut t: [u32; 3]| -> Result<(), Stop> {
-        if mirrored {
+        if mirrored != prepared.mirrored {
             t.swap(1, 2);
         }
         let points = positions.corners(t, *faces)?.map(|p| placed.apply(p));
@@ -409,23 +445,12 @@ fn primitive_triangles(
                 emit(t.map(whole))?;
             }
         }
-        Mode::Fan => {
-            let mut fan = Fan::new();
+        Mode::Fan | Mode::Strip => {
+            let mut fan = if prepared.mode == Mode::Strip { Fan::strip() } else { Fan::new() };
             for _ in 0..prepared.corners() {
                 if let Some(t) = fan.next(whole(corners.next()?)) {
                     emit(t)?;
                 }
-            }
-        }
-        Mode::Strip => {
-            let mut last = [0; 2];
-            for at in 0..prepared.corners() {
-                let next = whole(corners.next()?);
-                if at >= 2 {
-                    let [a, b] = last;
-                    emit(if at % 2 == 0 { [a, b, next] } else { [b, a, next] })?;
-                }
-                last = [last[1], next];
             }
         }
     }

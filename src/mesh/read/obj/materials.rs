@@ -13,7 +13,7 @@ use super::super::stream::{Token, Words};
 use super::super::vertex_looks::light;
 use super::super::{Limits, Summary};
 use super::NONE;
-use crate::facts::MeshFault;
+use crate::facts::{MeshFault, MeshLack};
 
 /// Memory of a material without its name, about.
 const EACH_BYTES: u64 = 256;
@@ -28,20 +28,20 @@ pub(super) struct Materials<'a> {
     all: Vec<Material>,
     images: BTreeMap<String, Arc<Image>>,
     files: Vec<PathBuf>,
-    /// Names of files that are not there.
-    missing: Vec<String>,
+    /// Files that are not there.
+    lacks: Vec<MeshLack>,
     held_bytes: u64,
 }
 
 impl<'a> Materials<'a> {
     pub(super) fn new(path: &'a Path, limits: &'a Limits<'a>) -> Self {
         let (numbers, images) = (BTreeMap::new(), BTreeMap::new());
-        let (all, files, missing) = (Vec::new(), Vec::new(), Vec::new());
-        Self { path, limits, numbers, all, images, files, missing, held_bytes: 0 }
+        let (all, files, lacks) = (Vec::new(), Vec::new(), Vec::new());
+        Self { path, limits, numbers, all, images, files, lacks, held_bytes: 0 }
     }
 
-    fn hold(&mut self, name: &str) -> Result<(), Stop> {
-        self.held_bytes += EACH_BYTES + name.len() as u64;
+    fn hold(&mut self, name_bytes: usize) -> Result<(), Stop> {
+        self.held_bytes += EACH_BYTES + name_bytes as u64;
         if self.held_bytes > self.limits.most_bytes {
             let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
             return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
@@ -56,8 +56,8 @@ impl<'a> Materials<'a> {
 
     /// All of them, and the files of the mesh.
     pub(super) fn summary(self) -> Summary {
-        let Self { all: materials, files, missing, held_bytes, .. } = self;
-        Summary { materials, files, missing, held_bytes, ..Summary::default() }
+        let Self { all: materials, files, lacks, held_bytes, .. } = self;
+        Summary { materials, files, lacks, held_bytes, ..Summary::default() }
     }
 
     /// A file that the mesh names; `None` if it is missing.
@@ -67,10 +67,16 @@ impl<'a> Materials<'a> {
                 self.files.push(path);
                 Ok(Some((file, bytes)))
             }
-            Err(Stop::Mesh(MeshFault::Missing { name, .. } | MeshFault::Outside { name })) => {
-                if !self.missing.contains(&name) && self.missing.len() < MAX_MISSING {
-                    self.hold(&name)?;
-                    self.missing.push(name);
+            Err(Stop::Mesh(
+                MeshFault::Missing { name, .. }
+                | MeshFault::NotRegular { name }
+                | MeshFault::Outside { name },
+            )) => {
+                let length = name.len();
+                let lack = MeshLack::Colors { name };
+                if !self.lacks.contains(&lack) && self.lacks.len() < MAX_MISSING {
+                    self.hold(length)?;
+                    self.lacks.push(lack);
                 }
                 Ok(None)
             }
@@ -79,8 +85,12 @@ impl<'a> Materials<'a> {
     }
 
     pub(super) fn read(&mut self, name: &str) -> Result<(), Stop> {
+        // A list of no names.
+        if name.is_empty() {
+            return Ok(());
+        }
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
-        let mut words = Words::new(&file, 0);
+        let mut words = Words::new(&file, 0, 1);
         let mut at = None;
         loop {
             match words.next()? {
@@ -91,7 +101,7 @@ impl<'a> Materials<'a> {
             match words.word() {
                 b"newmtl" => {
                     let name = words.rest_of_line(1024)?;
-                    self.hold(&name)?;
+                    self.hold(name.len())?;
                     at = Some(self.all.len());
                     let number = u32::try_from(self.all.len()).unwrap_or(NONE);
                     self.numbers.insert(name, number);
@@ -159,7 +169,7 @@ impl<'a> Materials<'a> {
             Some(image) => image.clone(),
             None => {
                 let Some((file, bytes)) = self.open(rest)? else { return Ok(None) };
-                self.hold(rest)?;
+                self.hold(rest.len())?;
                 let image = Arc::new(Image { name: rest.to_owned(), file: Arc::new(file), offset: 0, bytes });
                 self.images.insert(rest.to_owned(), image.clone());
                 image

@@ -16,7 +16,7 @@ use super::text::{Faces, Fan, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use super::{Limits, Summary};
-use crate::facts::MeshFault;
+use crate::facts::{MeshFault, MeshLack};
 use materials::Materials;
 
 /// Marks a corner without a place or a normal.
@@ -47,6 +47,8 @@ struct Spools {
     normals: Spool,
     colors: Spool,
     colored: bool,
+    /// Do corners name places and normals?
+    named: [bool; 2],
 }
 
 impl Spools {
@@ -57,6 +59,16 @@ impl Spools {
             normals: Spool::new(scratch)?,
             colors: Spool::new(scratch)?,
             colored: false,
+            named: [false; 2],
+        })
+    }
+
+    fn finish(self) -> Result<Carried, Stop> {
+        Ok(Carried {
+            triangles: self.triangles.finish()?.0,
+            places: self.places.into_vertices()?,
+            normals: self.normals.into_vertices()?,
+            colors: if self.colored { Some(self.colors.into_vertices()?) } else { None },
         })
     }
 }
@@ -74,7 +86,7 @@ fn line_numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
 }
 
 pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
-    let mut words = Words::new(file, 0);
+    let mut words = Words::new(file, 0, 1);
     let scratch = limits.scratch;
     let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
     let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
@@ -126,16 +138,14 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     if !understood {
         return Err(MeshFault::Unknown.into());
     }
-    let carried = match spools {
-        Some(spools) => Some(Carried {
-            triangles: spools.triangles.finish()?.0,
-            places: spools.places.into_vertices()?,
-            normals: spools.normals.into_vertices()?,
-            colors: if spools.colored { Some(spools.colors.into_vertices()?) } else { None },
-        }),
-        None => None,
-    };
-    let summary = materials.summary();
+    let missing = spools.as_ref().map_or([false; 2], |spools| {
+        let [places, normals] = spools.named;
+        [limits.colors && places && spools.places.count == 0, normals && spools.normals.count == 0]
+    });
+    let carried = spools.map(Spools::finish).transpose()?;
+    let mut summary = materials.summary();
+    let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
+    summary.lacks.extend(lacks.filter(|(_, is_so)| *is_so).map(|(lack, _)| lack));
     let looks = carried.as_ref().map_or([false; 2], |carried: &Carried| {
         [carried.colors.is_some() || !summary.materials.is_empty(), carried.normals.count > 0]
     });
@@ -183,7 +193,7 @@ impl LookReader<'_> {
         self.face += 1;
         let face = self.face;
         let three = |pages: &mut Pages<'_>, at: [u32; 3]| -> Result<Option<[[f64; 3]; 3]>, Stop> {
-            if at.contains(&NONE) {
+            if at.contains(&NONE) || pages.is_empty() {
                 return Ok(None);
             }
             let mut get = |at: u32| pages.get(at.into(), face);
@@ -231,12 +241,17 @@ fn face(
                     triangles.numbers(t)?;
                 }
                 let Some(spools) = spools.as_mut() else { continue };
-                let mut other = |count: u64| {
-                    let at = part(parts.next(), count, number).map_err(|()| words.wrong())??;
-                    Ok::<_, Stop>(at.unwrap_or(NONE))
+                let mut other = |count: u64, named: &mut bool| {
+                    let at = part(parts.next(), count, number).map_err(|()| words.wrong())?;
+                    *named |= !matches!(at, Ok(None));
+                    // What is nowhere in the file so far may come; the shape does not need it.
+                    Ok::<_, Stop>(
+                        at.or_else(|stop| if count == 0 { Ok(None) } else { Err(stop) })?.unwrap_or(NONE),
+                    )
                 };
-                let places = of_places.next(other(spools.places.count)?);
-                let normals = of_normals.next(other(spools.normals.count)?);
+                let [places_named, normals_named] = &mut spools.named;
+                let places = of_places.next(other(spools.places.count, places_named)?);
+                let normals = of_normals.next(other(spools.normals.count, normals_named)?);
                 if let (Some(p), Some(n), Some(t)) = (places, normals, triangle) {
                     let record = [p[0], p[1], p[2], n[0], n[1], n[2], t[0], t[1], t[2], material];
                     spools.triangles.numbers(record)?;

@@ -12,7 +12,7 @@ use super::super::xml::{Event, Xml};
 use super::super::zip::{Archive, Member, reading};
 use super::model::Reader;
 use super::{Contents, is_image};
-use crate::facts::{MeshFault, Part};
+use crate::facts::{MeshFault, MeshLack, Part};
 
 /// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
 const USUAL: &str = "3D/3dmodel.model";
@@ -20,31 +20,39 @@ const RELATIONS: &str = "_rels/.rels";
 const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmodel";
 const MAX_TEXTS: usize = 4096;
 
-/// The archive, and its root text.
-pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member), Stop> {
+/// The archive, its root text, and of how many this is the first.
+pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member, u64), Stop> {
     let archive = Archive::open(file, bytes)?;
     let mut target = USUAL.to_owned();
+    let mut starts = 0;
     if let Some(relations) = archive.find(file, RELATIONS)? {
         let mut xml = Xml::new(relations.open(file)?);
         loop {
             match xml.next()? {
                 Event::Done => break,
                 Event::Start { .. } if xml.name() == b"Relationship" && xml.raw(b"Type") == Some(KIND) => {
-                    target = xml.text(b"Target")?.unwrap_or(target);
+                    // Of several the first counts.
+                    starts += 1;
+                    if starts == 1 {
+                        target = xml.text(xml.raw(b"Target"))?.unwrap_or(target);
+                    }
                 }
                 _ => {}
             }
         }
     }
     let member = archive.find(file, &target)?;
-    Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?))
+    Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?, starts))
 }
 
 /// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
 pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
-    let (archive, first) = root(&file, bytes)?;
+    let (archive, first, starts) = root(&file, bytes)?;
     let mut inflated = first.checked_bytes()?;
     let mut reader = Reader::new(limits)?;
+    if starts > 1 {
+        reader.lacks.push(MeshLack::Starts { texts: starts });
+    }
     reader.text(first.open(&file)?, 0)?;
     let mut done = 1;
     // Texts that parts name, those of these included.

@@ -23,7 +23,7 @@ use super::stream::{Stream, numbers};
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Vertices};
 use super::{Limits, Summary};
-use crate::facts::{MeshFault, Part};
+use crate::facts::{MeshFault, MeshLack, Part};
 use crate::geom::Affine;
 
 /// Bytes of a triangle in its file: corners, and with looks the values at these and what they mean.
@@ -64,6 +64,7 @@ struct Contents {
     objects: BTreeMap<Key, Object>,
     items: Vec<Instance>,
     materials: Vec<Material>,
+    lacks: Vec<MeshLack>,
 }
 
 #[derive(Debug)]
@@ -80,10 +81,11 @@ pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
 pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(ThreeMf, Summary), Stop> {
     let (mut contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
     let materials = std::mem::take(&mut contents.materials);
+    let lacks = std::mem::take(&mut contents.lacks);
     let looks = [contents.values.count > 0 || !materials.is_empty(), false];
     let open = ThreeMf { contents, looks: limits.colors };
     let parts = open.check(inflated)?;
-    Ok((open, Summary { materials, held_bytes, parts, looks, ..Summary::default() }))
+    Ok((open, Summary { materials, lacks, held_bytes, parts, looks, ..Summary::default() }))
 }
 
 impl ThreeMf {

@@ -10,17 +10,21 @@ use super::super::stop::Stop;
 use super::super::vertices::Spool;
 use super::super::xml::{Event, Xml};
 use super::{COLORED, Contents, Instance, Key, Object, PLAIN};
-use crate::facts::{Feature, MeshFault, Part};
+use crate::facts::{Feature, MeshFault, MeshLack, Part};
 use crate::geom::Affine;
 
+/// Namespaces of what is read besides the core.
+const PRODUCTION: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
+const MATERIAL: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/material/2015/02";
+const SLICE: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/slice/2015/07";
 /// Extensions that are read, or say nothing of the shape of a surface.
-const KNOWN: [&str; 6] = [
-    "http://schemas.microsoft.com/3dmanufacturing/core/2015/02",
-    "http://schemas.microsoft.com/3dmanufacturing/production/2015/06",
-    "http://schemas.microsoft.com/3dmanufacturing/material/2015/02",
-    "http://schemas.microsoft.com/3dmanufacturing/slice/2015/07",
-    "http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07",
-    "http://schemas.bambulab.com/package/2021",
+const KNOWN: [&[u8]; 6] = [
+    b"http://schemas.microsoft.com/3dmanufacturing/core/2015/02",
+    PRODUCTION,
+    MATERIAL,
+    SLICE,
+    b"http://schemas.microsoft.com/3dmanufacturing/trianglesets/2021/07",
+    b"http://schemas.bambulab.com/package/2021",
 ];
 /// Memory of an object, of a part of one, and of a group of values.
 const OBJECT_BYTES: u64 = 160;
@@ -62,6 +66,7 @@ pub(super) struct Reader<'a> {
     items: Vec<Instance>,
     /// Names of the texts, the root's first, which is empty.
     pub(super) texts: Vec<String>,
+    pub(super) lacks: Vec<MeshLack>,
     pub(super) held_bytes: u64,
 }
 
@@ -78,6 +83,7 @@ impl<'a> Reader<'a> {
             texture_of: BTreeMap::new(),
             items: Vec::new(),
             texts: vec![String::new()],
+            lacks: Vec::new(),
             held_bytes: 0,
         })
     }
@@ -113,26 +119,39 @@ impl<'a> Reader<'a> {
     pub(super) fn text(&mut self, input: impl Read, number: u32) -> Result<(), Stop> {
         let mut xml = Xml::new(input);
         let mut unit = 1.0;
+        let mut core = Vec::new();
         let mut object: Option<(u32, Own)> = None;
         let mut group: Option<(u32, u32)> = None;
         let mut vertex_base = 0;
         let mut triangle_base = 0;
-        let mut parts: Vec<Instance> = Vec::new();
         let mut seen = false;
         loop {
-            let event = xml.next()?;
-            if event == Event::Done {
-                break;
-            }
-            if event == Event::End {
-                continue;
-            }
+            let empty = match xml.next()? {
+                Event::Done => break,
+                Event::End => continue,
+                Event::Start { empty } => empty,
+            };
             if !std::mem::replace(&mut seen, true) {
                 if xml.name() != b"model" {
                     return Err(xml.wrong());
                 }
+                core = xml.space().to_vec();
                 check_extensions(&xml)?;
                 unit = unit_mm(xml.raw(b"unit").unwrap_or(b"millimeter")).ok_or_else(|| xml.wrong())?;
+                continue;
+            }
+            if xml.space() != core {
+                if xml.space() == MATERIAL {
+                    self.material(&xml, number, &mut group)?;
+                    continue;
+                }
+                if xml.name() == b"beamlattice" {
+                    return Err(MeshFault::Unsupported(Feature::BeamLattice).into());
+                }
+                // What stands in elements of other namespaces belongs to these.
+                if !empty {
+                    xml.skip_element()?;
+                }
                 continue;
             }
             match xml.name() {
@@ -156,8 +175,10 @@ impl<'a> Reader<'a> {
                 b"object" => {
                     let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
                     let own = Own { group: xml.whole(b"pid")?, value: xml.whole(b"pindex")?.unwrap_or(0) };
+                    if xml.raw_of(SLICE, b"meshresolution") == Some(b"lowres") {
+                        self.lack(MeshLack::Slices);
+                    }
                     object = Some((id, own));
-                    parts.clear();
                 }
                 b"mesh" => {
                     let Some((id, _)) = object else { return Err(xml.wrong()) };
@@ -180,48 +201,7 @@ impl<'a> Reader<'a> {
                     let placed = self.placed(&xml, number, unit)?;
                     self.items.push(placed);
                 }
-                b"beamlattice" => return Err(MeshFault::Unsupported(Feature::BeamLattice).into()),
-                _ if !self.limits.colors => {}
-                b"basematerials" | b"colorgroup" | b"texture2dgroup" => {
-                    let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
-                    let kind = match xml.whole(b"texid")? {
-                        None => COLORED,
-                        Some(texture) => *self
-                            .texture_of
-                            .get(&(number, texture))
-                            .ok_or(MeshFault::BadReference { part: Part::Texture })?,
-                    };
-                    let first = u32::try_from(self.values.count).map_err(|_| xml.wrong())?;
-                    self.hold(OBJECT_BYTES)?;
-                    self.groups.insert((number, id), Group { first, count: 0, kind });
-                    group = Some((number, id));
-                }
-                b"base" | b"color" => {
-                    let name: &[u8] = if xml.name() == b"base" { b"displaycolor" } else { b"color" };
-                    let color = match xml.raw(name) {
-                        Some(text) => color(text).ok_or_else(|| xml.wrong())?,
-                        None => [1.0; 3],
-                    };
-                    self.value(&xml, group, color)?;
-                }
-                b"tex2coord" => {
-                    let place = [xml.number(b"u")?, xml.number(b"v")?, 0.0];
-                    self.value(&xml, group, place)?;
-                }
-                b"texture2d" => {
-                    let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
-                    let path = xml.text(b"path")?.ok_or_else(|| xml.wrong())?;
-                    let wrap = |name| match xml.raw(name) {
-                        Some(b"mirror") => Wrap::Mirror,
-                        Some(b"clamp" | b"none") => Wrap::Clamp,
-                        _ => Wrap::Repeat,
-                    };
-                    let wraps = [wrap(b"tilestyleu"), wrap(b"tilestylev")];
-                    self.hold(OBJECT_BYTES + path.len() as u64)?;
-                    let at = u32::try_from(self.textures.len()).unwrap_or(COLORED);
-                    self.texture_of.insert((number, id), at);
-                    self.textures.push(TextureResource { path, wraps });
-                }
+                b"basematerials" | b"base" => self.material(&xml, number, &mut group)?,
                 _ => {}
             }
         }
@@ -229,6 +209,67 @@ impl<'a> Reader<'a> {
             return Err(MeshFault::CutShort.into());
         }
         Ok(())
+    }
+
+    /// Takes an element that says what triangles are coloured with.
+    fn material<R: Read>(
+        &mut self,
+        xml: &Xml<R>,
+        number: u32,
+        group: &mut Option<(u32, u32)>,
+    ) -> Result<(), Stop> {
+        match xml.name() {
+            _ if !self.limits.colors => {}
+            b"basematerials" | b"colorgroup" | b"texture2dgroup" => {
+                let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
+                let kind = match xml.whole(b"texid")? {
+                    None => COLORED,
+                    Some(texture) => *self
+                        .texture_of
+                        .get(&(number, texture))
+                        .ok_or(MeshFault::BadReference { part: Part::Texture })?,
+                };
+                let first = u32::try_from(self.values.count).map_err(|_| xml.wrong())?;
+                self.hold(OBJECT_BYTES)?;
+                self.groups.insert((number, id), Group { first, count: 0, kind });
+                *group = Some((number, id));
+            }
+            b"base" | b"color" => {
+                let name: &[u8] = if xml.name() == b"base" { b"displaycolor" } else { b"color" };
+                let color = match xml.raw(name) {
+                    Some(text) => color(text).ok_or_else(|| xml.wrong())?,
+                    None => [1.0; 3],
+                };
+                self.value(xml, *group, color)?;
+            }
+            b"tex2coord" => {
+                let place = [xml.number(b"u")?, xml.number(b"v")?, 0.0];
+                self.value(xml, *group, place)?;
+            }
+            b"texture2d" => {
+                let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
+                let path = xml.text(xml.raw(b"path"))?.ok_or_else(|| xml.wrong())?;
+                let wrap = |name| match xml.raw(name) {
+                    Some(b"mirror") => Wrap::Mirror,
+                    Some(b"clamp" | b"none") => Wrap::Clamp,
+                    _ => Wrap::Repeat,
+                };
+                let wraps = [wrap(b"tilestyleu"), wrap(b"tilestylev")];
+                self.hold(OBJECT_BYTES + path.len() as u64)?;
+                let at = u32::try_from(self.textures.len()).unwrap_or(COLORED);
+                self.texture_of.insert((number, id), at);
+                self.textures.push(TextureResource { path, wraps });
+            }
+            b"multiproperties" | b"compositematerials" => self.lack(MeshLack::Layers),
+            _ => {}
+        }
+        Ok(())
+    }
+
+    fn lack(&mut self, lack: MeshLack) {
+        if !self.lacks.contains(&lack) {
+            self.lacks.push(lack);
+        }
     }
 
     fn add<R: Read>(&mut self, xml: &Xml<R>, key: Key, object: Object) -> Result<(), Stop> {
@@ -279,7 +320,7 @@ impl<'a> Reader<'a> {
             Some(stated) => transform(stated, unit).ok_or_else(|| xml.wrong())?,
             None => super::IDENTITY,
         };
-        let text = match xml.text(b"path")? {
+        let text = match xml.text(xml.raw_of(PRODUCTION, b"path"))? {
             Some(path) => self.text_number(&path)?,
             None => text,
         };
@@ -299,6 +340,7 @@ impl<'a> Reader<'a> {
             values: self.values.into_vertices()?,
             objects: self.objects,
             items: self.items,
+            lacks: self.lacks,
             materials: self.textures.into_iter().zip(images).map(laid).collect(),
         })
     }
@@ -306,16 +348,15 @@ impl<'a> Reader<'a> {
 
 /// Refuses a text that cannot be understood without an extension.
 fn check_extensions<R: Read>(xml: &Xml<R>) -> Result<(), Stop> {
-    let Some(required) = xml.text(b"requiredextensions")? else { return Ok(()) };
+    let Some(required) = xml.text(xml.raw(b"requiredextensions"))? else { return Ok(()) };
     for prefix in required.split_ascii_whitespace() {
-        let stated = xml.all().find(|(name, _)| name.strip_prefix(b"xmlns:") == Some(prefix.as_bytes()));
-        let space = stated.map(|(_, space)| String::from_utf8_lossy(space).into_owned());
-        let space = space.unwrap_or_else(|| prefix.to_owned());
-        if space.contains("beamlattice") {
+        let space = xml.space_of(prefix.as_bytes()).unwrap_or(prefix.as_bytes());
+        let name = String::from_utf8_lossy(space);
+        if name.contains("beamlattice") {
             return Err(MeshFault::Unsupported(Feature::BeamLattice).into());
         }
-        if !KNOWN.contains(&space.as_str()) {
-            return Err(MeshFault::Unsupported(Feature::Extension(space.chars().take(96).collect())).into());
+        if !KNOWN.contains(&space) {
+            return Err(MeshFault::Unsupported(Feature::Extension(name.chars().take(96).collect())).into());
         }
     }
     Ok(())

@@ -1,13 +1,12 @@
 //! The images of one series, and those of them that could lie in one volume.
 
 use std::collections::{HashMap, HashSet};
-use std::fs::File;
 use std::io;
 use std::path::PathBuf;
 
 use super::mosaic::Mosaic;
 use crate::facts::dicom::{Attribute, DicomNote, ImageFault, ScanError};
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_file};
 use crate::source::dicom::image::pixels::{PaddingAttributes, PixelLayout};
 use crate::source::files::FileList;
 use crate::source::finding::BurnedIn;
@@ -487,7 +486,7 @@ const PIECE: usize = 16 << 10;
 /// Runs over the pixel bytes of an image.
 fn pieces(slice: &Slice, files: &FileList, each: &mut dyn FnMut(&[u8])) -> io::Result<()> {
     let (mut at, mut left) = slice.pixels;
-    let file = File::open(files.path(slice.file as usize))?;
+    let file = open_file(&files.path(slice.file as usize))?;
     let mut piece = [0; PIECE];
     while left > 0 {
         let want = usize::try_from(left).unwrap_or(PIECE).min(PIECE);
@@ -511,7 +510,7 @@ fn same_pixels(a: &Slice, b: &Slice, files: &FileList) -> io::Result<bool> {
     if length != other {
         return Ok(false);
     }
-    let file = File::open(files.path(b.file as usize))?;
+    let file = open_file(&files.path(b.file as usize))?;
     let mut beside = [0; PIECE];
     let mut same = Ok(true);
     pieces(a, files, &mut |part| {

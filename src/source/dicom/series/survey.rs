@@ -10,6 +10,7 @@ use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
 use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
+use crate::platform::open_file;
 use crate::source::dicom::image::describe::{Access, Image, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
 use crate::source::dicom::image::pixels::PaddingAttributes;
@@ -66,7 +67,7 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     let mut series = Series::new(files, facts.to_vec());
     for file in 0..series.files.len() {
         let path = series.files.path(file);
-        let opened = File::open(&path).map_err(ScanError::from);
+        let opened = open_file(&path).map_err(ScanError::from);
         let scanned = opened.and_then(|f| scan(&f).map(|header| (f, header)));
         match scanned {
             Ok((input, header)) => add_file(&mut series, file, &input, &header),

@@ -1,6 +1,5 @@
 //! A DICOM series as a volume.
 
-use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -10,6 +9,7 @@ use super::layer::{Layer, Stack};
 use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
 use crate::facts::{Note, SourceFault};
 use crate::geom::Dims;
+use crate::platform::open_file;
 use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
 use crate::source::dicom::image::pixels::{Padding, PixelLayout};
@@ -421,7 +421,7 @@ impl VolumeSource for DicomVolume {
             let Some((file, ..)) = of_file.first() else { continue };
             let path = self.files.list().path(*file as usize);
             let unusable = |fault| SourceError::from(SourceFault::Dicom { path: path.clone(), fault });
-            let input = File::open(&path)
+            let input = open_file(&path)
                 .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause }))?;
             let header = scan(&input).map_err(|error| unusable(DicomFault::Header(error)))?;
             let image = Image::of(&header)
