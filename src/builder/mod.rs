@@ -43,6 +43,7 @@ mod parallel;
 mod plan;
 mod pool;
 mod range;
+mod reduce;
 mod report;
 mod ring;
 mod seal;
@@ -65,7 +66,7 @@ pub use estimator::Gradient;
 pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
-pub use options::{BuildOptions, Threshold};
+pub use options::{BuildOptions, Threshold, Tolerance};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{
@@ -148,6 +149,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         threads: options.threads,
         solid_bytes: Box::new(move |tile| shape.bytes(tile) + more),
         input_bytes: source.resident_bytes(),
+        with_sides: options.joins(),
     }
 }
 
@@ -215,6 +217,7 @@ fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildE
     let (name, surface) = (&description.name, job.options.surface);
     let dims = typed::grid_dims(*dims, surface, name)?;
     job.options.check_bits(true, || name.clone())?;
+    job.options.check_error(source.info().spacing_mm, || name.clone())?;
     channel_forms(job.options, name, |c, found| form_on(surface, *scalar, c, found))?;
     job.plan(name, &kindest_request(source, job.options))?;
     Ok(dims)

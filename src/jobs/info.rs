@@ -2,7 +2,7 @@
 
 mod report;
 
-pub use report::{InfoReport, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
+pub use report::{InfoReport, LeafFigures, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
 
 use std::fmt::Write;
 use std::path::Path;
@@ -41,6 +41,8 @@ pub enum Measured {
     Packed,
     /// It takes long, and was not insisted on.
     Large,
+    /// It has larger leaves.
+    Leaves,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -67,6 +69,8 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
         Measured::Packed
+    } else if info.frame.header.leaves {
+        Measured::Leaves
     } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
@@ -107,7 +111,9 @@ pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
     frame
         .sections
         .iter()
-        .filter_map(|e| e.kind.filter(|k| k.channel().is_some()).map(|k| (k.name(), e.stored_bytes)))
+        .filter_map(|e| {
+            e.kind.filter(|k| k.channel().is_some() || k.is_of_leaves()).map(|k| (k.name(), e.stored_bytes))
+        })
         .collect()
 }
 
@@ -205,6 +211,11 @@ impl Info {
         };
         row("inside", format!("{}, {surface}", inside(m)));
         row(kept, voxels.to_string());
+        if let Some(error) = &m.error {
+            row("larger leaves", leaves(frame).to_string());
+            let [bound, rms, p99, most] = [error.bound, error.rms, error.p99, error.most].map(Short);
+            row("error", format!("within {bound} voxel of the cells: RMS {rms}, 99 % {p99}, most {most}"));
+        }
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
@@ -253,6 +264,7 @@ impl Measured {
                 )];
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
+            Self::Leaves => return vec![("measures", "none of a model with larger leaves".to_owned())],
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
@@ -299,6 +311,11 @@ fn to_f64(bytes: u64) -> f64 {
 /// To two places, without the sign of a negative zero.
 fn plain(mm: f64) -> f64 {
     if mm.abs() < 0.005 { 0.0 } else { mm }
+}
+
+/// Larger leaves of a model.
+fn leaves(frame: &Frame) -> u64 {
+    frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
 }
 
 /// Nodes of every depth.

@@ -14,6 +14,7 @@
 mod cells;
 mod error;
 mod frame;
+mod leaves;
 mod map;
 mod memory;
 mod model;
@@ -22,7 +23,7 @@ mod verify;
 mod view;
 mod voxels;
 
-pub use cells::{CellItems, CellShape};
+pub use cells::{CellItems, CellShape, LeafItems};
 pub use error::LoadError;
 pub(crate) use error::{LoadFault, NotRegular};
 pub use frame::Frame;

@@ -25,6 +25,7 @@ mod fit;
 mod items;
 mod jet;
 mod label;
+pub(super) mod larger;
 mod pick;
 mod sharp;
 mod stretch;
