@@ -220,8 +220,9 @@ impl Info {
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
         }
-        let one = if frame.surface() == SurfaceKind::Cells { "cell" } else { "skin voxel" };
-        let each = |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, voxels));
+        let one = one_of(frame);
+        let each =
+            |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, surface_boxes(frame)));
         row("structure", each(structure_bytes(frame)));
         for (name, b) in channel_bytes(frame) {
             row(name, each(b));
@@ -313,8 +314,22 @@ fn plain(mm: f64) -> f64 {
     if mm.abs() < 0.005 { 0.0 } else { mm }
 }
 
+/// Boxes of the surface: skin voxels, or cells and larger leaves.
+pub(super) fn surface_boxes(frame: &Frame) -> u64 {
+    frame.header.voxels + leaves(frame)
+}
+
+/// One of them.
+pub(super) fn one_of(frame: &Frame) -> &'static str {
+    match frame.surface() {
+        _ if frame.header.leaves => "cell or leaf",
+        SurfaceKind::Cells => "cell",
+        SurfaceKind::Skin => "skin voxel",
+    }
+}
+
 /// Larger leaves of a model.
-fn leaves(frame: &Frame) -> u64 {
+pub(super) fn leaves(frame: &Frame) -> u64 {
     frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
 }
 

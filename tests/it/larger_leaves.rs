@@ -47,7 +47,9 @@ fn length(p: &[f64]) -> f64 {
 fn bodies(n: u32) -> [Body; 4] {
     let (side, mut random) = (f64::from(n), Random(9));
     let rough: Vec<f64> = (0..4096).map(|_| random.unit() - 0.5).collect();
-    let bump = move |p: [f64; 3]| rough[p.iter().fold(0, |h, c| (h * 31 + c.to_bits() as usize) >> 1) % 4096];
+    let bump = move |p: [f64; 3]| {
+        rough[p.iter().fold(0_usize, |h, c| (h.wrapping_mul(31) ^ (c.to_bits() >> 40) as usize) & 0xffff) % 4096]
+    };
     [
         body(n, "ball", |p| length(&[p[0] - 0.3, p[1] + 0.2, p[2]]) - 0.37 * side),
         body(n, "torus", |p| length(&[length(&[p[0], p[1] + 0.4]) - 0.28 * side, p[2] - 0.1]) - 0.11 * side),
@@ -416,7 +418,7 @@ fn what_cannot_be_done_is_refused_with_a_sentence() {
         assert!(!Path::new(&other).exists());
     }
     for args in [
-        &["render", &model, "-o", &at("m.png"), "--size", "64"][..],
+        &["render", &model, "-o", &at("m.png"), "--size", "64x64"][..],
         &["strip", &model, "-o", &at("stripped.oct"), "--lod", "off"],
         &["verify", &at("stripped.oct")],
         &["info", &model, "--measure"],

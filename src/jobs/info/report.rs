@@ -40,7 +40,7 @@ pub struct ModelFigures {
     pub nodes: u64,
     /// Size of the file that was written or read.
     pub bytes: u64,
-    /// `bytes` per skin voxel.
+    /// `bytes` per skin voxel, or per cell and larger leaf.
     pub bytes_per_skin_voxel: f64,
     /// Bytes of levels, infobytes and rank directory.
     pub structure_bytes: u64,
@@ -93,7 +93,7 @@ impl From<&Frame> for ModelFigures {
             error: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
             nodes: header.nodes,
             bytes: header.file_bytes,
-            bytes_per_skin_voxel: ratio(header.file_bytes, header.voxels),
+            bytes_per_skin_voxel: ratio(header.file_bytes, super::surface_boxes(frame)),
             structure_bytes: structure_bytes(frame),
             channel_bytes: channel_bytes(frame).into_iter().collect(),
         }
