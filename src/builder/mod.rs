@@ -13,6 +13,7 @@
 //! |---|---|---|---|
 //! | histogram (Otsu only) | the volume, once (wide types: twice) | 0.5 MiB + 0.5 MiB a worker | any |
 //! | column | the volume once, 12 % of rows twice | see plan | any |
+//! | reduce (`--error` only) | the scratch file, and back | about 1.6 MiB a worker | bricks in any order |
 //! | layout: census | the index | 2 KiB | Morton |
 //! | merge | the scratch file | about 1 MiB a worker | groups in Morton order |
 //! | seal | the output | 128 KiB | sequential |

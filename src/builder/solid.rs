@@ -386,7 +386,6 @@ impl SkinSlice<'_> {
             std::iter::from_fn(move || {
                 let x = left.trailing_zeros();
                 left &= left.wrapping_sub(1);
-                #[expect(clippy::cast_possible_truncation, reason = "two bits")]
                 let pair = |edge: usize| (corners[edge] >> x & 3) as u8;
                 (x < BRICK).then(|| pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6)
             })

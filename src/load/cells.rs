@@ -14,7 +14,7 @@ pub enum CellShape {
 
 /// Planes of larger leaves (SPEC 4.9), by their number: nodes without children before them.
 #[derive(Clone, Copy, Debug)]
-pub struct LeafItems<'a> {
+pub(crate) struct LeafItems<'a> {
     normals: &'a [[u8; 2]],
     offsets: &'a [u8],
     directory: &'a [[u8; 8]],
@@ -22,7 +22,7 @@ pub struct LeafItems<'a> {
 
 impl<'a> LeafItems<'a> {
     /// The contents of `LNRM`, `LOFS` and `LRNK`.
-    pub fn new(normals: &'a [u8], offsets: &'a [u8], directory: &'a [u8]) -> Self {
+    pub(super) fn new(normals: &'a [u8], offsets: &'a [u8], directory: &'a [u8]) -> Self {
         Self { normals: normals.as_chunks().0, offsets, directory: directory.as_chunks().0 }
     }
 

@@ -23,7 +23,8 @@ mod verify;
 mod view;
 mod voxels;
 
-pub use cells::{CellItems, CellShape, LeafItems};
+pub(crate) use cells::LeafItems;
+pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
 pub(crate) use error::{LoadFault, NotRegular};
 pub use frame::Frame;

@@ -86,7 +86,7 @@ impl Brick {
 #[inline(always)]
 fn zero_bytes(word: u64) -> u64 {
     const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
-    let not_zero = ((word & LOW) + LOW | word) & !LOW;
+    let not_zero = (((word & LOW) + LOW) | word) & !LOW;
     ((not_zero ^ !LOW) >> 7) * 0xff
 }
 

@@ -3,13 +3,15 @@
 use std::ops::Range;
 
 use super::{Bound, FineBrick, PARTS, gather, polygon};
-use crate::builder::cells::corner::{EDGES, TOWARDS_GUESS, encode};
+use crate::builder::cells::corner::{EDGES, encode};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{add_scaled, cross, dot};
 
 /// Square of the least cosine between a fine normal and the mean: 60 degrees.
 const NEAR: f64 = 0.25;
+/// Pulls a fitted normal towards the mean of the fine ones, in square voxels of the finest spacing.
+const PULL: f64 = 0.005;
 /// Half the range of the crossings along a fitted normal beyond which no code is tried, in bounds.
 const HOPELESS: f64 = 3.0;
 
@@ -233,7 +235,7 @@ fn fitted_near(guess: [f64; 3], spread: &[[f64; 3]; 3]) -> [f64; 3] {
     let e1 = e1.map(|c| c / length);
     let e2 = cross(guess, e1);
     let by = |a: [f64; 3], b: [f64; 3]| dot(a, spread.map(|row| dot(row, b)));
-    let (s11, s12, s22) = (by(e1, e1) + TOWARDS_GUESS, by(e1, e2), by(e2, e2) + TOWARDS_GUESS);
+    let (s11, s12, s22) = (by(e1, e1) + PULL, by(e1, e2), by(e2, e2) + PULL);
     let (r1, r2) = (-by(e1, guess), -by(e2, guess));
     let determinant = s11 * s22 - s12 * s12;
     let (a, b) = ((r1 * s22 - r2 * s12) / determinant, (r2 * s11 - r1 * s12) / determinant);
