@@ -299,7 +299,7 @@ fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none(
         surface: SurfaceKind::Cells,
         ..BuildOptions::default()
     };
-    infobyte::build(voxels, &options, &at("fine")).unwrap();
+    infobyte::build(voxels, &options, at("fine")).unwrap();
     let fine = std::fs::read(at("fine")).unwrap();
     assert!(bytes(0.0, 64, 2) == fine);
     assert!(first.len() < fine.len());
