@@ -25,6 +25,7 @@
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
 //! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
+//! | `reduce` | cells joined into larger leaves |
 //! | `layout`, `merge`, `seal` | the output |
 //! | `job`, `plan`, `options`, `parallel`, `report`, `error` | one build: memory, threads, results |
 //! | `visible` | what is seen from a point |

@@ -40,7 +40,7 @@ pub struct ModelFigures {
     pub nodes: u64,
     /// Size of the file that was written or read.
     pub bytes: u64,
-    /// `bytes` per skin voxel, or per cell and larger leaf.
+    /// `bytes` per skin voxel.
     pub bytes_per_skin_voxel: f64,
     /// Bytes of levels, infobytes and rank directory.
     pub structure_bytes: u64,
