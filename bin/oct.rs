@@ -24,7 +24,7 @@ use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::BuildJob;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
-use infobyte::jobs::opened::open_model;
+use infobyte::jobs::opened::open_fine_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::report::ReportRequest;
@@ -176,6 +176,7 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         gradient: args.skin.gradient.unwrap_or_default(),
         normal_bits: args.skin.normal_bits,
         visible_from: args.visible_from.clone(),
+        error: args.skin.error,
         lod: args.lod == Switch::On,
         memory: MemoryCap::Process(args.memory),
         threads: args.threads.count(),
@@ -238,6 +239,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             gradient: args.skin.gradient.unwrap_or_default(),
             normal_bits: args.skin.normal_bits,
             visible_from: Vec::new(),
+            error: args.skin.error,
             lod: args.lod == Switch::On,
             memory: MemoryCap::Process(args.memory),
             threads: args.threads.count(),
@@ -465,7 +467,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
-    let model = open_model(input.path())?;
+    let model = open_fine_model(input.path(), "checked ray by ray")?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;
     model.check_unchanged(input.path()).map_err(Error::from)?;

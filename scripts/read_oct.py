@@ -79,8 +79,8 @@ def main():
      header_crc) = struct.unpack_from("<HHBBHQQQIIIIII", data, 8)
     need(header_crc == crc32c(data[:60]) and major == 1 and zero == 0, "bad header (I1)")
     need(length == len(data), "wrong length (I2)")
-    packed, cells = encoding & 1, encoding >> 1
-    need(encoding < 4, "unknown encoding (I1)")
+    packed, cells, larger = encoding & 1, encoding >> 1 & 1, encoding >> 2
+    need(encoding < 8 and encoding & 6 != 4, "unknown encoding (I1)")
     need(depth == (max(nx, ny, nz) - 1).bit_length(), "depth does not fit the dims (I5)")
     table = data[64:64 + 48 * count]
     need(len(table) == 48 * count and crc32c(table) == table_crc, "bad table (I3)")
@@ -105,7 +105,20 @@ def main():
         unpack(sections, due, levels, depth)
     infobytes = sections["NODE"]
     need(len(infobytes) == nodes == levels[-1] and levels[0] == 0, "levels and nodes disagree (I7)")
-    need(all(infobytes), "a node without children (I10)")
+    # Depths at which a node may be a larger leaf.
+    first = levels[max(1, depth - 5)] if larger and depth else nodes
+    need(all(infobytes[:first]), "a node without children (I10)")
+    leaves = [node for node, mask in enumerate(infobytes) if not mask]
+    if larger:
+        planes = sections["LNRM"], sections["LOFS"]
+        need((len(planes[0]), len(planes[1])) == (2 * len(leaves), len(leaves)), "planes of larger leaves (I20)")
+        need(b"\x80" not in planes[0] + planes[1], "an illegal plane (I14)")
+        counted, at = b"", 0
+        for block in range(0, nodes, 512):
+            while at < len(leaves) and leaves[at] < block:
+                at += 1
+            counted += struct.pack("<Q", at)
+        need(counted == sections["LRNK"], "directory of larger leaves (I20)")
     before = [0]  # set bits before every node: a rank directory of our own
     for mask in infobytes:
         before.append(before[-1] + bin(mask).count("1"))
@@ -137,6 +150,7 @@ def main():
     dims, scalar, spacing, affine = m.take("3I"), m.take("B"), m.take("3d"), m.take("12d")
     rescale, (kind, lo, hi), connectivity = m.take("2d"), m.take("Bdd"), m.take("B")
     gradient, _value_scale = m.string(), m.take("2d")
+    error = m.take("4d") if larger else None
     need(m.at == len(sections["META"]) and tuple(n + cells for n in dims) == (nx, ny, nz), "metadata (I6)")
     names = {"NORM": "normal", "VALU": "value", "OFFS": "offset", "COLR": "color", "MATL": "material",
              "NFIN": "fine"}
@@ -150,6 +164,7 @@ def main():
         "nodes": nodes, "skin_voxels": voxels, "bytes": len(data),
         "structure_bytes": sum(stored_bytes[t] for t in ("LEVL", "NODE", "RANK") if t in stored_bytes),
         "channels": [n for t, n in names.items() if t in sections],
+        **({"error": {"leaves": len(leaves), **dict(zip(("bound", "rms", "p99", "most"), error))}} if larger else {}),
         "checksum": f"{crc32c(fingerprint):08x}"}))
 
 

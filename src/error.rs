@@ -17,7 +17,7 @@ use crate::load::LoadError;
 use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
-use crate::text::names::{CHANNELS, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, SKIN, VISIBLE_FROM};
+use crate::text::names::{CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, SKIN, VISIBLE_FROM};
 use crate::text::{shown, writing};
 
 /// Anything that can stop a job.
@@ -60,6 +60,12 @@ pub enum Error {
 pub enum UsageError {
     #[error("{}: keeps only what can be seen ({VISIBLE_FROM} {seen_from}), so that its inside is not known; build it without {VISIBLE_FROM}, or write its skin with {FORM} points, or a mask with {SKIN}", shown(.path))]
     KeepsPart { path: PathBuf, seen_from: String },
+    #[error("{}: has larger leaves ({ERROR}), which cannot be {doing} yet; use a model built without {ERROR}", shown(.path))]
+    LargerLeaves {
+        path: PathBuf,
+        /// What cannot be done to it.
+        doing: &'static str,
+    },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
     ReplacesInput { path: PathBuf, folder: bool },
     #[error("{}: is the model and would be replaced by a picture; name another file", shown(.path))]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Gradient, Threshold, ViewedFrom};
+use infobyte::builder::{Connectivity, Gradient, Threshold, Tolerance, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
@@ -218,6 +218,10 @@ pub(crate) struct SkinArgs {
     /// each, true to a few hundredths of a voxel
     #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
     pub(crate) surface: SurfaceKind,
+    /// Join cells into larger leaves where these stay that near to the surface: in voxels of the finest spacing (0.1), or
+    /// in mm (0.05mm); up to a voxel
+    #[arg(long, value_name = "BOUND", value_parser = parse::tolerance, allow_hyphen_values = true)]
+    pub(crate) error: Option<Tolerance>,
     /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of the skin of meshes normal,
     /// color (also kept by default where they have colours), and material, the number of the part
     /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)

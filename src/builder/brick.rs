@@ -20,7 +20,7 @@ pub(super) struct BrickChannel {
     channel: Channel,
     form: ItemForm,
     /// How its means come about, if they are wanted.
-    rule: Option<MeanRule>,
+    pub(super) rule: Option<MeanRule>,
     /// Stored items in the order of the scan.
     scan: Vec<u8>,
     /// Stored items in Morton order.
@@ -35,6 +35,12 @@ pub(super) struct BrickChannel {
 pub(super) struct Corner {
     rank: u16,
     scanned: u16,
+}
+
+impl Corner {
+    pub(super) fn rank(self) -> u16 {
+        self.rank
+    }
 }
 
 /// Bytes of a channel's items at their fullest, in both orders, and of its sums.
@@ -55,6 +61,10 @@ impl BrickChannel {
             items: Vec::new(),
             sums: vec![Sum::default(); if rule.is_some() { WORDS } else { 0 }],
         }
+    }
+
+    pub(super) fn channel(&self) -> Channel {
+        self.channel
     }
 
     /// Does only a part of the voxels have an item?
@@ -147,6 +157,8 @@ pub(super) struct BrickReader {
     /// Cells with corners, in Morton order.
     pub(super) corners: Vec<Corner>,
     pub(super) channels: Vec<BrickChannel>,
+    /// Corners inside of every cell, in the order of the scan and in Morton order, where they are swapped.
+    sides: Option<[Vec<u8>; 2]>,
 }
 
 impl BrickReader {
@@ -163,7 +175,18 @@ impl BrickReader {
             before: Box::new([0; WORDS]),
             corners: Vec::new(),
             channels: channels.with_means().map(|(c, rule)| BrickChannel::new(c, rule)).collect(),
+            sides: None,
         }
+    }
+
+    /// A reader of cells whose sides are swapped, too.
+    pub(super) fn with_sides(channels: &StoredChannels) -> Self {
+        Self { sides: Some(Default::default()), ..Self::new(channels) }
+    }
+
+    /// Corners inside of every cell, in Morton order.
+    pub(super) fn sides(&self) -> &[u8] {
+        self.sides.as_ref().map_or(&[], |[_, items]| items)
     }
 
     /// Loads a brick and puts it into Morton order.
@@ -171,6 +194,9 @@ impl BrickReader {
         self.rows.fill(0);
         for channel in &mut self.channels {
             channel.scan.clear();
+        }
+        if let Some([scan, _]) = &mut self.sides {
+            scan.clear();
         }
         // Fragments are linked from the last to the first, and the first slices must come first.
         self.chain.clear();
@@ -202,6 +228,10 @@ impl BrickReader {
                 4 => dispatch(SortKernel::<4> { order, scan, items }),
                 wide => order.sort(scan, items, wide),
             }
+        }
+        if let Some([scan, items]) = &mut self.sides {
+            let order = MortonOrder { rows: &self.rows, words: &self.words, before: &self.before };
+            dispatch(SortKernel::<1> { order, scan, items });
         }
         Ok(())
     }
@@ -253,6 +283,9 @@ impl BrickReader {
                 corners = swapped.iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
             }
             channel.form.store(swapped, &mut channel.scan);
+        }
+        if let Some([scan, _]) = &mut self.sides {
+            scan.extend_from_slice(rest.get(..count)?);
         }
         Some(())
     }

@@ -41,6 +41,15 @@ pub(super) struct ScanContext<'a> {
     /// The boxes that can be seen, if others are not kept.
     pub(super) seen: Option<&'a BitVolume>,
     pub(super) progress: &'a dyn Progress,
+    /// Are the sides of cells' corners swapped, too?
+    pub(super) with_sides: bool,
+}
+
+impl ScanContext<'_> {
+    /// Chains of a brick: one a channel, and one of sides.
+    fn chains(&self) -> usize {
+        self.channels.len() + usize::from(self.with_sides)
+    }
 }
 
 /// Figures that a worker brings home.
@@ -183,7 +192,7 @@ impl<'a> ColumnWorker<'a> {
             no_bits: vec![0; words + 2],
             skin: vec![0; BRICK_ROWS * words],
             bricks: vec![Brick::new(); plan.tile_bricks()],
-            chains: vec![Chain::EMPTY; plan.tile_bricks() * shared.channels.len()],
+            chains: vec![Chain::EMPTY; plan.tile_bricks() * shared.chains()],
             pool: ChunkPool::new(plan.pool_bytes),
             payload: Vec::with_capacity(plan.payload_bytes()),
             entries: Vec::with_capacity(plan.tile_bricks()),
@@ -412,19 +421,26 @@ impl<'a> ColumnWorker<'a> {
         let slice = (z % BRICK) as usize;
         let channels = self.shared.channels;
         // One more chunk each: the last chunk of a chain may be full.
-        let most = count * self.shared.plan.swapped_bytes + channels.len() * CHUNK_BYTES;
+        let (chains, with_sides) = (self.shared.chains(), self.shared.with_sides);
+        let most = count * self.shared.plan.swapped_bytes + chains * CHUNK_BYTES;
         if !self.pool.has_room(most) {
             self.swap_out()?;
         }
         if !channels.is_empty() {
-            self.solid.describe(&SkinSlice {
+            let slice = SkinSlice {
                 corner: [column.x.start + brick as u32 * BRICK, column.y.start, z],
                 rows: &skin,
                 count,
                 bits: BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] },
                 brick,
-            })?;
-            let chains = &mut self.chains[brick * channels.len()..][..channels.len()];
+            };
+            self.solid.describe(&slice)?;
+            let chains = &mut self.chains[brick * chains..][..chains];
+            if let (true, Some(sides)) = (with_sides, chains.last_mut()) {
+                self.payload.clear();
+                self.payload.extend(slice.sides());
+                self.pool.append(sides, &self.payload);
+            }
             let mut corners = 0;
             for (chain, ChannelForm { channel, form }) in chains.iter_mut().zip(channels) {
                 let items = self.solid.items(*channel);
@@ -447,7 +463,7 @@ impl<'a> ColumnWorker<'a> {
 
     /// Swaps out what every brick of the tile has gathered.
     fn swap_out(&mut self) -> Result<(), BuildError> {
-        let channels = self.shared.channels.len();
+        let channels = self.shared.chains();
         for (at, brick) in self.bricks.iter_mut().enumerate() {
             let chains = &mut self.chains[at * channels..][..channels];
             if brick.swapped < brick.done {

@@ -11,7 +11,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::progress::Stopped;
 use crate::text::names::{
-    DTYPE, FILL, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
+    DTYPE, ERROR, FILL, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
 };
 use crate::text::{Short, reading, shown, writing};
 use crate::volume::{SourceError, SourceFault};
@@ -46,6 +46,12 @@ pub(crate) enum BuildFault {
         "{name}: only skin voxels of volumes have normals of 12 or 24 bits; leave out {NORMAL_BITS}, or use {SURFACE} skin"
     )]
     NormalBits { name: String },
+    #[error("{name}: only cells are joined into larger leaves; leave out {ERROR}, or use {SURFACE} cells")]
+    ErrorOfSkin { name: String },
+    #[error("{name}: {ERROR} is {} voxels of the finest spacing here; give a bound above 0 and up to 1 voxel", Short(*.voxels))]
+    ErrorRange { name: String, voxels: f64 },
+    #[error("{name}: {ERROR} is for whole models so far; leave it out, or leave out {VISIBLE_FROM}")]
+    ErrorOfPart { name: String },
     #[error(
         "{name}: a side of 65536 voxels is too long for cells; use {SURFACE} skin, or a part of the volume with {ROI}"
     )]
@@ -129,6 +135,9 @@ impl BuildError {
             | BuildFault::NothingVisible { name, .. }
             | BuildFault::NoChannel { name, .. }
             | BuildFault::NormalBits { name }
+            | BuildFault::ErrorOfSkin { name }
+            | BuildFault::ErrorRange { name, .. }
+            | BuildFault::ErrorOfPart { name }
             | BuildFault::NoRoomForCells { name }
             | BuildFault::NoNumbers { name } => Some(name),
             _ => None,
@@ -225,6 +234,9 @@ impl BuildFault {
             | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
             | Self::NormalBits { .. }
+            | Self::ErrorOfSkin { .. }
+            | Self::ErrorRange { .. }
+            | Self::ErrorOfPart { .. }
             | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,

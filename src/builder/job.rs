@@ -6,12 +6,14 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::bits::BitVolume;
+use super::cells::larger::Bound;
 use super::column::{ColumnWorker, ScanContext, ScanTotals};
 use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
 use super::plan::{ColumnPlan, PlanRequest};
+use super::reduce::{self, Reduce};
 use super::skin::{Connectivity, SkinRule};
 use super::solid::{BRICK, ScanSummary, Solid, VoxelBox};
 use super::swap::Scratch;
@@ -20,7 +22,7 @@ use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parall
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::builder::BuildFault;
-use crate::format::{Channel, Metadata, SurfaceKind};
+use crate::format::{Channel, ErrorBound, Metadata, SurfaceKind};
 use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
@@ -40,6 +42,8 @@ pub fn build_solid(
 ) -> Result<BuildReport, BuildError> {
     let options = &options.for_surface(solid.surface());
     options.check_bits(false, || solid.name())?;
+    let spacing_mm = solid.metadata(&ScanSummary::default()).spacing_mm;
+    options.check_error(spacing_mm, || solid.name())?;
     let job = Job { options, output, progress };
     // What can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);
@@ -67,6 +71,7 @@ fn request_of<'a>(solid: &'a dyn Solid, options: &BuildOptions) -> Result<PlanRe
         threads: options.threads,
         solid_bytes: Box::new(|tile| solid.worker_bytes(tile)),
         input_bytes: solid.input_bytes(),
+        with_sides: options.joins(),
     })
 }
 
@@ -148,13 +153,14 @@ impl Job<'_> {
         }
 
         let started = Instant::now();
-        let census = Census::take(solid.dims(), &scratch)?;
         // The same channels, in the forms that follow from what was found.
         for known in &mut forms {
             known.form = solid.form(known.channel, &totals.found).unwrap_or(known.form);
         }
-        let channels = StoredChannels { forms, lod: self.options.lod };
-        let metadata = self.metadata(solid, &totals.found);
+        let channels = StoredChannels { forms, lod: self.options.lod, leaves: self.options.joins() };
+        let mut metadata = self.metadata(solid, &totals.found);
+        metadata.error = self.reduce(solid, &channels, &plan, &scratch, metadata.spacing_mm)?;
+        let census = Census::take(solid.dims(), &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
         let layout = Layout::new(&census, metadata.len() as u64, &channels);
@@ -240,7 +246,8 @@ impl Job<'_> {
         seen: Option<&BitVolume>,
     ) -> Result<ScanTotals, BuildError> {
         let progress = self.progress;
-        let shared = ScanContext { solid, channels, kept: self.kept(solid), plan, scratch, seen, progress };
+        let (kept, with_sides) = (self.kept(solid), self.options.joins());
+        let shared = ScanContext { solid, channels, kept, plan, scratch, seen, progress, with_sides };
         self.progress.stage("scan", plan.column_count());
         let totals = Mutex::new(ScanTotals::default());
         self.columns(
@@ -300,7 +307,8 @@ impl Job<'_> {
         let (dims, folder) = (solid.dims(), self.options.scratch_folder(self.output));
         let occupancy = BitVolume::create(&folder, dims)?;
         let (kept, progress) = (self.kept(solid), self.progress);
-        let shared = ScanContext { solid, channels, kept, plan, scratch, seen: None, progress };
+        let shared =
+            ScanContext { solid, channels, kept, plan, scratch, seen: None, progress, with_sides: false };
         self.progress.stage("occupancy", plan.column_count());
         self.columns(&shared, |worker, column| worker.store_occupancy(column, &occupancy), |_| Ok(()))?;
 
@@ -330,6 +338,28 @@ impl Job<'_> {
             Ok(())
         })?;
         Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
+    }
+
+    /// Joins cells into larger leaves, if that is asked for.
+    fn reduce(
+        &self,
+        solid: &dyn Solid,
+        channels: &StoredChannels,
+        plan: &ColumnPlan,
+        scratch: &Scratch,
+        spacing_mm: [f64; 3],
+    ) -> Result<Option<ErrorBound>, BuildError> {
+        let Some(error) = self.options.error.filter(|_| channels.leaves) else { return Ok(None) };
+        let bricks = solid.dims().to_array().map(|n| u64::from(n.div_ceil(BRICK)));
+        self.progress.stage("join", bricks.iter().product());
+        let bound = Bound::new(error.voxels(spacing_mm), spacing_mm);
+        let stage = Reduce::new(solid.dims(), scratch, channels, bound);
+        parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
+            let _memory = self.part(solid, plan, reduce::worker_bytes(&channels.forms))?;
+            stage.work(stop, self.progress)
+        })?;
+        self.progress.check()?;
+        Ok(Some(stage.found()))
     }
 
     fn merge(

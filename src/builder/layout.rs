@@ -4,7 +4,7 @@ use super::error::BuildError;
 use super::item::ChannelForm;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::BrickWalk;
-use crate::format::cell::corner_blocks;
+use crate::format::cell::{corner_blocks, leaf_blocks};
 use crate::format::{ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, rank};
 use crate::geom::Dims;
 
@@ -25,6 +25,8 @@ pub(super) struct Census {
     pub(super) bricks: u64,
     /// Cells with corners.
     pub(super) corners: u64,
+    /// Larger leaves with an edge of `2^e`, by e; index 0 is unused.
+    leaves: [u64; BRICK_LEVELS as usize + 1],
     /// Nodes with an edge of `2^e`, by e; index 0 is unused.
     by_edge: [u64; 17],
 }
@@ -33,7 +35,7 @@ impl Census {
     /// One sequential pass over the index.
     pub(super) fn take(dims: Dims, scratch: &Scratch) -> Result<Self, BuildError> {
         let depth = dims.depth();
-        let mut census = Self { depth, voxels: 0, bricks: 0, corners: 0, by_edge: [0; 17] };
+        let mut census = Self { depth, voxels: 0, bricks: 0, corners: 0, leaves: [0; 6], by_edge: [0; 17] };
         let (mut walk, mut found) = (BrickWalk::new(dims), Vec::new());
         let mut previous = None;
         while walk.next_group(scratch, &mut found)? {
@@ -41,6 +43,9 @@ impl Census {
                 census.voxels += u64::from(entry.skin);
                 census.bricks += 1;
                 census.corners += u64::from(entry.corners);
+                for (all, leaves) in census.leaves[1..].iter_mut().zip(entry.leaves) {
+                    *all += u64::from(leaves);
+                }
                 for e in 1..=depth.min(BRICK_LEVELS) {
                     census.by_edge[e as usize] += boxes_in_brick(entry, e);
                 }
@@ -58,6 +63,16 @@ impl Census {
     /// Number of the first node with an edge of `2^e` (nodes of longer edges come first).
     pub(super) fn first_node(&self, e: u32) -> u64 {
         (e + 1..=self.depth).map(|longer| self.by_edge[longer as usize]).sum()
+    }
+
+    /// Number of the first larger leaf with an edge of `2^e` (longer ones come first).
+    pub(super) fn first_leaf(&self, e: u32) -> u64 {
+        (e + 1..=BRICK_LEVELS).map(|longer| self.leaves[longer as usize]).sum()
+    }
+
+    /// Larger leaves.
+    pub(super) fn leaves(&self) -> u64 {
+        self.first_leaf(0)
     }
 
     pub(super) fn nodes(&self) -> u64 {
@@ -81,6 +96,8 @@ impl Census {
 pub(super) struct StoredChannels {
     pub(super) forms: Vec<ChannelForm>,
     pub(super) lod: bool,
+    /// With larger leaves?
+    pub(super) leaves: bool,
 }
 
 impl StoredChannels {
@@ -123,8 +140,15 @@ impl Layout {
         });
         let corner_rank =
             channels.has_corners().then(|| (SectionKind::CornerRank, 8, corner_blocks(census.voxels)));
+        let leaves = [
+            (SectionKind::LeafNormals, 2, census.leaves()),
+            (SectionKind::LeafOffsets, 1, census.leaves()),
+            (SectionKind::LeafRank, 8, leaf_blocks(nodes)),
+        ];
+        let leaves = leaves.into_iter().filter(|_| channels.leaves);
         // Kind, bytes per item, items.
-        let wanted: Vec<_> = fixed.into_iter().chain(means).chain(voxels).chain(corner_rank).collect();
+        let wanted: Vec<_> =
+            fixed.into_iter().chain(means).chain(voxels).chain(corner_rank).chain(leaves).collect();
         let mut end = (HEADER_BYTES + wanted.len() * ENTRY_BYTES) as u64;
         let mut entries = Vec::with_capacity(wanted.len());
         for (kind, item_bytes, items) in wanted {

@@ -14,6 +14,7 @@ use super::brick::{BrickReader, channel_bytes, infobytes};
 use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
+use super::reduce::Reduced;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
 use crate::budget::costs::MIN_WORKER;
@@ -131,6 +132,7 @@ struct Cursors {
     voxel: u64,
     corners: u64,
     brick: u64,
+    leaf: [u64; BRICK_LEVELS as usize],
 }
 
 pub(super) struct Merge<'a> {
@@ -149,6 +151,8 @@ struct Group {
     voxel: u64,
     corners: u64,
     brick: u64,
+    /// First larger leaf with an edge of 2^(i + 1).
+    leaf: [u64; BRICK_LEVELS as usize],
 }
 
 fn averaged(channels: &StoredChannels) -> impl Iterator<Item = (Channel, usize, MeanRule)> {
@@ -173,7 +177,14 @@ impl<'a> Merge<'a> {
             scratch,
             target,
             census,
-            cursors: Mutex::new(Cursors { walk: BrickWalk::new(dims), node, voxel: 0, corners: 0, brick: 0 }),
+            cursors: Mutex::new(Cursors {
+                walk: BrickWalk::new(dims),
+                node,
+                voxel: 0,
+                corners: 0,
+                brick: 0,
+                leaf: LEAF_EDGES.map(|e| census.first_leaf(e)),
+            }),
             summaries: scratch.take(summaries_len),
             summary_bytes,
         })
@@ -189,12 +200,15 @@ impl<'a> Merge<'a> {
         if !cursors.walk.next_group(self.scratch, found)? {
             return Ok(None);
         }
-        let Cursors { node, voxel, corners, brick, .. } = *cursors;
-        let group = Group { node, voxel, corners, brick };
+        let Cursors { node, voxel, corners, brick, leaf, .. } = *cursors;
+        let group = Group { node, voxel, corners, brick, leaf };
         for (_, entry) in found.iter() {
             cursors.voxel += u64::from(entry.skin);
             cursors.corners += u64::from(entry.corners);
             cursors.brick += 1;
+            for (next, leaves) in cursors.leaf.iter_mut().zip(entry.leaves) {
+                *next += u64::from(leaves);
+            }
             for e in 1..=self.levels() {
                 cursors.node[e as usize] += boxes_in_brick(entry, e);
             }
@@ -239,6 +253,9 @@ impl<'a> Merge<'a> {
     }
 }
 
+/// Base-2 logarithms of the edges of larger leaves.
+const LEAF_EDGES: [u32; BRICK_LEVELS as usize] = [1, 2, 3, 4, 5];
+
 struct ChannelRuns {
     items: Run,
     means: [Run; BRICK_LEVELS as usize],
@@ -252,6 +269,9 @@ struct MergeWorker {
     channels: Vec<ChannelRuns>,
     means: Vec<u8>,
     summaries: Vec<u8>,
+    /// Of larger leaves: normals and offsets, by edge.
+    leaves: [[Run; 2]; BRICK_LEVELS as usize],
+    reduced: Reduced,
 }
 
 impl MergeWorker {
@@ -268,6 +288,8 @@ impl MergeWorker {
                 .collect(),
             means: Vec::new(),
             summaries: Vec::new(),
+            leaves: std::array::from_fn(|_| [Run::new(None), Run::new(None)]),
+            reduced: Reduced::default(),
         }
     }
 
@@ -284,9 +306,20 @@ impl MergeWorker {
                 runs.means[e - 1].restart(target.offset(SectionKind::Means(*channel), group.node[e], item));
             }
         }
+        for ([normals, offsets], first) in self.leaves.iter_mut().zip(group.leaf) {
+            normals.restart(target.offset(SectionKind::LeafNormals, first, 2));
+            offsets.restart(target.offset(SectionKind::LeafOffsets, first, 1));
+        }
         self.summaries.clear();
         for (code, entry) in bricks {
-            self.emit_brick(merge, *code, entry)?;
+            if target.channels.leaves {
+                self.emit_reduced(merge, *code, entry)?;
+            } else {
+                self.emit_brick(merge, *code, entry)?;
+            }
+        }
+        for run in self.leaves.iter_mut().flatten() {
+            run.flush(target)?;
         }
         for run in &mut self.nodes {
             run.flush(target)?;
@@ -296,6 +329,34 @@ impl MergeWorker {
             runs.means.iter_mut().try_for_each(|run| run.flush(target))?;
         }
         merge.scratch.write(&self.summaries, merge.summaries + group.brick * merge.summary_bytes as u64)
+    }
+
+    /// A brick whose bytes stand in the scratch file as they will in the model.
+    fn emit_reduced(&mut self, merge: &Merge<'_>, code: u64, entry: &BrickEntry) -> Result<(), BuildError> {
+        let (target, scratch, levels) = (merge.target, merge.scratch, merge.levels() as usize);
+        let Self { reduced, nodes, leaves, channels, summaries, reader, .. } = self;
+        reduced.load(scratch, entry)?;
+        for (run, e) in nodes.iter_mut().zip(1..=levels) {
+            run.put(target, reduced.take(scratch, Reduced::nodes(entry, e))?)?;
+        }
+        for ([normals, offsets], count) in leaves.iter_mut().zip(entry.leaves).take(levels) {
+            normals.put(target, reduced.take(scratch, 2 * usize::from(count))?)?;
+            offsets.put(target, reduced.take(scratch, usize::from(count))?)?;
+        }
+        for (runs, channel) in channels.iter_mut().zip(&reader.channels) {
+            let items = if channel.is_sparse() { entry.corners.into() } else { entry.skin };
+            let item = channel.item_bytes();
+            runs.items.put(target, reduced.take(scratch, items as usize * item)?)?;
+            if channel.rule.is_some() {
+                for (run, e) in runs.means[1..].iter_mut().zip(2..=levels) {
+                    run.put(target, reduced.take(scratch, Reduced::nodes(entry, e) * item)?)?;
+                }
+            }
+        }
+        summaries.extend(code.to_le_bytes());
+        let sums = merge.summary_bytes - size_of::<u64>();
+        summaries.extend_from_slice(reduced.take(scratch, sums)?);
+        Ok(())
     }
 
     fn emit_brick(&mut self, merge: &Merge<'_>, code: u64, entry: &BrickEntry) -> Result<(), BuildError> {

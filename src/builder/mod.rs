@@ -13,6 +13,7 @@
 //! |---|---|---|---|
 //! | histogram (Otsu only) | the volume, once (wide types: twice) | 0.5 MiB + 0.5 MiB a worker | any |
 //! | column | the volume once, 12 % of rows twice | see plan | any |
+//! | reduce (`--error` only) | the scratch file, and back | about 1.6 MiB a worker | bricks in any order |
 //! | layout: census | the index | 2 KiB | Morton |
 //! | merge | the scratch file | about 1 MiB a worker | groups in Morton order |
 //! | seal | the output | 128 KiB | sequential |
@@ -24,6 +25,7 @@
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
 //! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
+//! | `reduce` | cells joined into larger leaves |
 //! | `layout`, `merge`, `seal` | the output |
 //! | `job`, `plan`, `options`, `parallel`, `report`, `error` | one build: memory, threads, results |
 //! | `visible` | what is seen from a point |
@@ -54,6 +56,7 @@ mod parallel;
 mod plan;
 mod pool;
 mod range;
+mod reduce;
 mod report;
 mod ring;
 mod seal;
@@ -77,7 +80,7 @@ pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub(crate) use job::reserve_least_of;
-pub use options::{BuildOptions, Threshold};
+pub use options::{BuildOptions, Threshold, Tolerance};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
 pub use solid::{
@@ -160,6 +163,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         threads: options.threads,
         solid_bytes: Box::new(move |tile| shape.bytes(tile) + more),
         input_bytes: source.resident_bytes(),
+        with_sides: options.joins(),
     }
 }
 
@@ -227,6 +231,7 @@ fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildE
     let (name, surface) = (&description.name, job.options.surface);
     let dims = typed::grid_dims(*dims, surface, name)?;
     job.options.check_bits(true, || name.clone())?;
+    job.options.check_error(source.info().spacing_mm, || name.clone())?;
     channel_forms(job.options, name, |c, found| form_on(surface, *scalar, c, found))?;
     job.plan(name, &kindest_request(source, job.options))?;
     Ok(dims)

@@ -21,6 +21,30 @@ pub enum Threshold {
     Chosen(Selection),
 }
 
+/// How far larger leaves of cells may lie from the surface (SPEC 4.9).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum Tolerance {
+    /// In voxels of the finest spacing, at most 1.
+    Voxels(f64),
+    /// In mm, at most a voxel.
+    Mm(f64),
+}
+
+impl Tolerance {
+    /// In voxels of the finest spacing.
+    pub(super) fn voxels(self, spacing_mm: [f64; 3]) -> f64 {
+        match self {
+            Self::Voxels(voxels) => voxels,
+            Self::Mm(mm) => mm / spacing_mm.into_iter().fold(f64::INFINITY, f64::min),
+        }
+    }
+
+    fn number(self) -> f64 {
+        let (Self::Voxels(number) | Self::Mm(number)) = self;
+        number
+    }
+}
+
 /// Options of a build: its content and its means.
 #[derive(Clone, Debug)]
 pub struct BuildOptions {
@@ -40,6 +64,8 @@ pub struct BuildOptions {
     /// From where the model will be looked at: what cannot be seen from there is not kept. Everything is, if nothing
     /// is said.
     pub visible_from: Vec<ViewedFrom>,
+    /// Join cells into larger leaves where that stays within a bound; 0 joins none.
+    pub error: Option<Tolerance>,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -62,6 +88,7 @@ impl Default for BuildOptions {
             gradient: Gradient::default(),
             normal_bits: NormalBits::default(),
             visible_from: Vec::new(),
+            error: None,
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
@@ -106,6 +133,34 @@ impl BuildOptions {
             return Ok(());
         }
         Err(BuildFault::NormalBits { name: name() }.into())
+    }
+
+    /// Are cells joined into larger leaves?
+    pub(super) fn joins(&self) -> bool {
+        self.error.is_some_and(|error| error.number() != 0.0)
+    }
+
+    /// Can cells be joined within the bound that is asked for?
+    ///
+    /// # Errors
+    /// [`BuildError`]
+    pub(super) fn check_error(
+        &self,
+        spacing_mm: [f64; 3],
+        name: impl FnOnce() -> String,
+    ) -> Result<(), BuildError> {
+        let Some(error) = self.error.filter(|_| self.joins()) else { return Ok(()) };
+        let voxels = error.voxels(spacing_mm);
+        let fault = if self.surface != SurfaceKind::Cells {
+            BuildFault::ErrorOfSkin { name: name() }
+        } else if !(voxels > 0.0 && voxels <= 1.0) {
+            BuildFault::ErrorRange { name: name(), voxels }
+        } else if !self.visible_from.is_empty() {
+            BuildFault::ErrorOfPart { name: name() }
+        } else {
+            return Ok(());
+        };
+        Err(fault.into())
     }
 
     /// The folder of scratch files for a model: as given, or the model's own.

@@ -6,6 +6,7 @@ use std::ops::Range;
 
 use super::item::ChannelForm;
 use super::merge;
+use super::reduce;
 use super::solid::{BRICK, Tile, VoxelBox};
 use super::swap::{ENTRY_BYTES, EXTENT_BYTES};
 use crate::budget::costs::WORKER_OVERHEAD;
@@ -49,6 +50,8 @@ pub(super) struct PlanRequest<'a> {
     pub(super) solid_bytes: Box<dyn Fn(&Tile) -> u64 + 'a>,
     /// Memory that a thread may hold for the inputs of the solid.
     pub(super) input_bytes: u64,
+    /// Are cells joined into larger leaves, so that their sides are swapped, too?
+    pub(super) with_sides: bool,
 }
 
 impl ColumnPlan {
@@ -88,7 +91,9 @@ impl ColumnPlan {
 
     /// Reserves what the workers hold in all stages; what follows them alone fits into the part of one.
     fn reserve(&self, request: &PlanRequest<'_>, budget: &Budget) -> Result<Reservation, TooSmall> {
-        let merging = merge::worker_bytes(&request.channels).max(merge::upper_bytes(&request.channels));
+        let channels = &request.channels;
+        let joining = if request.with_sides { reduce::worker_bytes(channels) } else { 0 };
+        let merging = merge::worker_bytes(channels).max(merge::upper_bytes(channels)).max(joining);
         let worker = self.scan_bytes.max(merging) + WORKER_OVERHEAD + request.input_bytes;
         let needed_bytes = worker * self.threads as u64;
         if budget.is_passed() {
@@ -103,7 +108,8 @@ impl ColumnPlan {
             tile,
             threads,
             channels: request.channels.iter().map(|c| c.channel).collect(),
-            swapped_bytes: request.channels.iter().map(|c| c.form.swapped_bytes()).sum(),
+            swapped_bytes: request.channels.iter().map(|c| c.form.swapped_bytes()).sum::<usize>()
+                + usize::from(request.with_sides),
             pool_bytes: POOL_BYTES,
             total_bytes: 0,
             scan_bytes: 0,
@@ -191,6 +197,7 @@ mod tests {
             // Five slices of singles.
             solid_bytes: Box::new(|tile| u64::from(tile.columns) * 36 * 20),
             input_bytes: 0,
+            with_sides: false,
         }
     }
 

@@ -3,7 +3,7 @@
 use super::error::BuildError;
 use super::layout::Census;
 use super::merge::{RUN_BYTES, Run, Target};
-use crate::format::cell::CornerRankBuilder;
+use crate::format::cell::{CornerRankBuilder, HAS_CORNERS};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{
     Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, least_minor, table_bytes,
@@ -38,7 +38,15 @@ pub(super) fn seal(
     let mut buffer = vec![0; STEP];
     let mut entries = layout.entries.clone();
     let nodes_crc = rank_directory(target, census.nodes(), &mut buffer)?;
-    corner_directory(target, census.voxels, &mut buffer)?;
+    let offsets = SectionKind::Voxels(Channel::Offset);
+    directory(
+        target,
+        (offsets, census.voxels),
+        HAS_CORNERS.cast_unsigned(),
+        SectionKind::CornerRank,
+        &mut buffer,
+    )?;
+    directory(target, (SectionKind::Nodes, census.nodes()), 0, SectionKind::LeafRank, &mut buffer)?;
     for entry in &mut entries {
         let crc = if entry.kind == Some(SectionKind::Nodes) {
             nodes_crc
@@ -57,6 +65,7 @@ pub(super) fn seal(
         minor: least_minor(surface, &entries),
         encoding: Encoding::Mapped,
         surface,
+        leaves: target.channels.leaves,
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
         sections: entries.len() as u16,
         file_bytes,
@@ -93,18 +102,22 @@ fn rank_directory(target: &Target<'_>, nodes: u64, buffer: &mut [u8]) -> Result<
     Ok(crc)
 }
 
-/// Builds the directory of corners, if there are any, from the offsets written before.
-fn corner_directory(target: &Target<'_>, cells: u64, buffer: &mut [u8]) -> Result<(), BuildError> {
+/// Builds a directory, if there is one, of the bytes of a value among those of a section written before.
+fn directory(
+    target: &Target<'_>,
+    (of, count): (SectionKind, u64),
+    value: u8,
+    directory: SectionKind,
+    buffer: &mut [u8],
+) -> Result<(), BuildError> {
     let at = |kind| target.layout.offset(kind);
-    let (Some(directory), Some(offsets)) =
-        (at(SectionKind::CornerRank), at(SectionKind::Voxels(Channel::Offset)))
-    else {
+    let (Some(directory), Some(bytes)) = (at(directory), at(of)) else {
         return Ok(());
     };
     let mut blocks = Run::new(Some(directory));
-    let mut builder = CornerRankBuilder::default();
+    let mut builder = CornerRankBuilder::of(value);
     let mut new = Vec::new();
-    for_each_part(target, offsets, cells, buffer, |part| {
+    for_each_part(target, bytes, count, buffer, |part| {
         new.clear();
         builder.feed(part, |block| new.extend(block.to_le_bytes()));
         blocks.put(target, &new)

@@ -386,6 +386,20 @@ impl SkinSlice<'_> {
         if self.rows[j] == 0 { [0; 4] } else { corner_samples(&self.bits.around(j), self.brick) }
     }
 
+    /// Corners inside of every cell, as bits, in the order of [`SkinSlice::voxels`].
+    pub(super) fn sides(&self) -> impl Iterator<Item = u8> + '_ {
+        self.rows.iter().enumerate().flat_map(move |(j, row)| {
+            let corners = self.corner_samples(j);
+            let mut left = *row;
+            std::iter::from_fn(move || {
+                let x = left.trailing_zeros();
+                left &= left.wrapping_sub(1);
+                let pair = |edge: usize| (corners[edge] >> x & 3) as u8;
+                (x < BRICK).then(|| pair(0) | pair(1) << 2 | pair(2) << 4 | pair(3) << 6)
+            })
+        })
+    }
+
     /// Faces of row `j`'s voxels that look outside.
     #[inline]
     pub fn exposed(&self, j: usize) -> Exposed {

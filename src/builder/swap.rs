@@ -44,6 +44,8 @@ pub(super) struct BrickEntry {
     pub(super) boxes: [u16; 4],
     /// Cells with corners.
     pub(super) corners: u16,
+    /// Larger leaves with an edge of 2, 4, 8, 16 and 32 cells.
+    pub(super) leaves: [u16; 5],
 }
 
 impl BrickEntry {
@@ -55,6 +57,9 @@ impl BrickEntry {
             b[12 + 2 * i..14 + 2 * i].copy_from_slice(&n.to_le_bytes());
         }
         b[20..22].copy_from_slice(&self.corners.to_le_bytes());
+        for (i, n) in self.leaves.into_iter().enumerate() {
+            b[22 + 2 * i..24 + 2 * i].copy_from_slice(&n.to_le_bytes());
+        }
         b
     }
 
@@ -64,7 +69,13 @@ impl BrickEntry {
             skin: u32::from_le_bytes(std::array::from_fn(|i| b[8 + i])),
             boxes: std::array::from_fn(|k| u16::from_le_bytes([b[12 + 2 * k], b[13 + 2 * k]])),
             corners: u16::from_le_bytes([b[20], b[21]]),
+            leaves: std::array::from_fn(|k| u16::from_le_bytes([b[22 + 2 * k], b[23 + 2 * k]])),
         }
+    }
+
+    /// Has the brick no skin?
+    pub(super) fn is_empty(&self) -> bool {
+        self.last_fragment == 0
     }
 }
 
@@ -131,7 +142,7 @@ impl Scratch {
         entries: &[BrickEntry],
         bytes: &mut Vec<u8>,
     ) -> Result<(), BuildError> {
-        if entries.iter().all(|e| e.skin == 0) {
+        if entries.iter().all(BrickEntry::is_empty) {
             return Ok(());
         }
         bytes.clear();
@@ -262,8 +273,13 @@ mod tests {
     fn entries_round_trip_and_holes_are_empty() {
         let folder = tempfile::tempdir().unwrap();
         let scratch = Scratch::create(folder.path(), [3, 2, 2]).unwrap();
-        let entry =
-            BrickEntry { last_fragment: 1 << 40, skin: 32_768, boxes: [4096, 512, 64, 8], corners: 32_767 };
+        let entry = BrickEntry {
+            last_fragment: 1 << 40,
+            skin: 32_768,
+            boxes: [4096, 512, 64, 8],
+            corners: 32_767,
+            leaves: [4095, 511, 63, 7, 1],
+        };
         scratch.put_entries([1, 1, 1], &[entry, BrickEntry::default()], &mut Vec::new()).unwrap();
         assert_eq!(scratch.entries([0, 1, 1]).unwrap()[1], entry);
         assert_eq!(scratch.entries([0, 0, 0]).unwrap(), [BrickEntry::default(); 4]);

@@ -101,6 +101,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
                 _ => self.gradient.name().into(),
             },
             value_scale: value_scale(*scalar, found.extent, *rescale),
+            error: None,
         }
     }
 

@@ -71,7 +71,7 @@ impl BrickWalk {
             }
         }
         let base = code * GROUP_BRICKS as u64;
-        found.extend((base..).zip(entries).filter(|(_, e)| e.skin > 0));
+        found.extend((base..).zip(entries).filter(|(_, e)| !e.is_empty()));
         Ok(())
     }
 }
@@ -105,8 +105,12 @@ mod tests {
                 for y in 0..bricks[1] {
                     for x in 0..bricks[0] {
                         let code = morton::encode(x as u32, y as u32, z as u32);
-                        let entry =
-                            BrickEntry { last_fragment: code + 1, skin: 1, boxes: [1; 4], corners: 0 };
+                        let entry = BrickEntry {
+                            last_fragment: code + 1,
+                            skin: 1,
+                            boxes: [1; 4],
+                            ..BrickEntry::default()
+                        };
                         scratch.put_entries([x, y, z], &[entry], &mut Vec::new()).unwrap();
                         want.push(code);
                     }

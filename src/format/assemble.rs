@@ -46,6 +46,7 @@ pub fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
         connectivity: 26,
         gradient: if channels.normal { "gauss5".into() } else { String::new() },
         value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
+        error: None,
     }
 }
 
@@ -79,6 +80,7 @@ pub fn join_sections(
         minor: SurfaceKind::Skin.minor(),
         encoding,
         surface: SurfaceKind::Skin,
+        leaves: false,
         sections: u16::try_from(sections.len()).unwrap_or(u16::MAX),
         file_bytes: file.len() as u64,
         nodes,

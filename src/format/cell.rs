@@ -13,6 +13,16 @@ pub(crate) const HAS_CORNERS: i8 = i8::MIN;
 /// Cells of a block of the directory of corners.
 pub(crate) const CORNER_BLOCK: u64 = 512;
 
+/// The least depth of larger leaves in a grid of this depth: an edge of 32 cells, but not the root.
+pub(crate) const fn first_leaf_depth(depth: u32) -> u32 {
+    if depth > 6 { depth - 5 } else { 1 }
+}
+
+/// Blocks of the directory of larger leaves for so many nodes.
+pub(crate) const fn leaf_blocks(nodes: u64) -> u64 {
+    corner_blocks(nodes)
+}
+
 /// The same as an index into memory.
 const BLOCK: usize = 512;
 const _: () = assert!(BLOCK as u64 == CORNER_BLOCK);
@@ -51,14 +61,27 @@ impl Plane {
     }
 }
 
-/// Builds the directory of corners from offsets fed in order.
-#[derive(Debug, Default)]
+/// Builds a directory from bytes fed in order: of corners from offsets, or of larger leaves from infobytes.
+#[derive(Debug)]
 pub(crate) struct CornerRankBuilder {
+    /// The byte that is counted.
+    value: u8,
     cells: u64,
     with_corners: u64,
 }
 
+impl Default for CornerRankBuilder {
+    fn default() -> Self {
+        Self::of(HAS_CORNERS.cast_unsigned())
+    }
+}
+
 impl CornerRankBuilder {
+    /// A builder that counts bytes of this value.
+    pub(crate) fn of(value: u8) -> Self {
+        Self { value, cells: 0, with_corners: 0 }
+    }
+
     /// Feeds the next offsets, and calls `on_block` with the cells that have corners before every block.
     pub(crate) fn feed(&mut self, offsets: &[u8], mut on_block: impl FnMut(u64)) {
         let mut rest = offsets;
@@ -68,7 +91,7 @@ impl CornerRankBuilder {
             }
             let room = BLOCK - usize::try_from(self.cells % CORNER_BLOCK).unwrap_or(0);
             let (now, later) = rest.split_at(room.min(rest.len()));
-            self.with_corners += count(now);
+            self.with_corners += count(now, self.value);
             self.cells += now.len() as u64;
             rest = later;
         }
@@ -83,22 +106,31 @@ impl CornerRankBuilder {
 /// Most cells that a byte counts, a whole number of vectors.
 const PART: usize = 128;
 
-/// Cells among these that have corners.
+/// Bytes of a value among these.
 #[inline(always)]
-fn count(offsets: &[u8]) -> u64 {
+fn count(offsets: &[u8], value: u8) -> u64 {
     // In bytes as long as they do not overflow: vectors of bytes are counted at once.
-    let of = |part: &[u8]| {
-        part.iter().fold(0_u8, |n, o| n.wrapping_add(u8::from(*o == HAS_CORNERS.cast_unsigned())))
-    };
+    let of = |part: &[u8]| part.iter().fold(0_u8, |n, o| n.wrapping_add(u8::from(*o == value)));
     offsets.chunks(PART).map(|part| u64::from(of(part))).sum()
 }
 
 /// Number of a cell's corners, by the directory. Any bytes are safe: what lies outside counts 0.
 #[inline]
 pub(crate) fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) -> u64 {
-    let block = cell / BLOCK;
+    number_of(offsets, directory, cell, HAS_CORNERS.cast_unsigned())
+}
+
+/// Number of the larger leaf that a node is, by the directory. Any bytes are safe.
+#[inline]
+pub(crate) fn leaf_number(infobytes: &[u8], directory: &[[u8; 8]], node: usize) -> u64 {
+    number_of(infobytes, directory, node, 0)
+}
+
+#[inline(always)]
+fn number_of(bytes: &[u8], directory: &[[u8; 8]], at: usize, value: u8) -> u64 {
+    let block = at / BLOCK;
     let base = directory.get(block).map_or(0, |b| u64::from_le_bytes(*b));
-    base.wrapping_add(offsets.get(block * BLOCK..cell).map_or(0, count))
+    base.wrapping_add(bytes.get(block * BLOCK..at).map_or(0, |part| count(part, value)))
 }
 
 #[cfg(test)]

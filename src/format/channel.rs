@@ -261,6 +261,15 @@ impl MeanRule {
         }
     }
 
+    /// Adds an item as often as said, at most 2^10 times.
+    pub(crate) fn add_repeated(self, sum: &mut Sum, item: &[u8], times: u64) {
+        let mut own = Sum::default();
+        self.add_items(&mut own, item, item.len());
+        own.parts = own.parts.map(|part| part.wrapping_mul(times.cast_signed()));
+        own.count = times;
+        sum.join(&own);
+    }
+
     /// The mean of what was added.
     #[inline]
     pub fn mean(self, sum: &Sum) -> MeanBytes {

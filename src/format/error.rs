@@ -184,6 +184,18 @@ pub enum FormatError {
         /// Cells with corners before it.
         due: u64,
     },
+    #[error("{DAMAGED}encoding and sections disagree about larger leaves (SPEC I4){AGAIN}")]
+    LeavesApart { kind: SectionKind },
+    #[error("{DAMAGED}{found} larger leaves are described where the nodes have {due} (SPEC I20){AGAIN}")]
+    LeafCount { due: u64, found: u64 },
+    #[error("{DAMAGED}the directory of larger leaves does not match the nodes (SPEC I20){AGAIN}")]
+    LeafRank {
+        block: u64,
+        /// Larger leaves before it.
+        due: u64,
+    },
+    #[error("{DAMAGED}the plane of a larger leaf is illegal (SPEC I14){AGAIN}")]
+    IllegalLeaf { leaf: u64 },
     #[error("{DAMAGED}a mean {channel} at depth {} is not that of its voxels (SPEC I15){AGAIN}", .level.get())]
     MeanNormal {
         channel: Channel,

@@ -10,7 +10,9 @@ pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 pub(crate) const VERSION_MAJOR: u16 = 1;
 /// Highest minor version written; a file is given the lowest that has all it needs
 /// ([`least_minor`](super::least_minor), or [`GROUPS_MINOR`](super::packed::GROUPS_MINOR) of a packed one).
-pub(crate) const VERSION_MINOR: u16 = super::packed::GROUPS_MINOR;
+pub(crate) const VERSION_MINOR: u16 = LEAVES_MINOR;
+/// Lowest minor version that has larger leaves.
+pub(crate) const LEAVES_MINOR: u16 = 3;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 
@@ -28,9 +30,10 @@ const AT_TABLE_CRC: usize = AT_RESERVED + 4;
 const AT_HEADER_CRC: usize = AT_TABLE_CRC + 4;
 const _: () = assert!(AT_HEADER_CRC + 4 == HEADER_BYTES);
 
-/// Bits of the encoding byte: packed, and cells instead of skin voxels.
+/// Bits of the encoding byte: packed, cells instead of skin voxels, and of cells with larger leaves.
 const PACKED: u8 = 1;
 const CELLS: u8 = 2;
+const LEAVES: u8 = 4;
 
 /// How sections are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -62,6 +65,8 @@ pub struct Header {
     pub encoding: Encoding,
     /// The kind of the boxes of the finest level.
     pub surface: SurfaceKind,
+    /// Are some nodes larger leaves (SPEC 4.9)? Of cells only.
+    pub leaves: bool,
     /// Number of sections.
     pub sections: u16,
     /// Length of the whole file.
@@ -97,7 +102,8 @@ impl Header {
         put(AT_MAJOR, &VERSION_MAJOR.to_le_bytes());
         put(AT_MINOR, &self.minor.to_le_bytes());
         let packed = if self.encoding == Encoding::Packed { PACKED } else { 0 };
-        put(AT_ENCODING, &[packed | if self.surface == SurfaceKind::Cells { CELLS } else { 0 }]);
+        let cells = if self.surface == SurfaceKind::Cells { CELLS } else { 0 };
+        put(AT_ENCODING, &[packed | cells | if self.leaves { LEAVES } else { 0 }]);
         #[expect(clippy::cast_possible_truncation, reason = "depth is at most 16")]
         put(AT_DEPTH, &[self.dims.depth() as u8]);
         put(AT_SECTIONS, &self.sections.to_le_bytes());
@@ -134,7 +140,7 @@ impl Header {
             return Err(FormatError::UnsupportedVersion { major });
         }
         let code = b[AT_ENCODING];
-        if code & !(PACKED | CELLS) != 0 {
+        if code & !(PACKED | CELLS | LEAVES) != 0 || code & (CELLS | LEAVES) == LEAVES {
             return Err(FormatError::UnknownEncoding { code });
         }
         let encoding = if code & PACKED == 0 { Encoding::Mapped } else { Encoding::Packed };
@@ -149,6 +155,7 @@ impl Header {
             minor: u16_at(b, AT_MINOR),
             encoding,
             surface,
+            leaves: code & LEAVES != 0,
             sections: u16_at(b, AT_SECTIONS),
             file_bytes: u64_at(b, AT_FILE_BYTES),
             nodes: u64_at(b, AT_NODES),
@@ -166,11 +173,13 @@ impl Header {
         if file_len > header.file_bytes {
             return Err(FormatError::TrailingBytes { extra: file_len - header.file_bytes });
         }
-        if header.voxels == 0 || header.voxels > dims.voxels() {
+        if (header.voxels == 0 && !header.leaves) || header.voxels > dims.voxels() {
             return Err(FormatError::VoxelCount { voxels: header.voxels, most: dims.voxels() });
         }
         // SPEC I5: every node has a child and every box but the root has one parent.
-        let most = header.voxels.saturating_mul(u64::from(dims.depth()));
+        // A node without children is a leaf with an item of its own.
+        let most =
+            if header.leaves { dims.voxels() } else { header.voxels.saturating_mul(u64::from(dims.depth())) };
         if header.nodes > most || (dims.depth() > 0) != (header.nodes > 0) {
             return Err(FormatError::NodeCount { nodes: header.nodes, most });
         }

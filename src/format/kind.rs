@@ -87,4 +87,10 @@ pub enum SectionKind {
     Voxels(Channel),
     /// How many cells before each block have corners.
     CornerRank,
+    /// Normals of larger leaves, by node number (SPEC 4.9).
+    LeafNormals,
+    /// Offsets of their planes.
+    LeafOffsets,
+    /// How many nodes before each block are larger leaves.
+    LeafRank,
 }

@@ -71,6 +71,48 @@ pub struct Metadata {
     pub gradient: String,
     /// Scale and offset of stored values.
     pub value_scale: [f64; 2],
+    /// How far larger leaves may be from the surface, and are; of models that have them (SPEC 4.9).
+    pub error: Option<ErrorBound>,
+}
+
+/// How far larger leaves may lie from the cells in whose place they are, and how far they do, in voxels of the finest
+/// spacing.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct ErrorBound {
+    /// No crossing of a cell's edge is farther from the leaf.
+    pub bound: f64,
+    /// Root mean square of the distances of all crossings, those of cells that stayed included (0).
+    pub rms: f64,
+    /// 99th percentile of them.
+    pub p99: f64,
+    /// The greatest, also of leaves where they end from the nearest cell's surface.
+    pub most: f64,
+}
+
+impl ErrorBound {
+    /// Bytes of its record.
+    const BYTES: usize = 32;
+
+    fn to_bytes(self) -> impl Iterator<Item = u8> {
+        [self.bound, self.rms, self.p99, self.most].into_iter().flat_map(f64::to_le_bytes)
+    }
+
+    fn parse(bytes: &[u8; Self::BYTES]) -> Self {
+        let [bound, rms, p99, most] =
+            std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|k| bytes[8 * i + k])));
+        Self { bound, rms, p99, most }
+    }
+
+    /// Is it possible?
+    pub(crate) fn is_sound(&self) -> bool {
+        let rising = [0.0, self.rms, self.most, f64::MAX];
+        self.bound > 0.0
+            && self.bound <= 1.0
+            && rising.is_sorted()
+            && self.p99 >= 0.0
+            && self.p99 <= self.most
+    }
 }
 
 /// The record field by field, as SPEC 4.4 lists it.
@@ -120,6 +162,7 @@ impl Metadata {
             connectivity: 26,
             gradient: String::new(),
             value_scale: [0.0, 0.0],
+            error: None,
         }
     }
 
@@ -142,8 +185,9 @@ impl Metadata {
             value_scale: self.value_scale,
         };
         let config = bincode::config::standard().with_little_endian().with_fixed_int_encoding();
-        let bytes =
+        let mut bytes =
             bincode::serde::encode_to_vec(wire, config).map_err(|_| FormatError::MetadataUnwritable)?;
+        bytes.extend(self.error.into_iter().flat_map(ErrorBound::to_bytes));
         if bytes.len() > METADATA_LIMIT {
             return Err(FormatError::MetadataTooLong { bytes: bytes.len() as u64 });
         }
@@ -161,8 +205,10 @@ impl Metadata {
             .with_limit::<METADATA_LIMIT>();
         let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
             .map_err(|_| FormatError::MetadataUnreadable { bytes: bytes.len() as u64 })?;
-        if used != bytes.len() {
-            return Err(FormatError::MetadataSurplus { extra: (bytes.len() - used) as u64 });
+        let rest = bytes.get(used..).unwrap_or_default();
+        let error = <&[u8; ErrorBound::BYTES]>::try_from(rest).ok().map(ErrorBound::parse);
+        if error.is_none() && !rest.is_empty() {
+            return Err(FormatError::MetadataSurplus { extra: rest.len() as u64 });
         }
         let kind = match wire.selection.0 {
             0 => SelectionKind::Iso,
@@ -191,6 +237,7 @@ impl Metadata {
             connectivity: wire.connectivity,
             gradient: wire.gradient,
             value_scale: wire.value_scale,
+            error,
         })
     }
 }
@@ -212,6 +259,7 @@ mod tests {
             connectivity: 26,
             gradient: "gauss5".into(),
             value_scale: [0.0, 0.0],
+            error: None,
         }
     }
 

@@ -26,6 +26,6 @@ pub use header::{Encoding, HEADER_BYTES, Header, MAGIC};
 pub(crate) use header::{VERSION_MAJOR, VERSION_MINOR};
 pub use kind::{Channel, SectionKind, SurfaceKind};
 pub(crate) use metadata::METADATA_LIMIT;
-pub use metadata::{Metadata, Selection, SelectionKind, SourceMeta};
+pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
 pub(crate) use section::{least_minor, parse_table};

@@ -1,7 +1,7 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
 use super::error::FormatError;
-use super::header::{HEADER_BYTES, Header};
+use super::header::{HEADER_BYTES, Header, LEAVES_MINOR};
 use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::packed::{CODEC_DERIVED, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES};
 
@@ -26,15 +26,21 @@ impl SectionKind {
         let means = Channel::all().filter(|c| c.row().means.is_some()).map(Self::Means);
         let voxels = Channel::all().map(Self::Voxels);
         let fixed = [Self::Meta, Self::Levels, Self::Nodes, Self::Rank];
-        fixed.into_iter().chain(means).chain(voxels).chain([Self::CornerRank])
+        let of_leaves = [Self::CornerRank, Self::LeafNormals, Self::LeafOffsets, Self::LeafRank];
+        fixed.into_iter().chain(means).chain(voxels).chain(of_leaves)
     }
 
     /// The channel whose items or means the section holds.
     pub fn channel(self) -> Option<Channel> {
         match self {
             Self::Means(channel) | Self::Voxels(channel) => Some(channel),
-            Self::Meta | Self::Levels | Self::Nodes | Self::Rank | Self::CornerRank => None,
+            _ => None,
         }
+    }
+
+    /// Does it describe larger leaves?
+    pub fn is_of_leaves(self) -> bool {
+        matches!(self, Self::LeafNormals | Self::LeafOffsets | Self::LeafRank)
     }
 
     /// The four ASCII bytes.
@@ -47,6 +53,9 @@ impl SectionKind {
             Self::Means(channel) => channel.row().means.as_ref().map_or([0; 4], |means| means.tag),
             Self::Voxels(channel) => channel.row().tag,
             Self::CornerRank => *b"CRNK",
+            Self::LeafNormals => *b"LNRM",
+            Self::LeafOffsets => *b"LOFS",
+            Self::LeafRank => *b"LRNK",
         }
     }
 
@@ -60,6 +69,9 @@ impl SectionKind {
             Self::Means(channel) => channel.row().means.as_ref().map_or("", |means| means.name),
             Self::Voxels(channel) => channel.row().name,
             Self::CornerRank => "corner_rank",
+            Self::LeafNormals => "leaf_normal",
+            Self::LeafOffsets => "leaf_offset",
+            Self::LeafRank => "leaf_rank",
         }
     }
 
@@ -70,7 +82,7 @@ impl SectionKind {
             Self::Nodes => CODEC_NIBBLES,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,
-            Self::CornerRank => CODEC_PLANES,
+            Self::CornerRank | Self::LeafNormals | Self::LeafOffsets | Self::LeafRank => CODEC_PLANES,
         }
     }
 
@@ -168,6 +180,7 @@ impl SectionEntry {
 pub(crate) fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
     sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
         Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
+        Some(SectionKind::LeafNormals) => minor.max(LEAVES_MINOR),
         _ => minor,
     })
 }

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_model;
+use super::opened::open_fine_model;
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
@@ -97,7 +97,7 @@ pub fn export(
     }
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
-    let model = open_model(input)?;
+    let model = open_fine_model(input, "exported")?;
     if let (true, Some(seen_from)) = (request.needs_inside(), model.metadata().seen_from()) {
         let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
         return Err(UsageError::KeepsPart { path, seen_from }.into());

@@ -2,7 +2,7 @@
 
 mod report;
 
-pub use report::{InfoReport, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
+pub use report::{InfoReport, LeafFigures, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
 
 use std::fmt::Write;
 use std::path::Path;
@@ -42,6 +42,8 @@ pub enum Measured {
     Packed,
     /// It takes long, and was not insisted on.
     Large,
+    /// It has larger leaves.
+    Leaves,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -68,6 +70,8 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
         Measured::Packed
+    } else if info.frame.header.leaves {
+        Measured::Leaves
     } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
@@ -116,7 +120,9 @@ pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
     frame
         .sections
         .iter()
-        .filter_map(|e| e.kind.filter(|k| k.channel().is_some()).map(|k| (k.name(), e.stored_bytes)))
+        .filter_map(|e| {
+            e.kind.filter(|k| k.channel().is_some() || k.is_of_leaves()).map(|k| (k.name(), e.stored_bytes))
+        })
         .collect()
 }
 
@@ -214,12 +220,18 @@ impl Info {
         };
         row("inside", format!("{}, {surface}", inside(m)));
         row(kept, voxels.to_string());
+        if let Some(error) = &m.error {
+            row("larger leaves", leaves(frame).to_string());
+            let [bound, rms, p99, most] = [error.bound, error.rms, error.p99, error.most].map(Short);
+            row("error", format!("within {bound} voxel of the cells: RMS {rms}, 99 % {p99}, most {most}"));
+        }
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
         }
-        let one = if frame.surface() == SurfaceKind::Cells { "cell" } else { "skin voxel" };
-        let each = |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, voxels));
+        let one = one_of(frame);
+        let each =
+            |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, surface_boxes(frame)));
         row("structure", each(structure_bytes(frame)));
         for (name, b) in channel_bytes(frame) {
             row(name, each(b));
@@ -262,6 +274,7 @@ impl Measured {
                 )];
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
+            Self::Leaves => return vec![("measures", "none of a model with larger leaves".to_owned())],
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
@@ -308,6 +321,25 @@ fn to_f64(bytes: u64) -> f64 {
 /// To two places, without the sign of a negative zero.
 fn plain(mm: f64) -> f64 {
     if mm.abs() < 0.005 { 0.0 } else { mm }
+}
+
+/// Boxes of the surface: skin voxels, or cells and larger leaves.
+pub(super) fn surface_boxes(frame: &Frame) -> u64 {
+    frame.header.voxels + leaves(frame)
+}
+
+/// One of them.
+pub(super) fn one_of(frame: &Frame) -> &'static str {
+    match frame.surface() {
+        _ if frame.header.leaves => "cell or leaf",
+        SurfaceKind::Cells => "cell",
+        SurfaceKind::Skin => "skin voxel",
+    }
+}
+
+/// Larger leaves of a model.
+pub(super) fn leaves(frame: &Frame) -> u64 {
+    frame.section(SectionKind::LeafNormals).map_or(0, |e| e.items)
 }
 
 /// Nodes of every depth.

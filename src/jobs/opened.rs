@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use super::pack::{Stop, unpack_to};
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::format::Encoding;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
@@ -25,6 +25,28 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
     let scratch = unpacked(&file, path)?;
     let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
     Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
+}
+
+/// [`open_model`] for a job that larger leaves (SPEC 4.9) are in the way of; `doing` says what cannot be done to them.
+///
+/// # Errors
+/// As [`open_model`], and [`UsageError::LargerLeaves`].
+pub fn open_fine_model(path: &Path, doing: &'static str) -> Result<Model, Error> {
+    refuse_leaves(path, doing)?;
+    open_model(path)
+}
+
+/// Refuses a model with larger leaves.
+///
+/// # Errors
+/// It has them, or cannot be read.
+pub(super) fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Error> {
+    let file = open_file(path)
+        .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
+    if Frame::read(&file).map_err(|fault| fault.at(path))?.header.leaves {
+        return Err(UsageError::LargerLeaves { path: path.to_path_buf(), doing }.into());
+    }
+    Ok(())
 }
 
 /// The mapped form of a packed file in a nameless one.

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_model;
+use super::opened::open_fine_model;
 use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
@@ -125,14 +125,16 @@ impl Files {
             let at = match known.iter().position(|other| *other == real) {
                 Some(at) => at,
                 None => {
-                    files.models.push(open_model(&path).map_err(|error| match error {
-                        Error::Load(cause) => {
-                            let key = Key { table: Table::Model(number), name: "file" };
-                            let fault = SceneFault::File { key, told: cause.to_string() };
-                            Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
-                        }
-                        other => other,
-                    })?);
+                    files.models.push(open_fine_model(&path, "put into a scene").map_err(
+                        |error| match error {
+                            Error::Load(cause) => {
+                                let key = Key { table: Table::Model(number), name: "file" };
+                                let fault = SceneFault::File { key, told: cause.to_string() };
+                                Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                            }
+                            other => other,
+                        },
+                    )?);
                     files.paths.push(path);
                     known.push(real);
                     known.len() - 1

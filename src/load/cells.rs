@@ -1,6 +1,6 @@
 //! The cells of a model, as slices.
 
-use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number};
+use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number, leaf_number};
 use crate::format::normal;
 
 /// The surface within a cell.
@@ -10,6 +10,31 @@ pub enum CellShape {
     Plane(Plane),
     /// Samples at the corners, above 0 inside; between them the surface is that of the trilinear interpolation.
     Corners([i8; CORNERS]),
+}
+
+/// Planes of larger leaves (SPEC 4.9), by their number: nodes without children before them.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct LeafItems<'a> {
+    normals: &'a [[u8; 2]],
+    offsets: &'a [u8],
+    directory: &'a [[u8; 8]],
+}
+
+impl<'a> LeafItems<'a> {
+    /// The contents of `LNRM`, `LOFS` and `LRNK`.
+    pub(super) fn new(normals: &'a [u8], offsets: &'a [u8], directory: &'a [u8]) -> Self {
+        Self { normals: normals.as_chunks().0, offsets, directory: directory.as_chunks().0 }
+    }
+
+    /// Code and offset of a node's plane, by its infobytes. Any bytes are safe: a leaf of which nothing is known is inside
+    /// altogether.
+    #[inline]
+    pub(super) fn of(&self, infobytes: &[u8], node: usize) -> (u16, i8) {
+        let number = usize::try_from(leaf_number(infobytes, self.directory, node)).unwrap_or(usize::MAX);
+        let code = self.normals.get(number).map_or(0, |code| u16::from_le_bytes(*code));
+        let offset = self.offsets.get(number).map_or(i8::MAX, |offset| offset.cast_signed());
+        (code, if offset == HAS_CORNERS { i8::MAX } else { offset })
+    }
 }
 
 /// Normals, offsets and corners of a model of cells (SPEC 4.8), by the number of the cell.

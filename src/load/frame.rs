@@ -49,6 +49,11 @@ impl Frame {
 
         let metadata_bytes = read_small(source, &sections, SectionKind::Meta)?;
         let metadata = Metadata::parse(&metadata_bytes)?;
+        if metadata.error.is_some_and(|error| error.is_sound()) != header.leaves
+            || metadata.error.is_some() != header.leaves
+        {
+            return Err(FormatError::LeavesApart { kind: SectionKind::Meta }.into());
+        }
         if metadata.dims.map(|n| n.saturating_add(header.surface.grown())) != header.dims.to_array() {
             let (metadata, header) = (metadata.dims, header.dims.to_array());
             return Err(FormatError::MetadataDims { metadata, header }.into());
@@ -142,6 +147,13 @@ impl Frame {
                     (channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
+                // How many leaves there are is known when all infobytes are (SPEC I20).
+                SectionKind::LeafNormals => (entry.item_bytes == 2, entry.items.min(n)),
+                SectionKind::LeafOffsets => {
+                    let normals = self.section(SectionKind::LeafNormals).map_or(0, |e| e.items);
+                    (entry.item_bytes == 1, normals)
+                }
+                SectionKind::LeafRank => (entry.item_bytes == 8, cell::leaf_blocks(n)),
             };
             if !item_ok || entry.items != items {
                 let SectionEntry { item_bytes, items: stated, .. } = *entry;
@@ -191,6 +203,11 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
             (true, false) => return Err(FormatError::MissingSection(kind)),
             (false, true) if of_cells => return Err(FormatError::NotOfSkin { kind }),
             _ => {}
+        }
+    }
+    for kind in [SectionKind::LeafNormals, SectionKind::LeafOffsets, SectionKind::LeafRank] {
+        if has(kind) != header.leaves {
+            return Err(FormatError::LeavesApart { kind });
         }
     }
     for entry in sections {
@@ -249,8 +266,10 @@ fn check_levels(header: &Header, levels: &[u64]) -> Result<(), FormatError> {
             header.dims.to_array().iter().map(|n| u64::from(n.div_ceil(1 << (depth - d)))).product();
         // Every node has one to eight children; there is one root.
         let most = if d == 0 { 1 } else { above.saturating_mul(8).min(boxes) };
+        // Boxes above may be larger leaves, without children.
+        let least = if header.leaves && d > cell::first_leaf_depth(depth) { 0 } else { above };
         match count {
-            Some(count) if (above..=most).contains(&count) => above = count,
+            Some(count) if (least..=most).contains(&count) => above = count,
             boxes => return Err(FormatError::LevelBoxes { level: Level::new(d), boxes }),
         }
     }

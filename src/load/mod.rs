@@ -14,6 +14,7 @@
 mod cells;
 mod error;
 mod frame;
+mod leaves;
 mod map;
 mod memory;
 mod model;
@@ -22,6 +23,7 @@ mod verify;
 mod view;
 mod voxels;
 
+pub(crate) use cells::LeafItems;
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
 pub(crate) use error::LoadFault;

@@ -5,7 +5,9 @@ use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::format::{Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, rank};
+use crate::format::{
+    Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, cell::Plane, rank,
+};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
 use crate::platform::open_file;
@@ -14,7 +16,7 @@ use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
-use super::{CellItems, LoadError, NodeView};
+use super::{CellItems, LeafItems, LoadError, NodeView};
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -41,6 +43,8 @@ struct Places {
     colors: Option<Range<usize>>,
     /// Offsets, corners and their directory, of a model of cells.
     cells: Option<[Range<usize>; 3]>,
+    /// Normals, offsets and directory of larger leaves.
+    leaves: Option<[Range<usize>; 3]>,
 }
 
 /// The file that a model is mapped from, kept open so that a change of its bytes can be noticed.
@@ -183,6 +187,10 @@ impl<D: AsRef<[u8]>> Model<D> {
                 [of_voxels(Channel::Offset), of_voxels(Channel::Corners), corner_rank]
                     .map(Option::unwrap_or_default)
             }),
+            leaves: frame.header.leaves.then(|| {
+                [SectionKind::LeafNormals, SectionKind::LeafOffsets, SectionKind::LeafRank]
+                    .map(|kind| range(kind).unwrap_or_default())
+            }),
         };
         Ok(Self { data, frame, places, origin: None })
     }
@@ -288,7 +296,7 @@ impl<D: AsRef<[u8]>> Model<D> {
         let bytes = self.bytes();
         let part = |range: &Range<usize>| bytes.get(range.clone()).unwrap_or_default();
         let codes = |range: &Option<Range<usize>>| range.as_ref().map(|range| part(range).as_chunks::<2>().0);
-        let Places { nodes, rank, normals, node_normals, fine, colors, cells } = &self.places;
+        let Places { nodes, rank, normals, node_normals, fine, colors, cells, leaves } = &self.places;
         let normal_codes = normals.as_ref().map(part).unwrap_or_default();
         ModelView {
             depth: self.frame.header.dims.depth(),
@@ -299,6 +307,9 @@ impl<D: AsRef<[u8]>> Model<D> {
             normals: codes(normals),
             cells: cells.as_ref().map(|[offsets, corners, corner_rank]| {
                 CellItems::new(normal_codes, part(offsets), part(corners), part(corner_rank))
+            }),
+            leaves: leaves.as_ref().map(|[normals, offsets, directory]| {
+                LeafItems::new(part(normals), part(offsets), part(directory))
             }),
             node_normals: codes(node_normals),
             fine: fine.as_ref().map(part),
@@ -364,6 +375,7 @@ pub struct ModelView<'a> {
     normals: Option<&'a [[u8; 2]]>,
     node_normals: Option<&'a [[u8; 2]]>,
     cells: Option<CellItems<'a>>,
+    leaves: Option<LeafItems<'a>>,
     fine: Option<&'a [u8]>,
     colors: Option<&'a [[u8; 3]]>,
 }
@@ -381,6 +393,7 @@ impl<'a> ModelView<'a> {
             normals: None,
             node_normals: None,
             cells: None,
+            leaves: None,
             fine: None,
             colors: None,
         }
@@ -400,6 +413,38 @@ impl<'a> ModelView<'a> {
             Some(bytes) => u64::from_le_bytes(*bytes),
             None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
         }
+    }
+
+    /// Are some nodes larger leaves?
+    #[inline(always)]
+    pub(crate) fn has_leaves(&self) -> bool {
+        self.leaves.is_some()
+    }
+
+    /// Is there no box of the surface?
+    #[inline(always)]
+    pub(crate) fn is_empty(&self) -> bool {
+        self.voxels == 0 && self.leaves.is_none()
+    }
+
+    /// Is a node a larger leaf?
+    #[inline(always)]
+    pub(crate) fn is_leaf(&self, node: NodeIndex) -> bool {
+        self.leaves.is_some() && node.index().and_then(|at| self.nodes.get(at)) == Some(&0)
+    }
+
+    /// The plane of a larger leaf, in the coordinates of its box.
+    #[inline]
+    pub fn leaf_plane(&self, node: NodeIndex) -> Plane {
+        let (code, offset) = self.leaf_items(node);
+        Plane::new(code, offset)
+    }
+
+    /// Code of a larger leaf's normal, and offset of its plane.
+    #[inline]
+    pub(crate) fn leaf_items(&self, node: NodeIndex) -> (u16, i8) {
+        let at = node.index().unwrap_or(usize::MAX);
+        self.leaves.map_or((0, i8::MAX), |leaves| leaves.of(self.nodes, at))
     }
 
     /// Memory that the answers about a node are read from, for hints to the processor.

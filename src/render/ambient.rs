@@ -17,6 +17,8 @@ use crate::geom::{add_scaled, cross, dot};
 use crate::load::ModelView;
 
 use super::batch::Batch;
+use crate::geom::NodeIndex;
+
 use super::form::Form;
 use super::leave;
 use super::normals::around::Surroundings;
@@ -122,7 +124,10 @@ impl Sky {
                     std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2]);
                 place.ray(world)
             }));
-            lot.batch.any(view, surface, &lot.rays, place.hit.edge_log2, &mut lot.met);
+            // Larger leaves are no coarse boxes.
+            let is_leaf = view.is_leaf(NodeIndex::new(place.hit.box_number));
+            let lod_edge_log2 = if is_leaf { 0 } else { place.hit.edge_log2 };
+            lot.batch.any(view, surface, &lot.rays, lod_edge_log2, &mut lot.met);
             closed += lot.met.iter().filter(|met| **met).count();
             between();
         }

@@ -42,7 +42,7 @@ use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
 use super::mirrored_ray::MirroredRay;
 use super::occupancy::{at_least, place};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
-use super::single::{ALONG_A, ALONG_B, BRICK_LEVELS, SLACK, top_edge};
+use super::single::{self, ALONG_A, ALONG_B, BRICK_LEVELS, SLACK, top_edge};
 use super::surface::Surface;
 use super::traverse::Hit;
 
@@ -163,6 +163,9 @@ impl<S: Surface, A: Answers> LanesKernel for Flight<'_, S, A> {
 
     #[inline(always)]
     fn run(self, lanes: impl Lanes) {
+        if self.view.has_leaves() {
+            return self.one_by_one(lanes);
+        }
         self.fly(lanes);
     }
 }
@@ -518,6 +521,16 @@ impl Path {
 }
 
 impl<S: Surface, A: Answers> Flight<'_, S, A> {
+    /// Rays through larger leaves, one after the other.
+    #[inline(never)]
+    fn one_by_one<L: Lanes>(mut self, l: L) {
+        for (number, ray) in self.rays.iter().enumerate() {
+            if let Some(hit) = single::first_hit(l, self.view, self.surface, ray, self.lod_edge_log2).hit {
+                self.answers.hit(number, hit);
+            }
+        }
+    }
+
     #[inline(always)]
     fn fly<L: Lanes>(mut self, l: L) {
         let Some(depth) = self.rays.first().map(|ray| ray.depth().min(MAX_DEPTH)) else { return };

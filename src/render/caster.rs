@@ -12,7 +12,7 @@ use super::single;
 use super::surface::Skin;
 use super::traverse::Hit;
 use super::{GridSpace, RenderError};
-use crate::geom::VoxelIndex;
+use crate::geom::{NodeIndex, VoxelIndex};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::RenderFault;
 
@@ -57,7 +57,7 @@ pub struct SurfacePoint {
     pub t: f64,
     /// Index of the skin voxel (x, y, z), or of the cell: cell i lies between samples i - 1 and i.
     pub voxel: [u32; 3],
-    /// Its number in the order of the file, as [`Model::voxels`] has it.
+    /// Its number in the order of the file, as [`Model::voxels`] has it; of a larger leaf [`Hits::NOTHING`] - 1 less the number of its node.
     pub number: u64,
     /// Unit vector out of the surface, where the model has normals.
     pub normal: Option<[f64; 3]>,
@@ -293,11 +293,16 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         (origin_mm, direction): ([f64; 3], [f64; 3]),
     ) -> SurfacePoint {
         let position_mm = std::array::from_fn(|i| origin_mm[i] + hit.t * direction[i]);
-        let number = hit.voxel(view).unwrap_or(Hits::NOTHING);
+        // Larger leaves have no number among the cells: those below the greatest are theirs.
+        let number = hit.voxel(view).unwrap_or(Hits::NOTHING - 1 - hit.box_number);
         let normal = match cells {
             Some(cells) => {
-                let u = cell_coordinates(&self.space, hit.cell, position_mm);
-                Some(self.space.index_normal_to_world(cells.normal(number, u)))
+                let normal = if hit.edge_log2 > 0 {
+                    view.leaf_plane(NodeIndex::new(hit.box_number)).normal.map(f64::from)
+                } else {
+                    cells.normal(number, cell_coordinates(&self.space, hit.cell, position_mm))
+                };
+                Some(self.space.index_normal_to_world(normal))
             }
             None => view
                 .voxel_direction(VoxelIndex::new(number))

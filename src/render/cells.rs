@@ -130,7 +130,7 @@ impl Surface for Cells<'_> {
 }
 
 /// How far a ray's crossing of a plane, times the slope, may be off: products below 2^71, rounded to 53 bits.
-const CROSSING_SLACK: f64 = (1_u64 << 20) as f64;
+pub(super) const CROSSING_SLACK: f64 = (1_u64 << 20) as f64;
 
 /// How far in front of a plane a ray starts, and its change along the ray: whole numbers below 2^42, exact.
 #[inline(always)]
@@ -156,11 +156,14 @@ fn from_middle(ray: &Ray, cell: [u32; 3]) -> [i64; 3] {
     std::array::from_fn(|a| origin[a] - (i64::from(cell[a]) << FRACTION_BITS) - HALF_CELL)
 }
 
-/// Where the ray meets what lies behind a plane.
+/// Where the ray meets what lies behind a plane, in a cell or a larger leaf.
 #[inline]
 pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<Hit> {
-    let (from, d) = (from_middle(ray, passage.cell), ray.direction());
-    let (normal, offset) = (plane.normal.map(i64::from), i64::from(plane.offset) * HALF_CELL);
+    let half = HALF_CELL << (passage.edge_log2 & 31);
+    let (origin, d) = (ray.origin(), ray.direction());
+    let low = |a: usize| i64::from(passage.cell[a]) << FRACTION_BITS;
+    let from: [i64; 3] = std::array::from_fn(|a| origin[a] - low(a) - half);
+    let (normal, offset) = (plane.normal.map(i64::from), i64::from(plane.offset) * half);
     // Above 0 in front of the plane.
     let side = |at: &Crossing| {
         (0..3).fold(offset.wrapping_mul(at.component).wrapping_neg(), |sum, a| {

@@ -55,6 +55,7 @@ mod lanes;
 #[cfg(target_arch = "x86_64")]
 mod lanes_x86;
 pub(crate) mod leave;
+mod leaves;
 mod mirrored_ray;
 pub(crate) mod normals;
 mod occupancy;

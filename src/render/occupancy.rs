@@ -21,6 +21,9 @@ pub(super) struct Brick {
     flip: u32,
     /// Node whose first child is the first of the boxes.
     parent: NodeIndex,
+    /// Boxes that are parts of larger leaves, eight of each, as the ray sees them; and the children of the node.
+    pub(super) larger: u64,
+    children: u8,
 }
 
 impl Brick {
@@ -29,16 +32,22 @@ impl Brick {
     pub(super) fn of<L: Lanes>(lanes: L, view: &ModelView<'_>, node: u64, mirror: u32) -> Self {
         let node = NodeIndex::new(node);
         let parent = view.first_child(node).node();
-        let stored = lanes.spread_children(view.infobyte(node), view.infobytes(parent));
+        let (children, infobytes) = (view.infobyte(node), view.infobytes(parent));
+        let stored = lanes.spread_children(children, infobytes);
         let flip = mirror | mirror << 3;
-        Self { boxes: mirrored(stored, flip), stored, flip, parent }
+        let mut larger = 0;
+        if view.has_leaves() {
+            larger = mirrored(lanes.spread_children(children, zero_bytes(infobytes)), flip);
+        }
+        Self { boxes: mirrored(stored, flip) | larger, stored, flip, parent, larger, children }
     }
 
     /// The children of the root as the lowest octant of a node above it, for grids of an odd depth.
     #[inline(always)]
     pub(super) fn above_root(view: &ModelView<'_>, mirror: u32) -> Self {
         let stored = u64::from(view.infobyte(NodeIndex::ROOT));
-        Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent: NodeIndex::ROOT }
+        let parent = NodeIndex::ROOT;
+        Self { boxes: mirrored(stored, mirror), stored, flip: mirror, parent, larger: 0, children: 0 }
     }
 
     /// The top brick of a tree with this many levels, at least 1.
@@ -57,12 +66,28 @@ impl Brick {
         view.first_child(self.parent).get()
     }
 
+    /// The larger leaf that box `v` is a part of, and its boxes, all of them.
+    #[inline]
+    pub(super) fn leaf(&self, v: u32) -> (u64, u64) {
+        let octant = (v ^ self.flip) >> 3 & 7;
+        let before = self.children & 1_u8.wrapping_shl(octant).wrapping_sub(1);
+        (self.parent.get().wrapping_add(u64::from(before.count_ones())), 0xff_u64.wrapping_shl(v & 56))
+    }
+
     /// Boxes before box `v` of the mirrored order, in the stored one.
     #[inline(always)]
     pub(super) fn before(&self, v: u32) -> u64 {
         let below = 1_u64.wrapping_shl(v ^ self.flip).wrapping_sub(1);
         u64::from((self.stored & below).count_ones())
     }
+}
+
+/// 0xff for each byte that is 0, else 0.
+#[inline(always)]
+fn zero_bytes(word: u64) -> u64 {
+    const LOW: u64 = 0x7f7f_7f7f_7f7f_7f7f;
+    let not_zero = (((word & LOW) + LOW) | word) & !LOW;
+    ((not_zero ^ !LOW) >> 7) * 0xff
 }
 
 /// Bits moved from place i to place `i ^ flip`.

@@ -378,9 +378,9 @@ fn with_painter<J: Job + Send>(
         open: Openness::default(),
         watch,
     };
-    Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0) {
+    Ok(match cells.filter(|_| canvas.lod_edge_log2 == 0 || view.has_leaves()) {
         Some(cells) => pool.install(|| job.run(painter.on(cells))),
-        // Coarse boxes are solid, also those of cells.
+        // Coarse boxes are solid, also those of cells, but for larger leaves among them.
         None => pool.install(|| job.run(painter)),
     })
 }

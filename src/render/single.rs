@@ -8,10 +8,12 @@
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.
 
-use crate::load::{ModelView, NodeView};
+use crate::geom::NodeIndex;
+use crate::load::ModelView;
 
 use super::form::{Form, LanesKernel};
 use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::leaves;
 use super::mirrored_ray::MirroredRay;
 use super::occupancy::{Brick, at_least, place};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
@@ -47,6 +49,15 @@ pub(super) fn top_edge(depth: u32) -> u32 {
     (depth - 1) / 2 * 2
 }
 
+/// A larger leaf (SPEC 4.9) on a ray's way.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct LargerLeaf {
+    pub(super) node: u64,
+    /// Its lowest box of the finest level, in mirrored coordinates, and its edge in them as a power of two.
+    pub(super) low: [u32; 3],
+    pub(super) edge: u32,
+}
+
 /// A brick whose boxes are being visited.
 #[derive(Clone, Copy)]
 pub(super) struct OpenBrick {
@@ -60,6 +71,25 @@ pub(super) struct OpenBrick {
 }
 
 impl OpenBrick {
+    /// The larger leaf that box `v` is, of edge `2^edge`, or a part of; it is not visited again.
+    #[inline(always)]
+    pub(super) fn larger_leaf(&mut self, view: &ModelView<'_>, v: u32, edge: u32) -> Option<LargerLeaf> {
+        if !view.has_leaves() {
+            return None;
+        }
+        let at = |v: u32| {
+            let at = place(v);
+            each3!(A => self.low[A].wrapping_add(at[A].wrapping_shl(edge)))
+        };
+        if self.brick.larger >> v & 1 == 1 {
+            let (node, boxes) = self.brick.leaf(v);
+            self.pending &= !boxes;
+            return Some(LargerLeaf { node, low: at(v & 56), edge: edge.wrapping_add(1) });
+        }
+        let node = self.first.wrapping_add(self.brick.before(v));
+        (edge > 0 && view.is_leaf(NodeIndex::new(node))).then(|| LargerLeaf { node, low: at(v), edge })
+    }
+
     /// The brick at `low`, of which the boxes `near` are to be visited.
     #[inline(always)]
     pub(super) fn new(view: &ModelView<'_>, brick: Brick, near: u64, low: [u32; 3]) -> Self {
@@ -152,7 +182,7 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
     let grid = ray.depth().min(MAX_DEPTH);
     let unit = lod_edge_log2.min(grid);
     let mut trace = Trace { hit: None, steps: 0 };
-    if view.voxel_count() == 0 {
+    if view.is_empty() {
         return trace;
     }
     let depth = grid - unit;
@@ -197,6 +227,14 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         }
         let v = open.pending.trailing_zeros();
         open.pending &= open.pending.wrapping_sub(1);
+        if let Some(leaf) = open.larger_leaf(view, v, edge) {
+            let low = leaf.low.map(|c| c.wrapping_shl(unit));
+            trace.hit = leaves::meet(view, ray, &exact, leaf.node, low, leaf.edge.wrapping_add(unit));
+            if trace.hit.is_some() {
+                return trace;
+            }
+            continue;
+        }
         let number = open.first.wrapping_add(open.brick.before(v));
         let at = place(v);
         let low: [u32; 3] = std::array::from_fn(|a| open.low[a].wrapping_add(at[a].wrapping_shl(edge)));

@@ -139,7 +139,7 @@ impl GridSpace {
         let finest = depth.saturating_sub(11).max(finest);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
         let constant = dot(direction, self.grid_to_world.origin());
-        if view.voxel_count() == 0 || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
+        if view.is_empty() || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
             let corner = self.dims.to_array();
             return (0..3).fold(constant, |sum, a| sum + weight[a].max(0.0) * f64::from(corner[a]));
         }
@@ -165,7 +165,7 @@ impl GridSpace {
             for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
                 let child = children.after(octant.rank_in(infobyte));
                 let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
-                if level - 1 == finest {
+                if level - 1 == finest || view.is_leaf(child.node()) {
                     best = best.max(way.bound(at, half));
                     continue;
                 }

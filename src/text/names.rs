@@ -43,6 +43,7 @@ names! {
     DOWNSAMPLE = "downsample",
     DROP_BELOW = "drop_below",
     DTYPE = "scalar",
+    ERROR = "error",
     EYE = "eye",
     FILL = "fill",
     FOLLOW_LINKS = "follow_links",

@@ -117,17 +117,17 @@ fn all_patterns_of_a_cell_and_of_pairs_of_neighbours_cover_their_inside_samples(
 }
 
 /// Where a ray is as it crosses a plane: numerators over a common denominator, in units of 2^-16 cell.
-type Place = ([i128; 3], i128);
+pub(crate) type Place = ([i128; 3], i128);
 
-/// Entry and exit of a cell that a ray visits, by slabs.
-fn passage(ray: &Ray, cell: [u32; 3]) -> (Place, Place) {
+/// Entry and exit of a cell, or of a larger box, that a ray visits, by slabs.
+pub(crate) fn passage(ray: &Ray, (cell, edge): ([u32; 3], u32)) -> (Place, Place) {
     let (o, d) = (ray.origin().map(i128::from), ray.direction().map(i128::from));
     let (mut enter, mut leave): ((i128, i128), Option<(i128, i128)>) = ((0, 1), None);
     for a in 0..3 {
         if d[a] == 0 {
             continue;
         }
-        let planes = [i128::from(cell[a]) << 16, (i128::from(cell[a]) + 1) << 16];
+        let planes = [i128::from(cell[a]) << 16, i128::from(cell[a] + edge) << 16];
         let times = planes.map(|p| ((p - o[a]) * d[a].signum(), d[a].abs()));
         let (first, last) = if d[a] > 0 { (times[0], times[1]) } else { (times[1], times[0]) };
         if first.0 * enter.1 > enter.0 * first.1 {
@@ -142,23 +142,22 @@ fn passage(ray: &Ray, cell: [u32; 3]) -> (Place, Place) {
     (place(enter), place(leave))
 }
 
-/// Is a point behind the surface of a cell? `None` where corners leave it open within rounding.
-fn is_behind(shape: CellShape, cell: [u32; 3], (numerators, c): Place) -> Option<bool> {
+/// Is a point behind the surface of a cell, or of a larger box? `None` where corners leave it open within rounding.
+pub(crate) fn is_behind(
+    shape: CellShape,
+    (cell, edge): ([u32; 3], u32),
+    (numerators, c): Place,
+) -> Option<bool> {
+    let middle = |a: usize| (2 * i128::from(cell[a]) + i128::from(edge)) << 15;
     match shape {
         CellShape::Plane(plane) => {
-            let sum: i128 = (0..3)
-                .map(|a| {
-                    let middle = (2 * i128::from(cell[a]) + 1) << 15;
-                    i128::from(plane.normal[a]) * (numerators[a] - middle * c)
-                })
-                .sum();
-            Some(sum <= i128::from(plane.offset) * (1 << 15) * c)
+            let sum: i128 =
+                (0..3).map(|a| i128::from(plane.normal[a]) * (numerators[a] - middle(a) * c)).sum();
+            Some(sum <= i128::from(plane.offset) * (i128::from(edge) << 15) * c)
         }
         CellShape::Corners(corners) => {
-            let u: [f64; 3] = std::array::from_fn(|a| {
-                let middle = (2 * i128::from(cell[a]) + 1) << 15;
-                (numerators[a] - middle * c) as f64 / (c << 15) as f64
-            });
+            let u: [f64; 3] =
+                std::array::from_fn(|a| (numerators[a] - middle(a) * c) as f64 / (c << 15) as f64);
             let value: f64 = (0..CORNERS)
                 .map(|i| {
                     let part = |a: usize| 0.5 * (1.0 + if i >> a & 1 == 1 { u[a] } else { -u[a] });
@@ -180,9 +179,9 @@ fn oracle(model: &Model, found: &HashMap<[u32; 3], u64>, ray: &Ray) -> Option<Op
     let items = view.cells().unwrap();
     for cell in visited {
         let Some(number) = found.get(&cell) else { continue };
-        let (enter, leave) = passage(ray, cell);
+        let (enter, leave) = passage(ray, (cell, 1));
         let shape = items.shape(*number);
-        if is_behind(shape, cell, enter)? || is_behind(shape, cell, leave)? {
+        if is_behind(shape, (cell, 1), enter)? || is_behind(shape, (cell, 1), leave)? {
             return Some(Some(cell));
         }
         if let CellShape::Corners(_) = shape {
@@ -194,7 +193,7 @@ fn oracle(model: &Model, found: &HashMap<[u32; 3], u64>, ray: &Ray) -> Option<Op
                 let place = std::array::from_fn(|a| {
                     ((at(&enter, a) * (1.0 - s) + at(&leave, a) * s) * 1024.0).round() as i128
                 });
-                match is_behind(shape, cell, (place, 1024)) {
+                match is_behind(shape, (cell, 1), (place, 1024)) {
                     Some(true) => return Some(Some(cell)),
                     Some(false) => {}
                     None => return None,

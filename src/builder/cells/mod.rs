@@ -14,6 +14,8 @@
 //! Solids that know where their surface crosses edges, as meshes and trees do, have their cells described by that
 //! ([`edges`]).
 //!
+//! Finished cells of a brick may be joined into [`larger`] leaves.
+//!
 //! Every operation is an IEEE operation in a fixed order, and the last decisions are of integers: models are the
 //! same on every machine.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
@@ -25,6 +27,7 @@ mod fit;
 mod items;
 mod jet;
 mod label;
+pub(super) mod larger;
 mod pick;
 mod sharp;
 mod stretch;

@@ -713,7 +713,8 @@ impl Run<'_> {
         let own = asked.channels.iter().filter(|channel| !foreign.contains(channel)).collect();
         let usual = if kind == SubjectKind::Mesh { usual_channels(surface) } else { Channels::default() };
         let channels = if surface == SurfaceKind::Skin && own != Channels::default() { own } else { usual };
-        BuildOptions { surface, channels, ..asked }
+        let error = asked.error.filter(|_| surface == SurfaceKind::Cells);
+        BuildOptions { surface, channels, error, ..asked }
     }
 
     /// What is done to a subject before it is built: to a volume what is asked for.

@@ -45,16 +45,19 @@ impl BuildSummary {
             format!("values {} and more ({})", Short(r.selection.lo), info::kind_name(r.selection.kind))
         };
         #[expect(clippy::cast_precision_loss, reason = "a ratio for people")]
-        let per_voxel = r.file_bytes as f64 / r.skin_voxels.max(1) as f64;
-        let (kept, one) = match self.info.frame.surface() {
-            SurfaceKind::Skin if r.skin_voxels == 1 => ("skin voxel", "skin voxel"),
-            SurfaceKind::Skin => ("skin voxels", "skin voxel"),
-            SurfaceKind::Cells if r.skin_voxels == 1 => ("cell", "cell"),
-            SurfaceKind::Cells => ("cells", "cell"),
+        let per_voxel = r.file_bytes as f64 / info::surface_boxes(&self.info.frame).max(1) as f64;
+        let one = info::one_of(&self.info.frame);
+        let kept = match self.info.frame.surface() {
+            SurfaceKind::Skin if r.skin_voxels == 1 => "skin voxel",
+            SurfaceKind::Skin => "skin voxels",
+            SurfaceKind::Cells if r.skin_voxels == 1 => "cell",
+            SurfaceKind::Cells => "cells",
         };
+        let leaves = info::leaves(&self.info.frame);
+        let larger = if leaves > 0 { format!(" and {leaves} larger leaves") } else { String::new() };
         let [x, y, z] = self.info.frame.metadata.dims;
         let mut text = format!(
-            "{}: {} {kept} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
+            "{}: {} {kept}{larger} of {x}x{y}x{z}, {range}\n  {} ({per_voxel:.3} bytes per {one}), {} nodes\n  {:.2} s with {}, peak resident memory {} of {} allowed\n",
             shown(&self.output),
             r.skin_voxels,
             Bytes(r.file_bytes),

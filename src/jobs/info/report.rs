@@ -9,7 +9,7 @@ use super::{
     structure_bytes, to_f64,
 };
 use crate::enclosed::Enclosed;
-use crate::format::{Encoding, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR};
+use crate::format::{Encoding, ErrorBound, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR};
 use crate::geom::Affine;
 use crate::load::Frame;
 
@@ -33,6 +33,9 @@ pub struct ModelFigures {
     pub surface: SurfaceKind,
     /// Skin voxels of the model.
     pub skin_voxels: u64,
+    /// Larger leaves and their distances from the cells in whose place they are; only of models built with `--error`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub error: Option<LeafFigures>,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
@@ -43,6 +46,17 @@ pub struct ModelFigures {
     pub structure_bytes: u64,
     /// Bytes of each section of attributes: `normal`, `normal_lod`, `value`, `value_lod`, ...
     pub channel_bytes: BTreeMap<&'static str, u64>,
+}
+
+/// Larger leaves of a model, and their distances from the cells, in voxels of the finest spacing.
+#[derive(Clone, Copy, Debug, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct LeafFigures {
+    /// How many there are.
+    pub leaves: u64,
+    /// The bound, and what was measured.
+    #[serde(flatten)]
+    pub distances: ErrorBound,
 }
 
 /// Values that count as inside.
@@ -76,9 +90,10 @@ impl From<&Frame> for ModelFigures {
             range: (&m.selection).into(),
             surface: frame.surface(),
             skin_voxels: header.voxels,
+            error: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
             nodes: header.nodes,
             bytes: header.file_bytes,
-            bytes_per_skin_voxel: ratio(header.file_bytes, header.voxels),
+            bytes_per_skin_voxel: ratio(header.file_bytes, super::surface_boxes(frame)),
             structure_bytes: structure_bytes(frame),
             channel_bytes: channel_bytes(frame).into_iter().collect(),
         }
@@ -142,6 +157,8 @@ pub enum NotMeasured {
     Packed,
     /// It takes long.
     Large,
+    /// It has larger leaves.
+    Leaves,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -177,6 +194,7 @@ impl From<&Measured> for MeasuredFigures {
             Measured::Done(measures) => measures,
             Measured::Packed => return not(NotMeasured::Packed),
             Measured::Large => return not(NotMeasured::Large),
+            Measured::Leaves => return not(NotMeasured::Leaves),
             Measured::Impossible => return not(NotMeasured::Impossible),
         };
         let (area, volume) = (m.area_mm2.unzip(), m.volume_mm3.unzip());

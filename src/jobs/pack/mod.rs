@@ -20,6 +20,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::info::ratio;
+use super::opened::refuse_leaves;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
@@ -87,6 +88,7 @@ pub fn pack(input: &Path, output: &Path) -> Result<PackReport, Error> {
 /// # Errors
 /// As [`pack`], and [`Error::Stopped`].
 pub fn pack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Result<PackReport, Error> {
+    refuse_leaves(input, "packed")?;
     convert(input, output, progress, |source, out| Ok(encode::pack_file(source, out)?))
 }
 

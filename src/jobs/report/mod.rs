@@ -41,7 +41,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
 use crate::jobs::batch::NewFolders;
-use crate::jobs::opened::open_model;
+use crate::jobs::opened::open_fine_model;
 use crate::synthetic;
 use crate::text::shown;
 
@@ -121,7 +121,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         progress.advance(1);
     }
     if let Some(path) = &request.model {
-        let model = open_model(path)?;
+        let model = open_fine_model(path, "reported on")?;
         let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
         for found in bench.of_model(&model, &name)? {
             rows::join(&mut experiments, found);

@@ -6,8 +6,10 @@
 //! | `repair` | stored normals that the skin around contradicts give way to a plane fitted to that skin |
 //! | `around` | the 5 x 5 x 5 boxes around a hit, from kept bricks |
 //! | `blend` | smooth normals: a mean over the boxes around a hit |
+//! | `larger` | the same between larger leaves |
 
 pub(crate) mod around;
 pub(crate) mod blend;
+mod larger;
 pub(super) mod repair;
 pub(crate) mod shown;

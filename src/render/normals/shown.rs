@@ -6,6 +6,7 @@ use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
 use super::blend;
+use super::larger;
 use super::repair::{self, tile::Stored};
 use crate::render::cells::Cells;
 use crate::render::ray::Face;
@@ -35,6 +36,8 @@ enum HitKind {
     Node,
     /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
     Own,
+    /// A larger leaf.
+    Larger,
 }
 
 impl PixelHit {
@@ -125,6 +128,13 @@ impl<'a> Normals<'a> {
     #[inline]
     pub(crate) fn seen(&self, trace: &Trace, line: impl FnOnce() -> Line) -> PixelHit {
         let mut seen = PixelHit::new(trace);
+        if let Some(hit) = &trace.hit
+            && hit.edge_log2 > self.lod_edge_log2
+            && self.view.is_leaf(NodeIndex::new(hit.box_number))
+        {
+            (seen.kind, seen.code) =
+                (HitKind::Larger, self.view.leaf_items(NodeIndex::new(hit.box_number)).0);
+        }
         if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
             && seen.kind == HitKind::Voxel
             && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
@@ -152,7 +162,11 @@ impl<'a> Normals<'a> {
         }
         let (origin, sight) = line();
         let world = add_scaled(origin, f64::from(seen.depth), sight);
-        blend::blended(self.view, self.space.to_grid(world), own)
+        let at = self.space.to_grid(world);
+        if seen.kind == HitKind::Larger {
+            return larger::blended(self.view, at, own);
+        }
+        blend::blended(self.view, at, own)
     }
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
@@ -228,7 +242,7 @@ impl<'a> Normals<'a> {
         match seen.kind {
             HitKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
             HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(coarse),
-            HitKind::Own => Some(coarse(seen.code)),
+            HitKind::Own | HitKind::Larger => Some(coarse(seen.code)),
         }
     }
 
@@ -290,7 +304,7 @@ impl<'a> Normals<'a> {
                 self.view.voxel_normals_near(voxel)
             }
             HitKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
-            HitKind::Own => None,
+            HitKind::Own | HitKind::Larger => None,
         }
     }
 

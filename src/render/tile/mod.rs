@@ -62,6 +62,7 @@
 
 mod beam;
 mod exact;
+mod larger;
 mod prove;
 mod walk;
 
@@ -109,10 +110,11 @@ pub struct TileHits {
     by_axis: [u64; 3],
     by_high: u64,
     steps: [u32; RAYS],
-    /// Axes that are mirrored, and the mirror image of cell 0.
+    /// Axes that are mirrored, and the side of the grid.
     mirror: u32,
-    last: u32,
-    edge_log2: u32,
+    side: u32,
+    /// Edge of each box as a power of two.
+    edge_log2: [u8; RAYS],
 }
 
 impl TileHits {
@@ -126,34 +128,35 @@ impl TileHits {
             by_high: 0,
             steps: [0; RAYS],
             mirror: 0,
-            last: 0,
-            edge_log2: 0,
+            side: 0,
+            edge_log2: [0; RAYS],
         }
     }
 
     fn clear(&mut self) {
         (self.hits, self.by_axis, self.by_high) = (0, [0; 3], 0);
-        (self.mirror, self.last, self.edge_log2) = (0, 0, 0);
+        (self.mirror, self.side, self.edge_log2) = (0, 0, [0; RAYS]);
         self.steps = [0; RAYS];
     }
 
     /// From here on coordinates are mirrored like this, and boxes have an edge of `2^edge_log2`.
-    fn mirrored(&mut self, mirror: u32, last: u32, edge_log2: u32) {
-        (self.mirror, self.last, self.edge_log2) = (mirror, last, edge_log2);
+    fn mirrored(&mut self, mirror: u32, side: u32, edge_log2: u32) {
+        (self.mirror, self.side, self.edge_log2) = (mirror, side, [edge_log2.to_le_bytes()[0]; RAYS]);
     }
 
-    /// A cell's coordinate along an axis, mirrored if that is; and back.
-    fn mirror(&self, axis: usize, cell: u32) -> u32 {
-        if self.mirror >> axis & 1 == 1 { self.last.wrapping_sub(cell) } else { cell }
+    /// The coordinate along an axis of a ray's box, mirrored if that is; and back.
+    fn mirror(&self, ray: usize, axis: usize, cell: u32) -> u32 {
+        let edge = 1_u32.wrapping_shl(self.edge_log2[ray % RAYS].into());
+        if self.mirror >> axis & 1 == 1 { self.side.wrapping_sub(edge).wrapping_sub(cell) } else { cell }
     }
 
     fn set(&mut self, ray: usize, hit: &Hit) {
         let ray = ray % RAYS;
-        self.edge_log2 = hit.edge_log2;
+        self.edge_log2[ray] = hit.edge_log2.to_le_bytes()[0];
         self.number[ray] = hit.box_number;
         self.t[ray] = hit.t;
         for a in 0..3 {
-            self.low[a][ray] = f64::from(self.mirror(a, hit.cell[a]));
+            self.low[a][ray] = f64::from(self.mirror(ray, a, hit.cell[a]));
         }
         self.hits |= 1 << ray;
         if let Some(face) = hit.face {
@@ -206,8 +209,8 @@ impl TileHits {
         let face = |axis| Face::new(axis, self.by_high >> ray & 1 == 1);
         Some(Hit {
             box_number: self.number[ray],
-            cell: each3!(A => self.mirror(A, self.low[A][ray] as u32)),
-            edge_log2: self.edge_log2,
+            cell: each3!(A => self.mirror(ray, A, self.low[A][ray] as u32)),
+            edge_log2: self.edge_log2[ray].into(),
             face: (0..3).find(|axis| by(*axis)).map(face),
             t: self.t[ray],
         })

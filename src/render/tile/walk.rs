@@ -1,13 +1,13 @@
 //! The walk of a tile's rays through the octree, together.
 
-use crate::load::{ModelView, NodeView};
+use crate::load::ModelView;
 use crate::render::form::LanesKernel;
 use crate::render::lanes::{DOUBLES, Lanes, each3};
 use crate::render::mirrored_ray::MirroredRay;
 use crate::render::occupancy::{Brick, place};
 use crate::render::ray::{MAX_DEPTH, Ray};
 use crate::render::sight::Sight;
-use crate::render::single::{self, BRICK_LEVELS, OpenBrick, top_edge};
+use crate::render::single::{self, BRICK_LEVELS, LargerLeaf, OpenBrick, top_edge};
 use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
@@ -40,7 +40,7 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
     fn run(mut self, lanes: impl Lanes) {
         self.hits.clear();
         let live = self.tile.live() & self.asked;
-        if self.view.voxel_count() == 0 {
+        if self.view.is_empty() {
             return;
         }
         let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
@@ -51,8 +51,7 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
             .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
         let alone = match beam {
             Some(beam) => {
-                let last = 1_u32.wrapping_shl(depth).wrapping_sub(1_u32.wrapping_shl(unit));
-                self.hits.mirrored(beam.mirror, last, unit);
+                self.hits.mirrored(beam.mirror, 1_u32.wrapping_shl(depth), unit);
                 self.together(lanes, &beam, live, depth, unit)
             }
             None => live,
@@ -92,6 +91,14 @@ impl<S: Surface> Walk<'_, '_, S> {
             }
             let v = open.pending.trailing_zeros();
             open.pending &= open.pending.wrapping_sub(1);
+            if let Some(leaf) = open.larger_leaf(self.view, v, edge) {
+                bricks = bricks.wrapping_add(1);
+                live &= !self.rays_of_leaf(beam, &leaf, live, depth, unit);
+                if live == 0 || bricks > MAX_BRICKS {
+                    break 'walk;
+                }
+                continue;
+            }
             let at = place(v);
             let low = each3!(A => open.low[A].wrapping_add(at[A].wrapping_shl(edge)));
             let number = open.first.wrapping_add(open.brick.before(v));
@@ -146,12 +153,23 @@ impl<S: Surface> Walk<'_, '_, S> {
             if !ranked {
                 (first, ranked) = (brick.first(self.view), true);
             }
-            if !S::SOLID {
+            if !S::SOLID || brick.larger != 0 {
                 self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
             }
             while boxes != 0 {
                 let v = boxes.trailing_zeros();
                 boxes &= boxes.wrapping_sub(1);
+                if brick.larger >> v & 1 == 1 {
+                    let (node, parts) = brick.leaf(v);
+                    boxes &= !parts;
+                    let at = place(v & 56);
+                    let low = each3!(A => low[A] | at[A]);
+                    if self.look_at_leaf(ray, &LargerLeaf { node, low, edge: 1 }, unit, beam.mirror) {
+                        met |= 1 << ray;
+                        break;
+                    }
+                    continue;
+                }
                 let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
                 if S::SOLID {
@@ -235,7 +253,7 @@ impl<S: Surface> Walk<'_, '_, S> {
     }
 
     /// The exact ray of a pixel.
-    fn exact(&self, ray: usize) -> Option<Ray> {
+    pub(super) fn exact(&self, ray: usize) -> Option<Ray> {
         let (x, y) = (self.tile.corner.0 + ray % TILE, self.tile.corner.1 + ray / TILE);
         self.sight.ray(x as f64 + 0.5, y as f64 + 0.5)
     }

@@ -1,0 +1,321 @@
+//! Cells joined into larger leaves, brick by brick, between scan and census.
+//!
+//! ```text
+//!   scratch: cells and their sides, in the order of the scan --BrickReader--> Morton order
+//!      --Joiner--> leaves and the cells that stay --> scratch: bytes as they stand in the model, index entry
+//! ```
+//!
+//! A brick follows from its own cells alone, so neither threads nor memory change it. What is swapped back is final:
+//! infobytes, items and means of each level, which [`super::merge`] only puts in their places.
+#![expect(clippy::cast_possible_truncation, reason = "a brick has at most 2^15 cells")]
+
+use std::sync::{Mutex, PoisonError};
+
+use super::brick::{BrickReader, channel_bytes};
+use super::cells::larger::{Bound, Distances, FineBrick, Joiner, Kept, LEVELS};
+use super::error::{BuildError, ScratchFault};
+use super::item::ChannelForm;
+use super::layout::{BRICK_LEVELS, StoredChannels, boxes_in_brick};
+use super::swap::{BrickEntry, EXTENT_BYTES, FragmentWriter, Scratch, read_fragment};
+use super::walk::BrickWalk;
+use crate::format::cell::{CORNERS, HAS_CORNERS};
+use crate::format::{Channel, ErrorBound, Sum};
+use crate::geom::{Dims, morton};
+use crate::progress::Progress;
+
+/// Bytes of a reduced brick that make a fragment.
+const PART: usize = 128 << 10;
+/// Cells of a brick.
+const CELLS: u64 = 1 << 15;
+
+const _: () = assert!(LEVELS == BRICK_LEVELS as usize);
+
+/// Memory of one worker: a brick, its corners once more, what joins its cells, and what is swapped back.
+pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
+    let own: u64 = channels.iter().map(channel_bytes).sum();
+    let items: u64 = channels.iter().map(|c| c.form.stored_bytes() as u64).sum();
+    let corners = CELLS * (size_of::<(u16, [i8; CORNERS])>() as u64);
+    BrickReader::BYTES
+        + 2 * CELLS
+        + own
+        + corners
+        + Joiner::BYTES
+        + CELLS * items
+        + EXTENT_BYTES as u64
+        + (96 << 10)
+}
+
+/// The stage, shared by its workers.
+pub(super) struct Reduce<'a> {
+    scratch: &'a Scratch,
+    channels: &'a StoredChannels,
+    bound: Bound,
+    depth: u32,
+    walk: Mutex<BrickWalk>,
+    distances: Mutex<Distances>,
+}
+
+impl<'a> Reduce<'a> {
+    pub(super) fn new(dims: Dims, scratch: &'a Scratch, channels: &'a StoredChannels, bound: Bound) -> Self {
+        Self {
+            scratch,
+            channels,
+            bound,
+            depth: dims.depth(),
+            walk: Mutex::new(BrickWalk::new(dims)),
+            distances: Mutex::new(Distances::new(bound.error)),
+        }
+    }
+
+    /// One worker: groups until there are none.
+    pub(super) fn work(&self, stop: &dyn Fn() -> bool, progress: &dyn Progress) -> Result<(), BuildError> {
+        let mut worker = Worker {
+            reader: BrickReader::with_sides(self.channels),
+            joiner: Joiner::new(self.bound, self.depth),
+            corners: Vec::new(),
+            writer: FragmentWriter::new(self.scratch),
+            payload: Vec::new(),
+            distances: Distances::new(self.bound.error),
+        };
+        let (mut found, mut bytes) = (Vec::new(), Vec::new());
+        while !stop() {
+            let more = self
+                .walk
+                .lock()
+                .unwrap_or_else(PoisonError::into_inner)
+                .next_group(self.scratch, &mut found)?;
+            if !more {
+                break;
+            }
+            for (code, entry) in &found {
+                let reduced = worker.reduce(self, entry)?;
+                let brick = morton::decode(*code).map(u64::from);
+                self.scratch.put_entries(brick, &[reduced], &mut bytes)?;
+            }
+            progress.advance(found.len() as u64);
+        }
+        worker.writer.flush()?;
+        self.distances.lock().unwrap_or_else(PoisonError::into_inner).join(&worker.distances);
+        Ok(())
+    }
+
+    /// The bound, and what was measured.
+    pub(super) fn found(self) -> ErrorBound {
+        let [rms, p99, most] =
+            self.distances.into_inner().unwrap_or_else(PoisonError::into_inner).rms_p99_most();
+        ErrorBound { bound: self.bound.error, rms, p99, most }
+    }
+}
+
+struct Worker<'a> {
+    reader: BrickReader,
+    joiner: Joiner,
+    corners: Vec<(u16, [i8; CORNERS])>,
+    writer: FragmentWriter<'a>,
+    payload: Vec<u8>,
+    distances: Distances,
+}
+
+impl Worker<'_> {
+    /// Reduces a brick and swaps it back; gives its new entry in the index.
+    fn reduce(&mut self, stage: &Reduce<'_>, entry: &BrickEntry) -> Result<BrickEntry, BuildError> {
+        let Self { reader, joiner, corners, writer, payload, distances } = self;
+        reader.load(stage.scratch, entry)?;
+        corners.clear();
+        if let Some(channel) = reader.channels.iter().find(|c| c.is_sparse()) {
+            corners.extend(reader.corners.iter().map(|corner| {
+                (corner.rank(), std::array::from_fn(|c| channel.corner(*corner)[c].cast_signed()))
+            }));
+        }
+        let items = |channel| reader.channels.iter().find(|c| c.channel() == channel).map(|c| &c.items[..]);
+        let (Some(codes), Some(offsets)) = (items(Channel::Normal), items(Channel::Offset)) else {
+            return Ok(*entry);
+        };
+        let brick = FineBrick {
+            words: &reader.words,
+            codes: codes.as_chunks().0,
+            offsets,
+            corners,
+            sides: reader.sides(),
+        };
+        joiner.join(&brick);
+        joiner.measure(&brick, distances);
+
+        let levels = stage.depth.min(BRICK_LEVELS) as usize;
+        let mut reduced = BrickEntry::default();
+        payload.clear();
+        for e in 1..=LEVELS {
+            let mut boxes = 0;
+            joiner.for_each_kept(&brick, e, |_, kept| {
+                boxes += 1;
+                if e <= levels {
+                    payload.push(if let Kept::Inner(infobyte) = kept { infobyte } else { 0 });
+                }
+                reduced.leaves[e - 1] += u16::from(matches!(kept, Kept::Leaf(_)));
+            });
+            if let Some(count) = reduced.boxes.get_mut(e - 1) {
+                *count = boxes;
+            }
+        }
+        for e in 1..=levels {
+            joiner.for_each_kept(&brick, e, |_, kept| {
+                if let Kept::Leaf(leaf) = kept {
+                    payload.extend(leaf.code.to_le_bytes());
+                }
+            });
+            joiner.for_each_kept(&brick, e, |_, kept| {
+                if let Kept::Leaf(leaf) = kept {
+                    payload.push(leaf.offset.cast_unsigned());
+                }
+            });
+        }
+        joiner.for_each_run(&brick, |_, cells| {
+            reduced.skin += cells.len() as u32;
+            let has_corners = offsets[cells].iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
+            reduced.corners += has_corners as u16;
+        });
+        for at in 0..reader.channels.len() {
+            put_items(reader, joiner, corners, at, payload);
+            put_means(reader, joiner, corners, (at, levels), payload);
+        }
+        for channel in &reader.channels {
+            if let Some(whole) = channel.sums.first() {
+                payload.extend(whole.to_bytes());
+            }
+        }
+        for part in payload.chunks(PART) {
+            reduced.last_fragment = writer.append(reduced.last_fragment, part)?;
+        }
+        Ok(reduced)
+    }
+}
+
+/// The cells as the joiner saw them.
+fn brick_of<'a>(reader: &'a BrickReader, corners: &'a [(u16, [i8; CORNERS])]) -> FineBrick<'a> {
+    let items =
+        |channel| reader.channels.iter().find(|c| c.channel() == channel).map_or(&[][..], |c| &c.items[..]);
+    FineBrick {
+        words: &reader.words,
+        codes: items(Channel::Normal).as_chunks().0,
+        offsets: items(Channel::Offset),
+        corners,
+        sides: reader.sides(),
+    }
+}
+
+/// Appends the items of the cells that stay, of channel number `at`.
+fn put_items(
+    reader: &BrickReader,
+    joiner: &Joiner,
+    corners: &[(u16, [i8; CORNERS])],
+    at: usize,
+    payload: &mut Vec<u8>,
+) {
+    let (channel, brick) = (&reader.channels[at], brick_of(reader, corners));
+    let item = channel.item_bytes();
+    joiner.for_each_run(&brick, |_, cells| {
+        if channel.is_sparse() {
+            let from = corners.partition_point(|(cell, _)| usize::from(*cell) < cells.start);
+            let own = corners[from..].iter().take_while(|(cell, _)| usize::from(*cell) < cells.end);
+            own.for_each(|(_, corners)| payload.extend(corners.map(i8::cast_unsigned)));
+        } else {
+            payload.extend_from_slice(&channel.items[cells.start * item..cells.end * item]);
+        }
+    });
+}
+
+/// Appends the means of a channel's boxes with an edge of 4 and more, and leaves the sum of the brick. A leaf counts as
+/// many cells as it has on a side, squared (SPEC 4.9).
+fn put_means(
+    reader: &mut BrickReader,
+    joiner: &Joiner,
+    corners: &[(u16, [i8; CORNERS])],
+    (at, levels): (usize, usize),
+    payload: &mut Vec<u8>,
+) {
+    let Some(rule) = reader.channels[at].rule else { return };
+    let mut sums = std::mem::take(&mut reader.channels[at].sums);
+    sums.fill(Sum::default());
+    let brick = brick_of(reader, corners);
+    let item = reader.channels[at].item_bytes();
+    // Within a box of 4^3, leaves and runs of cells of its boxes of 2^3 in order.
+    let mut runs = Vec::with_capacity(CELLS as usize / 8);
+    joiner.for_each_run(&brick, |of, cells| runs.push((of, cells)));
+    let mut runs = runs.into_iter().peekable();
+    joiner.for_each_kept(&brick, 1, |of, kept| match kept {
+        Kept::Leaf(leaf) => rule.add_repeated(&mut sums[of / 8], &leaf.code.to_le_bytes(), 4),
+        Kept::Inner(_) => {
+            if let Some((_, cells)) = runs.next_if(|(run, _)| *run == of) {
+                let items = &reader.channels[at].items[cells.start * item..cells.end * item];
+                rule.add_items(&mut sums[of / 8], items, item);
+            }
+        }
+    });
+    let mut means = Vec::new();
+    for e in 2..=LEVELS {
+        if e > 2 {
+            fold(&mut sums, CELLS as usize >> (3 * e));
+        }
+        joiner.for_each_kept(&brick, e, |of, kept| {
+            if let Kept::Leaf(leaf) = kept {
+                rule.add_repeated(&mut sums[of], &leaf.code.to_le_bytes(), 1 << (2 * e));
+            }
+        });
+        if e <= levels {
+            joiner.for_each_kept(&brick, e, |of, _| means.extend_from_slice(&rule.mean(&sums[of])[..item]));
+        }
+    }
+    payload.extend(means);
+    reader.channels[at].sums = sums;
+}
+
+/// Folds sums into those of so many parents.
+fn fold(sums: &mut [Sum], parents: usize) {
+    for parent in 0..parents {
+        let mut sum = Sum::default();
+        for child in sums[8 * parent..8 * parent + 8].iter().filter(|child| child.count() > 0) {
+            sum.join(child);
+        }
+        sums[parent] = sum;
+    }
+}
+
+/// A reduced brick from the scratch file, to be taken piece by piece.
+#[derive(Default)]
+pub(super) struct Reduced {
+    chain: Vec<u64>,
+    stored: Vec<u8>,
+    part: Vec<u8>,
+    bytes: Vec<u8>,
+    used: usize,
+}
+
+impl Reduced {
+    /// Loads the brick of an entry.
+    pub(super) fn load(&mut self, scratch: &Scratch, entry: &BrickEntry) -> Result<(), BuildError> {
+        let mut at = entry.last_fragment;
+        while at != 0 && self.chain.len() < 64 {
+            self.chain.push(at);
+            at = read_fragment(scratch, at, &mut self.stored, &mut self.part)?;
+        }
+        self.bytes.clear();
+        self.used = 0;
+        while let Some(at) = self.chain.pop() {
+            read_fragment(scratch, at, &mut self.stored, &mut self.part)?;
+            self.bytes.extend_from_slice(&self.part);
+        }
+        Ok(())
+    }
+
+    /// The next so many bytes.
+    pub(super) fn take(&mut self, scratch: &Scratch, len: usize) -> Result<&[u8], BuildError> {
+        let from = self.used;
+        self.used += len;
+        self.bytes.get(from..self.used).ok_or_else(|| scratch.error(ScratchFault::Changed.into()))
+    }
+
+    /// Nodes with an edge of 2^e of an entry.
+    pub(super) fn nodes(entry: &BrickEntry, e: usize) -> usize {
+        boxes_in_brick(entry, e as u32) as usize
+    }
+}

@@ -1,0 +1,440 @@
+//! Models within a bound of their surface keep what they promise: larger leaves stand for their cells, no ray passes
+//! them to an inside sample, every form of the traversal finds what plain exact arithmetic over all leaves finds, bytes
+//! do not depend on memory or threads, damage is refused, and what cannot be done to them is said. If this fails, such
+//! models have holes, differ between machines, or are silently wrong.
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
+use crate::cells::{is_behind, passage};
+use crate::common;
+use crate::prelude::*;
+use infobyte::builder::Tolerance;
+use infobyte::load::{CellShape, Fault};
+use infobyte::render::batch::Batch;
+use infobyte::render::reference::walk;
+
+/// Voxels, and is a sample inside?
+type Body = (&'static str, Voxels<u8>);
+
+/// Builds a model of cells, of values of 128 and more.
+fn built(path: &Path, voxels: &Voxels<u8>, error: f64, share_mib: u64, threads: usize) -> Model {
+    let options = BuildOptions {
+        threshold: Threshold::Iso(128.0),
+        surface: SurfaceKind::Cells,
+        error: Some(Tolerance::Voxels(error)),
+        memory: MemoryCap::Share(share_mib << 20),
+        threads,
+        ..BuildOptions::default()
+    };
+    infobyte::build(voxels, &options, path).unwrap();
+    let model = Model::open(path).unwrap();
+    verify(&model).unwrap();
+    model
+}
+
+/// Values that fall by 40 a voxel from a distance outwards.
+fn body(n: u32, name: &'static str, outside: impl Fn([f64; 3]) -> f64) -> Body {
+    let dims = Dims::new(n, n, n).unwrap();
+    let value = |p: [u32; 3]| {
+        (128.0 - 40.0 * outside(p.map(|c| f64::from(c) - 0.5 * f64::from(n)))).clamp(0.0, 255.0)
+    };
+    (name, Voxels::from_fn(dims, |p| value(p) as u8))
+}
+
+fn length(p: &[f64]) -> f64 {
+    p.iter().map(|c| c * c).sum::<f64>().sqrt()
+}
+
+fn bodies(n: u32) -> [Body; 4] {
+    let (side, mut random) = (f64::from(n), Random(9));
+    let rough: Vec<f64> = (0..4096).map(|_| random.unit() - 0.5).collect();
+    let bump = move |p: [f64; 3]| {
+        rough[p.iter().fold(0_usize, |h, c| (h.wrapping_mul(31) ^ (c.to_bits() >> 40) as usize) & 0xffff)
+            % 4096]
+    };
+    [
+        body(n, "ball", |p| length(&[p[0] - 0.3, p[1] + 0.2, p[2]]) - 0.37 * side),
+        body(n, "torus", |p| length(&[length(&[p[0], p[1] + 0.4]) - 0.28 * side, p[2] - 0.1]) - 0.11 * side),
+        body(n, "box", |p| {
+            let turned = [0.8 * p[0] + 0.6 * p[1], 0.8 * p[1] - 0.6 * p[0], p[2] + 0.2 * p[0]];
+            turned.into_iter().fold(f64::MIN, |m, c| m.max(c.abs() - 0.24 * side))
+        }),
+        body(n, "noise", move |p| length(&p) - 0.33 * side + 0.4 * bump(p)),
+    ]
+}
+
+/// A box of the surface: its lowest cell, its edge, its number and what is in it.
+type Leaf = ([u32; 3], u32, u64, CellShape);
+
+/// All of a model, larger and single cells.
+fn leaves(model: &Model) -> Vec<Leaf> {
+    let view = model.view();
+    let items = view.cells().unwrap();
+    let (mut found, mut waiting) = (Vec::new(), vec![(BoxIndex::ROOT, [0_u32; 3], view.depth())]);
+    while let Some((number, low, level)) = waiting.pop() {
+        if level == 0 {
+            let cell = number.voxel(view.node_count()).get();
+            found.push((low, 1, number.get(), items.shape(cell)));
+        } else if view.infobyte(number.node()) == 0 {
+            let plane = CellShape::Plane(view.leaf_plane(number.node()));
+            found.push((low, 1 << level, number.get(), plane));
+        }
+        for octant in Octant::ALL.into_iter().filter(|_| level > 0) {
+            if let Some(child) = view.child(number.node(), octant) {
+                let at = std::array::from_fn(|a| low[a] + (octant.high()[a] << (level - 1)));
+                waiting.push((child, at, level - 1));
+            }
+        }
+    }
+    found
+}
+
+/// Which leaf, and which sides, every cell of the grid has.
+struct Oracle<'a> {
+    side: u32,
+    leaves: Vec<Leaf>,
+    /// Number of the leaf and one more, by cell.
+    of: Vec<u32>,
+    voxels: &'a Voxels<u8>,
+    dims: [u32; 3],
+}
+
+impl<'a> Oracle<'a> {
+    fn new(model: &Model, voxels: &'a Voxels<u8>) -> Self {
+        let (side, leaves) = (1_u32 << model.depth(), leaves(model));
+        let mut of = vec![0; (side * side * side) as usize];
+        for (number, (low, edge, ..)) in (1..).zip(&leaves) {
+            for i in 0..edge.pow(3) {
+                let [x, y, z] = [i % edge, i / edge % edge, i / edge / edge];
+                let at = ((low[2] + z) * side + low[1] + y) * side + low[0] + x;
+                assert_eq!(std::mem::replace(&mut of[at as usize], number), 0, "leaves lie side by side");
+            }
+        }
+        let dims = model.metadata().dims;
+        Self { side, leaves, of, voxels, dims }
+    }
+
+    fn is_inside(&self, sample: [i64; 3]) -> bool {
+        let there = (0..3).all(|a| (0..i64::from(self.dims[a])).contains(&sample[a]));
+        let [x, y, z] = sample.map(|c| c as usize);
+        there && self.voxels.samples()[(z * self.dims[1] as usize + y) * self.dims[0] as usize + x] >= 128
+    }
+
+    /// Are all eight samples of a cell inside?
+    fn is_full(&self, cell: [u32; 3]) -> bool {
+        (0..8).all(|c| self.is_inside(std::array::from_fn(|a| i64::from(cell[a]) - 1 + (c >> a & 1))))
+    }
+
+    /// The first leaf in which a ray meets the inside; and does it come into a cell that is all inside, and no part of a
+    /// leaf, before? `None` where rounding could decide.
+    fn first(&self, ray: &Ray, empty: &BitVolume) -> Option<(Option<&Leaf>, bool)> {
+        let (mut visited, mut last, mut leaks) = (Vec::new(), 0, false);
+        walk(empty, ray, true, |cell| visited.push(cell));
+        for cell in visited {
+            let at = (cell[2] * self.side + cell[1]) * self.side + cell[0];
+            let number = self.of[at as usize];
+            leaks |= number == 0 && self.is_full(cell);
+            if number == 0 || number == last {
+                continue;
+            }
+            last = number;
+            let leaf = &self.leaves[number as usize - 1];
+            let (low, edge, _, shape) = *leaf;
+            let (enter, leave) = passage(ray, (low, edge));
+            if is_behind(shape, (low, edge), enter)? || is_behind(shape, (low, edge), leave)? {
+                return Some((Some(leaf), leaks));
+            }
+            if let CellShape::Corners(_) = shape {
+                return None;
+            }
+        }
+        Some((None, leaks))
+    }
+}
+
+/// A ray from outside at an inside sample, through a lattice point or near one.
+fn aimed(random: &mut Random, oracle: &Oracle<'_>) -> Option<Ray> {
+    let target = oracle.dims.map(|n| random.below(n));
+    if !oracle.is_inside(target.map(i64::from)) {
+        return None;
+    }
+    // Sample i lies between cells i and i + 1.
+    let target = target.map(|c| f64::from(c + 1));
+    let side = f64::from(oracle.side);
+    let origin: [f64; 3] = match random.below(3_u32) {
+        0 => std::array::from_fn(|_| side * (3.0 * random.unit() - 1.0)),
+        1 => std::array::from_fn(|a| target[a] + f64::from(random.below(41_u32)) - 20.0),
+        _ => {
+            let axis = random.below(3_u32) as usize;
+            std::array::from_fn(|a| if a == axis { -5.0 } else { target[a] })
+        }
+    };
+    let direction: [f64; 3] = std::array::from_fn(|a| target[a] - origin[a]);
+    let cell = origin.map(|c| c.floor() as i64);
+    // Not from within.
+    let is_outside = (0..8).all(|c| !oracle.is_inside(std::array::from_fn(|a| cell[a] - 1 + (c >> a & 1))));
+    if !is_outside {
+        return None;
+    }
+    Ray::new(oracle.side.ilog2(), origin, direction, 0.0).ok().flatten()
+}
+
+/// Rays of each body and bound; with INFOBYTE_LONG=500 ten million.
+fn rays() -> u64 {
+    20_000 * u64::from(common::long())
+}
+
+#[test]
+fn every_form_finds_what_plain_arithmetic_over_all_leaves_finds_and_nothing_leaks() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, voxels) in &bodies(58) {
+        for error in [0.1, 0.5] {
+            let model = built(&folder.path().join("m"), voxels, error, 64, 2);
+            let (view, oracle) = (model.view(), Oracle::new(&model, voxels));
+            let larger = oracle.leaves.iter().filter(|leaf| leaf.1 > 1).count();
+            assert!(larger > 50, "{name}: {larger}");
+            let surface = Cells::new(view.cells().unwrap());
+            let empty = BitVolume::new(view.depth()).unwrap();
+            let (mut lot, mut random) = (infobyte::render::selfcheck::Random::new(5), Random(6));
+            let mut batch = Batch::new(Form::best());
+            let (mut hits, mut of_larger, mut open, mut tried) = (0_u64, 0_u64, 0_u64, 0_u64);
+            let mut met = Vec::new();
+            while tried < rays() {
+                let from_outside = tried % 2 == 0;
+                let ray = if from_outside {
+                    aimed(&mut random, &oracle)
+                } else {
+                    random_ray(&mut lot, view.depth())
+                };
+                let Some(ray) = ray else { continue };
+                tried += 1;
+                let got = single::trace(Form::Portable, &view, &surface, &ray, 0).hit;
+                for form in Form::available() {
+                    assert_eq!(single::trace(form, &view, &surface, &ray, 0).hit, got, "{name} {ray:?}");
+                }
+                batch.nearest(&view, &surface, &[ray], 0, &mut met);
+                assert_eq!(met, [got], "{name} {ray:?}");
+                let Some((want, leaks)) = oracle.first(&ray, &empty) else {
+                    open += 1;
+                    continue;
+                };
+                assert!(!leaks || !from_outside, "{name} {error}: {ray:?} passes");
+                let found = got.map(|hit| (hit.cell, 1 << hit.edge_log2, hit.box_number));
+                assert_eq!(found, want.map(|leaf| (leaf.0, leaf.1, leaf.2)), "{name} {error}: {ray:?}");
+                assert!(want.is_some() || !from_outside, "{name} {error}: {ray:?} passes all leaves");
+                hits += u64::from(want.is_some());
+                of_larger += u64::from(want.is_some_and(|leaf| leaf.1 > 1));
+            }
+            println!(
+                "{name} {error}: {larger} larger leaves, {tried} rays, {hits} hits, {of_larger} of larger leaves, {open} open, 0 leaks"
+            );
+            assert!(
+                hits > tried / 2 && of_larger > hits / 4 && open < tried / 4,
+                "{name}: {hits} {of_larger} {open}"
+            );
+        }
+    }
+}
+
+#[test]
+fn tiles_see_what_single_rays_see() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, voxels) in &bodies(58) {
+        let model = built(&folder.path().join("m"), voxels, 0.2, 64, 2);
+        let view = model.view();
+        let surface = Cells::new(view.cells().unwrap());
+        let space = GridSpace::new(model.dims(), &model.affine()).unwrap();
+        let (mut random, mut hits, mut larger) = (Random(3), 0, 0);
+        for round in 0..40 {
+            let mut point = |low: f64, high: f64| [0; 3].map(|_: i32| low + (high - low) * random.unit());
+            let (mut eye, mut look_at) = (point(-60.0, 120.0), point(20.0, 40.0));
+            if round % 4 == 0 {
+                (look_at, eye) = ([30.0; 3], [30.0; 3]);
+                eye[round / 4 % 3] -= 90.0;
+            }
+            let view_point = ViewPoint::Free { eye, look_at, up: None };
+            let projection = if round % 2 == 0 { Projection::Parallel } else { Projection::Perspective };
+            let Ok(camera) = Camera::new(view_point, projection, 50.0, 1.0, |_| 0.0) else { continue };
+            // Pixels from several cells to a fraction of one.
+            let pixels = [24, 64, 400][round % 3];
+            let sight = Sight::new(&space, &camera, pixels, pixels);
+            for _ in 0..12 {
+                let tiles = pixels as usize / TILE;
+                let corner = (random.below(tiles) * TILE, random.below(tiles) * TILE);
+                let lod_edge_log2 = [0, 0, 0, 1, 3][round % 5];
+                let tile = Tile { corner, limits: (TILE, TILE), lod_edge_log2 };
+                let want: [Option<Hit>; RAYS] = std::array::from_fn(|ray| {
+                    let (x, y) = ((corner.0 + ray % TILE) as f64 + 0.5, (corner.1 + ray / TILE) as f64 + 0.5);
+                    single::trace(Form::Portable, &view, &surface, &sight.ray(x, y)?, lod_edge_log2).hit
+                });
+                hits += want.iter().flatten().count();
+                larger += want.iter().flatten().filter(|hit| hit.edge_log2 > lod_edge_log2).count();
+                for form in Form::available() {
+                    let mut tracer = Tracer::new(form);
+                    let got = tracer.trace(&view, &surface, &sight, tile);
+                    for (ray, want) in want.iter().enumerate() {
+                        assert_eq!(got.hit(ray), *want, "{name} {form:?} round {round} ray {ray}");
+                    }
+                }
+            }
+        }
+        assert!(hits > 4000 && larger > hits / 10, "{name}: {hits} {larger}");
+    }
+}
+
+#[test]
+fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (_, voxels) = &bodies(90)[3];
+    let bytes = |error: f64, share_mib: u64, threads: usize| {
+        built(&at("m"), voxels, error, share_mib, threads);
+        std::fs::read(at("m")).unwrap()
+    };
+    let first = bytes(0.1, 64, 1);
+    for (share_mib, threads) in [(4, 1), (64, 2), (4, 2), (200, 3)] {
+        assert!(bytes(0.1, share_mib, threads) == first, "{share_mib} {threads}");
+    }
+    let options = BuildOptions {
+        threshold: Threshold::Iso(128.0),
+        surface: SurfaceKind::Cells,
+        ..BuildOptions::default()
+    };
+    infobyte::build(voxels, &options, at("fine")).unwrap();
+    let fine = std::fs::read(at("fine")).unwrap();
+    assert!(bytes(0.0, 64, 2) == fine);
+    assert!(first.len() < fine.len());
+    let shown = serde_json::to_value(info::read_info(&at("m")).unwrap().json()).unwrap();
+    assert!(shown.get("error").is_none(), "{shown}");
+    built(&at("m"), voxels, 0.1, 64, 2);
+    let shown = serde_json::to_value(info::read_info_measured(&at("m"), true).unwrap().json()).unwrap();
+    let number = |key: &str| shown["error"][key].as_f64().unwrap();
+    let [bound, rms, p99, most] = ["bound", "rms", "p99", "most"].map(number);
+    assert!(bound == 0.1 && rms > 0.001 && rms < p99 && p99 <= most && most <= 0.151, "{shown}");
+    assert_eq!((&shown["format_version"], &shown["not_measured"]), (&"1.3".into(), &"leaves".into()));
+    let run = oct(&["info", &text(&at("m"))]);
+    assert!(
+        run.stdout.contains("larger leaves") && run.stdout.contains("within 0.1 voxel"),
+        "{}",
+        run.stdout
+    );
+    let read =
+        std::process::Command::new("python3").arg("scripts/read_oct.py").arg(at("m")).output().unwrap();
+    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+}
+
+/// I20, and what of I1, I4, I5, I7, I10 and I14 is about larger leaves.
+#[test]
+fn i20_larger_leaves_and_their_directory() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = built(&folder.path().join("m"), &bodies(40)[0].1, 0.1, 64, 1);
+    let whole = model.bytes().to_vec();
+    let damaged = |change: &dyn Fn(&mut Header), kind: SectionKind, of_section: &dyn Fn(&mut [u8])| {
+        let mut file = whole.clone();
+        let frame = Frame::read(&file[..]).unwrap();
+        let mut sections = frame.sections.clone();
+        let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
+        let range = entry.offset as usize..entry.end() as usize;
+        of_section(&mut file[range.clone()]);
+        (entry.stored_crc, entry.content_crc) =
+            (crc32c::crc32c(&file[range.clone()]), crc32c::crc32c(&file[range]));
+        let table = table_bytes(&sections);
+        let mut header = Header { table_crc: crc32c::crc32c(&table), ..frame.header };
+        change(&mut header);
+        file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
+        file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
+        match verify(&file[..]) {
+            Err(Fault::Format(fault)) => fault,
+            other => panic!("{other:?}"),
+        }
+    };
+    let keep = |_: &mut Header| {};
+    let nodes = model.section_bytes(SectionKind::Nodes).unwrap();
+    let first = nodes.iter().position(|b| *b == 0).unwrap();
+    let found = damaged(&keep, SectionKind::LeafRank, &|bytes| bytes[0] = 1);
+    assert_eq!(found, FormatError::LeafRank { block: 0, due: 0 });
+    for (kind, leaf) in [(SectionKind::LeafNormals, 0), (SectionKind::LeafOffsets, 1)] {
+        let found = damaged(&keep, kind, &|bytes| bytes[leaf as usize] = 0x80);
+        assert_eq!(found, FormatError::IllegalLeaf { leaf });
+    }
+    // A node above that has no children, and a leaf that gets one.
+    for (at, infobyte) in [(0, 0), (first, 1)] {
+        let found = damaged(&keep, SectionKind::Nodes, &|bytes| bytes[at] = infobyte);
+        assert!(matches!(found, FormatError::RankMismatch { .. }), "{found:?}");
+    }
+    let apart = damaged(&|header| header.leaves = false, SectionKind::Nodes, &|_| {});
+    assert!(matches!(apart, FormatError::NodeCount { .. }), "{apart:?}");
+    let minor = damaged(&|header| header.minor = 1, SectionKind::Nodes, &|_| {});
+    assert_eq!(minor, FormatError::MinorApart { minor: 1 });
+    // Without cells the bit is unknown.
+    let mut file = whole.clone();
+    file[12] = 4;
+    let crc = crc32c::crc32c(&file[..60]);
+    file[60..64].copy_from_slice(&crc.to_le_bytes());
+    assert!(matches!(Frame::read(&file[..]), Err(Fault::Format(FormatError::UnknownEncoding { code: 4 }))));
+}
+
+#[test]
+fn what_cannot_be_done_is_refused_with_a_sentence() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    built(&folder.path().join("m.oct"), &bodies(40)[0].1, 0.1, 64, 1);
+    let (model, other) = (at("m.oct"), at("other"));
+    let scene = at("scene.toml");
+    std::fs::write(&scene, "[[model]]\nfile = \"m.oct\"\n").unwrap();
+    for (args, said) in [
+        (&["pack", &model, "-o", &other][..], "cannot be packed yet"),
+        (&["export", &model, "-o", &at("m.stl")], "cannot be exported yet"),
+        (&["intersect", &model, &model], "cannot be intersected yet"),
+        (&["selfcheck", &model], "cannot be checked ray by ray yet"),
+        (&["render", &scene, "-o", &at("m.png")], "cannot be put into a scene yet"),
+        (&["build", "synthetic:sphere@40", "-o", &other, "--force", "--error", "0.1"], "--surface cells"),
+        (
+            &[
+                "build",
+                "synthetic:sphere@40",
+                "-o",
+                &other,
+                "--force",
+                "--surface",
+                "cells",
+                "--error",
+                "1.5",
+            ],
+            "up to 1 voxel",
+        ),
+        (
+            &["build", "synthetic:sphere@40", "-o", &other, "--force", "--surface", "cells", "--error", "-1"],
+            "is not a bound",
+        ),
+        (
+            &[
+                "build",
+                "synthetic:sphere@40",
+                "-o",
+                &other,
+                "--force",
+                "--surface",
+                "cells",
+                "--error",
+                "0.05mm",
+                "--visible-from",
+                "outside",
+            ],
+            "for whole models",
+        ),
+    ] {
+        let run = oct(args);
+        assert_eq!(run.code, 2, "{args:?}: {}", run.stderr);
+        assert!(run.stderr.contains(said), "{args:?}: {}", run.stderr);
+        assert!(!Path::new(&other).exists());
+    }
+    for args in [
+        &["render", &model, "-o", &at("m.png"), "--size", "64x64"][..],
+        &["strip", &model, "-o", &at("stripped.oct"), "--lod", "off"],
+        &["verify", &at("stripped.oct")],
+        &["info", &model, "--measure"],
+    ] {
+        let run = oct(args);
+        assert_eq!(run.code, 0, "{args:?}: {}", run.stderr);
+    }
+}
