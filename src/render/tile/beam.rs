@@ -42,10 +42,27 @@ pub(super) struct Beam<L: Lanes> {
     /// `lower <= -min e`, e being that of the plane's middle.
     upper: [L::F; 3],
     lower: [L::F; 3],
-    /// Lowest origin of the rays, by axis, if some box may lie behind a ray.
-    behind: Option<[f64; 3]>,
+    /// Where the rays start, if some box may lie behind one.
+    starts: Option<Starts>,
     /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
+}
+
+/// Least and greatest origin of a beam's rays by axis, each moved outwards by [`SLACK`]. Along an axis that the rays
+/// do not move along both are beyond all boxes, so that it decides nothing.
+#[derive(Clone, Copy)]
+struct Starts {
+    least: [f64; 3],
+    greatest: [f64; 3],
+}
+
+impl Starts {
+    /// Does a box with this low corner lie beyond all origins along some axis? Then no point of it, and of no box
+    /// within it, is behind a ray that passes through it.
+    #[inline(always)]
+    fn are_before(&self, low: [u32; 3]) -> bool {
+        (0..3).any(|a| f64::from(low[a]) >= self.greatest[a])
+    }
 }
 
 /// The differences of a tile's rays.
@@ -173,8 +190,12 @@ impl<L: Lanes> Beam<L> {
             shift,
             upper: each3!(PAIR => bounds[PAIR].0),
             lower: each3!(PAIR => bounds[PAIR].1),
-            behind: starts_inside.then(|| {
-                std::array::from_fn(|a| if still[a] { f64::MIN } else { origins[a].0 - f64::from(SLACK) })
+            starts: starts_inside.then(|| {
+                let slack = f64::from(SLACK);
+                Starts {
+                    least: each3!(A => if still[A] { f64::MIN } else { origins[A].0 - slack }),
+                    greatest: each3!(A => if still[A] { f64::MAX } else { origins[A].1 + slack }),
+                }
             }),
             brick_half: PAIRS.map(|(a, b)| 2.0 * (greatest[a] + greatest[b]) + slack),
         })
@@ -214,9 +235,9 @@ impl<L: Lanes> Beam<L> {
             let below = l.f_le(self.lower[pair], l.f((-least * per_edge) as f32));
             boxes &= l.extrude(pair, (above & below).bits());
         }
-        if let Some(start) = self.behind {
+        if let Some(starts) = self.starts {
             for a in 0..3 {
-                let passed = (start[a] - f64::from(low[a])) * per_edge;
+                let passed = (starts.least[a] - f64::from(low[a])) * per_edge;
                 boxes &= super::super::occupancy::at_least(a, passed.clamp(0.0, 4.0) as u32);
             }
         }
@@ -250,9 +271,22 @@ impl<L: Lanes> Beam<L> {
         bits & live
     }
 
-    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect.
+    /// May a box of the brick at `low` lie behind a ray?
     #[inline(always)]
-    pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3]) -> u64 {
+    pub(super) fn may_be_behind(&self, low: [u32; 3]) -> bool {
+        self.starts.is_some_and(|starts| !starts.are_before(low))
+    }
+
+    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect; `may_be_behind` is that
+    /// of the brick.
+    #[inline(always)]
+    pub(super) fn intersected_by(
+        &self,
+        rays: &Rays,
+        ray: usize,
+        low: [u32; 3],
+        may_be_behind: bool,
+    ) -> u64 {
         let l = self.lanes;
         let ray = ray % RAYS;
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
@@ -263,8 +297,8 @@ impl<L: Lanes> Beam<L> {
             let within = l.f_le(l.f_abs(beside), l.f(rays.half[pair][ray]));
             boxes &= l.extrude(pair, within.bits());
         }
-        if let Some(still) = self.behind {
-            boxes &= self.ahead_of(still, ray, low);
+        if may_be_behind && let Some(starts) = self.starts {
+            boxes &= self.ahead_of(starts.least, ray, low);
         }
         boxes
     }

@@ -38,6 +38,7 @@
 //! | candidates, cells and faces written once, worked out when read | 14 % less time (1024^3) |
 //! | ranks and infobytes always inlined | about 20 % less: the call had no population count, and all registers were saved around it |
 //! | the next brick fetched while rays are compared with one | 2 to 9 % more time: ranks of bricks that no living ray is near; dropped |
+//! | what lies behind a ray asked for only in bricks that do not lie beyond all origins along some axis | parallel 1.2 to 1.3 times as fast, where the picture's plane lies in the grid (AVX-512) |
 //! | fused multiply-add | not used: without it every form gives the same bits, steps included |
 //!
 //! A tile of that picture compares 12 bricks with its beam (9 of them have a ray near), its rays with 81

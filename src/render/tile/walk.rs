@@ -135,11 +135,12 @@ impl<S: Surface> Walk<'_, '_, S> {
         let mut met = 0_u64;
         let (mut first, mut ranked) = (0, false);
         let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        let may_be_behind = beam.may_be_behind(low);
         while near != 0 {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low);
+            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, may_be_behind);
             if boxes == 0 {
                 continue;
             }
