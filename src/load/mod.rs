@@ -22,6 +22,7 @@ mod verify;
 mod view;
 mod voxels;
 
+pub(crate) use cells::BrickCodes;
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
 pub(crate) use error::{LoadFault, NotRegular};

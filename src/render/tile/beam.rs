@@ -6,6 +6,7 @@
 //! pixel, so its extremes are those of four corners.
 
 use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use crate::render::pairs::{Lines, SLACKS};
 use crate::render::sight::Pencil;
 use crate::render::single::{ALONG_A, ALONG_B, SLACK};
 
@@ -44,6 +45,8 @@ pub(super) struct Beam<L: Lanes> {
     lower: [L::F; 3],
     /// Where the rays start, if some box may lie behind one.
     starts: Option<Starts>,
+    /// How far e of a box near some ray may be off.
+    slack: f32,
     /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
 }
@@ -66,6 +69,7 @@ impl Starts {
 }
 
 /// The differences of a tile's rays.
+#[repr(align(64))]
 pub(super) struct Rays {
     /// Direction by axis, then half the width of a cell's projection by pair.
     direction: [[f32; RAYS]; 3],
@@ -197,6 +201,7 @@ impl<L: Lanes> Beam<L> {
                     greatest: each3!(A => if still[A] { f64::MAX } else { origins[A].1 + slack }),
                 }
             }),
+            slack,
             brick_half: PAIRS.map(|(a, b)| 2.0 * (greatest[a] + greatest[b]) + slack),
         })
     }
@@ -280,13 +285,7 @@ impl<L: Lanes> Beam<L> {
     /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect; `may_be_behind` is that
     /// of the brick.
     #[inline(always)]
-    pub(super) fn intersected_by(
-        &self,
-        rays: &Rays,
-        ray: usize,
-        low: [u32; 3],
-        may_be_behind: bool,
-    ) -> u64 {
+    pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3], may_be_behind: bool) -> u64 {
         let l = self.lanes;
         let ray = ray % RAYS;
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
@@ -301,6 +300,12 @@ impl<L: Lanes> Beam<L> {
             boxes &= self.ahead_of(starts.least, ray, low);
         }
         boxes
+    }
+
+    /// The rays' lines about the brick last given to [`Beam::meets`].
+    #[inline(always)]
+    pub(super) fn lines<'r>(&self, rays: &'r Rays) -> Lines<'r> {
+        Lines { direction: &rays.direction, beside: &rays.beside, slack: SLACKS * self.slack }
     }
 
     /// Boxes of the brick at `low` that do not lie behind the origin of `ray`.

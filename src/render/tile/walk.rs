@@ -12,6 +12,7 @@ use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
 use super::exact::{ExactRays, Passing};
+use super::planes::Pairs;
 use super::prove::entries;
 use super::{Tile, TileHits};
 
@@ -30,6 +31,7 @@ pub(super) struct Walk<'a, 'b, S> {
     pub(super) asked: u64,
     pub(super) rays: &'a mut Rays,
     pub(super) exact: &'a mut ExactRays,
+    pub(super) pairs: &'a mut Pairs,
     pub(super) hits: &'a mut TileHits,
 }
 
@@ -116,7 +118,13 @@ impl<S: Surface> Walk<'_, '_, S> {
             open = OpenBrick::new(self.view, brick, beam.intersected(low, edge), low);
         }
         let left = if bricks > MAX_BRICKS { live } else { 0 };
-        if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }
+        left | if S::SOLID {
+            self.prove(l, beam.mirror, candidates, depth, unit)
+        } else if L::COMPARES_PAIRS {
+            self.planes_met(l, beam.mirror, depth)
+        } else {
+            0
+        }
     }
 
     /// Finds the box that each of the rays `near` meets first in a brick; returns the rays that meet one,
@@ -131,47 +139,69 @@ impl<S: Surface> Walk<'_, '_, S> {
         live: &mut u64,
         unit: u32,
     ) -> u64 {
+        let may_be_behind = beam.may_be_behind(low);
+        if L::COMPARES_PAIRS
+            && !S::SOLID
+            && unit == 0
+            && !may_be_behind
+            && let Some(items) = self.surface.planes()
+        {
+            self.planes_of_brick(beam, &items, brick, low, near, live);
+            return 0;
+        }
         let mut near = near;
         let mut met = 0_u64;
         let (mut first, mut ranked) = (0, false);
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
-        let may_be_behind = beam.may_be_behind(low);
         while near != 0 {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, may_be_behind);
+            let boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, may_be_behind);
             if boxes == 0 {
                 continue;
             }
             if !ranked {
                 (first, ranked) = (brick.first(self.view), true);
             }
-            if !S::SOLID {
-                self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
-            }
-            while boxes != 0 {
+            if S::SOLID {
                 let v = boxes.trailing_zeros();
-                boxes &= boxes.wrapping_sub(1);
-                let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
-                if S::SOLID {
-                    self.hits.number[ray] = number;
-                    for a in 0..3 {
-                        self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
-                    }
-                    met |= 1 << ray;
-                    break;
+                self.hits.number[ray] = first.wrapping_add(brick.before(v));
+                for a in 0..3 {
+                    self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
                 }
-                let cell = each3!(A => (low[A] | at[A]).wrapping_shl(unit));
-                if self.look(ray, number, cell, unit, beam.mirror) {
-                    met |= 1 << ray;
-                    break;
-                }
+                met |= 1 << ray;
+            } else {
+                met |= u64::from(self.box_by_box(beam, brick, (first, low), (ray, boxes), unit)) << ray;
             }
         }
         *live &= !met;
         met
+    }
+
+    /// Looks at boxes of the brick at `low`, whose first box has the number `first`, until a ray meets what is in one.
+    #[inline(always)]
+    pub(super) fn box_by_box<L: Lanes>(
+        &mut self,
+        beam: &Beam<L>,
+        brick: &Brick,
+        (first, low): (u64, [u32; 3]),
+        (ray, boxes): (usize, u64),
+        unit: u32,
+    ) -> bool {
+        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
+        let mut boxes = boxes;
+        while boxes != 0 {
+            let v = boxes.trailing_zeros();
+            boxes &= boxes.wrapping_sub(1);
+            let at = place(v);
+            let cell = each3!(A => (low[A] | at[A]).wrapping_shl(unit));
+            if self.look(ray, first.wrapping_add(brick.before(v)), cell, unit, beam.mirror) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Looks at a box that a ray may pass through: at a glance, and exactly where that does not do.
