@@ -1,4 +1,4 @@
-//! One bit per voxel in a unnamed scratch file, rows padded to whole words.
+//! One bit per voxel in an unnamed scratch file, rows padded to whole words.
 
 use std::fs::File;
 use std::io;

@@ -17,6 +17,17 @@
 //! | merge | the scratch file | about 1 MiB a worker | groups in Morton order |
 //! | seal | the output | 128 KiB | sequential |
 //!
+//! | files | what they do |
+//! |---|---|
+//! | `solid`, `file_solid`, `volume`, `typed`, `cells` | what is built: any solid, one from files, a volume with a threshold |
+//! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
+//! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
+//! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
+//! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
+//! | `layout`, `merge`, `seal` | the output |
+//! | `job`, `plan`, `options`, `parallel`, `report`, `error` | one build: memory, threads, results |
+//! | `visible` | what is seen from a point |
+//!
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their offsets follow from the census.
 

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use thiserror::Error;
+
 use crate::text::Name;
 
 /// What carries samples, and states or does not state where they lie.
@@ -55,22 +57,23 @@ impl fmt::Display for Form {
     }
 }
 
-/// What a header states as a number that is infinite, or not one.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A number of a header that is infinite, or NaN.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum StatedNumber {
-    /// The spacing along an axis; 1 mm is assumed there.
+    #[error("the header states a spacing of {stated} along axis {}; 1 mm is assumed there", axis + 1)]
     Spacing {
         /// The axis, from 0.
         axis: usize,
         /// As it is stated.
         stated: f64,
     },
-    /// The slope of the values; they are taken as they are stored.
+    #[error("the header states a slope of {stated}, which is taken for none: values are as they are stored")]
     Slope {
         /// As it is stated.
         stated: f64,
     },
-    /// One of the affines; it is not used.
+    /// A number of an affine.
+    #[error("the {0} of the header has numbers that are not finite, and is not used")]
     Form(Form),
 }
 

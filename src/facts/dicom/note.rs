@@ -3,6 +3,8 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
+use thiserror::Error;
+
 use super::attribute::{Attribute, List};
 use super::image::CsaFault;
 use super::scan::ScanError;
@@ -11,208 +13,137 @@ use crate::text::shown;
 
 /// Something that a user should know of a volume from DICOM.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, Error)]
 pub enum DicomNote {
-    /// The pixel element does not end as it must.
+    #[error("the end of the pixel data is missing; was the file cut short?{}", match (lacking, all_frames) {
+        (0, Some(frames)) => format!(" All {frames} frames were found"),
+        (0, None) => String::new(),
+        (bytes, _) => format!(" The last fragment lacks {bytes} bytes"),
+    })]
     EndMissing {
         /// Bytes that the last fragment lacks.
         lacking: u64,
         /// Number of frames, if all of several were found.
         all_frames: Option<u32>,
     },
+    #[error("the RT dose states no dose grid scaling; values are as stored, not in Gy")]
     DoseUnscaled,
+    #[error(
+        "frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they were slices"
+    )]
     FramesInTime,
+    #[error("positions of frames are taken from the grid frame offset vector")]
     GridPositions,
+    #[error(
+        "frames state no positions of their own; they are placed in their order by the stated spacing between slices"
+    )]
     SteppedPositions,
+    #[error("colour is reduced to luminance (ITU-R BT.601)")]
     Luminance,
+    #[error("palette colours are reduced to luminance (ITU-R BT.601)")]
     PaletteLuminance,
+    #[error("values went through the modality LUT, and its output is taken as physical")]
     ModalityLut,
+    #[error("slices differ in rescale; values are converted to single precision")]
     RescalesDiffer,
+    #[error("the images state no rescale; values may not be HU")]
     NoRescale,
+    #[error(
+        "the images state positions, but no orientation; rows are taken as running to the left, columns to the back"
+    )]
     OrientationAssumed,
+    #[error("the images state no pixel spacing; 1 mm is assumed")]
     PixelSpacingAssumed,
+    #[error("there is one slice only{}", match thickness_mm {
+        Some(mm) => format!("; its stated thickness, {mm} mm, is taken as its spacing"),
+        None => ", and no thickness is stated; 1 mm is assumed".to_owned(),
+    })]
     OneSlice {
         /// Its thickness, if stated, which is taken as spacing; else 1 mm.
         thickness_mm: Option<f64>,
     },
-    EmptySlices {
-        slices: usize,
-    },
+    #[error("{slices} slices for which the segmentation has no frame are empty")]
+    EmptySlices { slices: usize },
+    #[error("instance numbers do not follow the positions; slices are ordered by position")]
     NumbersDisagree,
-    /// No positions.
+    #[error("the images state no positions: {}, {step_mm} mm apart, placed at the origin", match order {
+        SliceOrder::Frames => "in the order of the frames",
+        SliceOrder::InstanceNumbers => "ordered by instance number",
+    })]
     NoPositions {
         /// What orders the slices.
         order: SliceOrder,
         /// Distance at which they are placed.
         step_mm: f64,
     },
-    Tilt {
-        degrees: f64,
-    },
-    Sideways {
-        mm: f64,
-    },
-    NotQuiteEven {
-        worst: f64,
-        mean_mm: f64,
-        off_mm: f64,
-    },
-    KeptUneven {
-        mean_mm: f64,
-        off_mm: f64,
-    },
+    #[error(
+        "the slices are stacked {degrees:.2} degrees off their normal (gantry tilt); the volume is sheared to match"
+    )]
+    Tilt { degrees: f64 },
+    #[error("some slices lie up to {mm:.3} mm beside the line of the others")]
+    Sideways { mm: f64 },
+    #[error(
+        "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean_mm:.4} mm, and slices \
+         lie up to {off_mm:.3} mm off the regular grid",
+        100.0 * worst
+    )]
+    NotQuiteEven { worst: f64, mean_mm: f64, off_mm: f64 },
+    #[error(
+        "unevenly spaced slices are used as if they were {mean_mm:.4} mm apart; they lie up to {off_mm:.3} mm off the \
+         places that the model shows them at"
+    )]
+    KeptUneven { mean_mm: f64, off_mm: f64 },
+    #[error("{0}")]
     Filled(Box<FilledGaps>),
+    #[error("the mosaic states no spacing between slices{}", match thickness_mm {
+        Some(mm) => format!("; their thickness, {mm} mm, is taken"),
+        None => ", and no thickness; 1 mm is assumed".to_owned(),
+    })]
     MosaicSpacing {
         /// The stated thickness, which is taken; else 1 mm.
         thickness_mm: Option<f64>,
     },
     /// A mosaic does not state on which side of a slice the next one lies.
+    #[error(
+        "the mosaic does not state in which direction its slices follow each other{}; rows x columns is assumed",
+        match header {
+            Some(fault) => format!(" (its private header cannot be read: {fault})"),
+            None => String::new(),
+        }
+    )]
     MosaicDirection {
         /// Why the private header, which has it, cannot be read.
         header: Option<CsaFault>,
     },
-    MosaicUnplaced {
-        step_mm: f64,
-    },
+    #[error(
+        "the mosaic states no position: its slices are taken in their order, {step_mm} mm apart, placed at the origin"
+    )]
+    MosaicUnplaced { step_mm: f64 },
     /// Images that are in the series twice were left out.
+    #[error("{images} image(s) that are in the series twice were left out: {}", listed(*images, files))]
     Duplicates {
         /// How many.
         images: u64,
         /// Their files below the folder of the series, as many as are named.
         files: Vec<PathBuf>,
     },
-    Lost {
-        file: PathBuf,
-        error: ScanError,
-    },
-    Volumes {
-        volumes: usize,
-        by: Vec<Attribute>,
-    },
+    #[error("{}: {error}", shown(file))]
+    Lost { file: PathBuf, error: ScanError },
+    #[error("the series holds {volumes} volumes, told apart by {}", List(by))]
+    Volumes { volumes: usize, by: Vec<Attribute> },
 }
 
-impl Display for DicomNote {
-    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::EndMissing { lacking, all_frames } => {
-                f.write_str("the end of the pixel data is missing; was the file cut short?")?;
-                match (lacking, all_frames) {
-                    (0, Some(frames)) => write!(f, " All {frames} frames were found"),
-                    (0, None) => Ok(()),
-                    (bytes, _) => write!(f, " The last fragment lacks {bytes} bytes"),
-                }
-            }
-            Self::DoseUnscaled => {
-                f.write_str("the RT dose states no dose grid scaling; values are as stored, not in Gy")
-            }
-            Self::FramesInTime => f.write_str(
-                "frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they \
-                 were slices",
-            ),
-            Self::GridPositions => {
-                f.write_str("positions of frames are taken from the grid frame offset vector")
-            }
-            Self::SteppedPositions => f.write_str(
-                "frames state no positions of their own; they are placed in their order by the stated spacing \
-                 between slices",
-            ),
-            Self::Luminance => f.write_str("colour is reduced to luminance (ITU-R BT.601)"),
-            Self::PaletteLuminance => {
-                f.write_str("palette colours are reduced to luminance (ITU-R BT.601)")
-            }
-            Self::ModalityLut => {
-                f.write_str("values went through the modality LUT, and its output is taken as physical")
-            }
-            Self::RescalesDiffer => {
-                f.write_str("slices differ in rescale; values are converted to single precision")
-            }
-            Self::NoRescale => f.write_str("the images state no rescale; values may not be HU"),
-            Self::OrientationAssumed => f.write_str(
-                "the images state positions, but no orientation; rows are taken as running to the left, columns to \
-                 the back",
-            ),
-            Self::PixelSpacingAssumed => {
-                f.write_str("the images state no pixel spacing; 1 mm is assumed")
-            }
-            Self::OneSlice { thickness_mm: Some(mm) } => write!(
-                f,
-                "there is one slice only; its stated thickness, {mm} mm, is taken as its spacing"
-            ),
-            Self::OneSlice { thickness_mm: None } => {
-                f.write_str("there is one slice only, and no thickness is stated; 1 mm is assumed")
-            }
-            Self::EmptySlices { slices } => {
-                write!(f, "{slices} slices for which the segmentation has no frame are empty")
-            }
-            Self::NumbersDisagree => f.write_str(
-                "instance numbers do not follow the positions; slices are ordered by position",
-            ),
-            Self::NoPositions { order, step_mm } => {
-                let by = match order {
-                    SliceOrder::Frames => "in the order of the frames",
-                    SliceOrder::InstanceNumbers => "ordered by instance number",
-                };
-                write!(f, "the images state no positions: {by}, {step_mm} mm apart, placed at the origin")
-            }
-            Self::Tilt { degrees } => write!(
-                f,
-                "the slices are stacked {degrees:.2} degrees off their normal (gantry tilt); the volume is sheared \
-                 to match"
-            ),
-            Self::Sideways { mm } => {
-                write!(f, "some slices lie up to {mm:.3} mm beside the line of the others")
-            }
-            Self::NotQuiteEven { worst, mean_mm, off_mm } => write!(
-                f,
-                "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean_mm:.4} mm, \
-                 and slices lie up to {off_mm:.3} mm off the regular grid",
-                100.0 * worst
-            ),
-            Self::KeptUneven { mean_mm, off_mm } => write!(
-                f,
-                "unevenly spaced slices are used as if they were {mean_mm:.4} mm apart; they lie up to {off_mm:.3} \
-                 mm off the places that the model shows them at"
-            ),
-            Self::Filled(gaps) => gaps.fmt(f),
-            Self::MosaicSpacing { thickness_mm: Some(mm) } => write!(
-                f,
-                "the mosaic states no spacing between slices; their thickness, {mm} mm, is taken"
-            ),
-            Self::MosaicSpacing { thickness_mm: None } => f.write_str(
-                "the mosaic states no spacing between slices, and no thickness; 1 mm is assumed",
-            ),
-            Self::MosaicDirection { header } => {
-                f.write_str("the mosaic does not state in which direction its slices follow each other")?;
-                if let Some(fault) = header {
-                    write!(f, " (its private header cannot be read: {fault})")?;
-                }
-                f.write_str("; rows x columns is assumed")
-            }
-            Self::MosaicUnplaced { step_mm } => write!(
-                f,
-                "the mosaic states no position: its slices are taken in their order, {step_mm} mm apart, placed at \
-                 the origin"
-            ),
-            Self::Duplicates { images, files } => {
-                write!(f, "{images} image(s) that are in the series twice were left out: ")?;
-                // Images of one file with many frames share its name.
-                let mut named: Vec<_> = Vec::new();
-                for file in files {
-                    if !named.contains(&file) {
-                        write!(f, "{}{}", if named.is_empty() { "" } else { ", " }, shown(file))?;
-                        named.push(file);
-                    }
-                }
-                match images.saturating_sub(files.len() as u64) {
-                    0 => Ok(()),
-                    more => write!(f, " and {more} more"),
-                }
-            }
-            Self::Lost { file, error } => write!(f, "{}: {error}", shown(file)),
-            Self::Volumes { volumes, by } => {
-                write!(f, "the series holds {volumes} volumes, told apart by {}", List(by))
-            }
+/// Files of some images, each once (images of one file with many frames share its name), and how many more there are.
+fn listed(images: u64, files: &[PathBuf]) -> String {
+    let mut named: Vec<String> = Vec::new();
+    for file in files.iter().map(|file| shown(file).to_string()) {
+        if !named.contains(&file) {
+            named.push(file);
         }
+    }
+    match images.saturating_sub(files.len() as u64) {
+        0 => named.join(", "),
+        more => format!("{} and {more} more", named.join(", ")),
     }
 }
 

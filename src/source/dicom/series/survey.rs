@@ -163,19 +163,83 @@ fn add_frame<'s>(
     frame: &FrameGeometry,
     obstacle: Option<&ImageFault>,
 ) -> &'s mut Shared {
-    if let (Some(attribute), Ok(file)) = (frame.not_finite, u32::try_from(file)) {
+    let file = u32::try_from(file).unwrap_or(u32::MAX);
+    if let Some(attribute) = frame.not_finite {
         series.not_finite.get_or_insert((file, attribute));
     }
-    let kind = kind_of(&frame.frame_type);
+    let rescale = if header.is_dose() {
+        header.dose_scaling.map(|scaling| (scaling, 0.0))
+    } else {
+        // Parametric maps have an identity as rescale, and their meaning in the mapping.
+        frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
+    };
+    let rescales = image.is_none_or(Image::rescales);
+    let native = match image.map(|i| i.access) {
+        Some(Access::Native { offset, frame_bytes }) => {
+            offset.checked_add(frame_bytes.saturating_mul(frame.index.into()))
+        }
+        _ => None,
+    };
+    let slice = Slice {
+        file,
+        frame: frame.index,
+        layout: image.map_or(u32::MAX, |i| {
+            series.layout_index(mosaic.map_or(i.layout, |m| i.layout.tile(m.mosaic.across)))
+        }),
+        image_type: series.type_index(&frame.frame_type, &frame.complex_component),
+        obstacle: obstacle.map_or(NO_OBSTACLE, |fault| series.obstacle_index(fault)),
+        identity: if header.instance_uid.is_empty() {
+            0
+        } else {
+            StableHash::new().part(header.instance_uid.as_bytes()).finish()
+        },
+        instance: header.instance,
+        at: frame.position.unwrap_or([f64::NAN; 3]),
+        native: native.unwrap_or(u64::MAX),
+        pixels: header
+            .pixels
+            .filter(|_| image.is_some_and(|i| i.frames == 1))
+            .map_or((0, 0), |p| (p.offset, p.available)),
+        linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
+        rescales,
+        padding: PaddingAttributes::of(header),
+        keys: keys_of(series, header, frame),
+        dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
+    };
+    let shared = shared_of(header, mosaic, frame);
+    let burned_in = shared.burned_in;
+    let group = series.group_of(group_key(header, mosaic, frame), shared);
+    group.shared.burned_in = group.shared.burned_in.or(burned_in);
+    if let Some(image) = image {
+        let bytes = if native_of(image) { 0 } else { image.unroll_bytes() };
+        group.shared.unroll_bytes = group.shared.unroll_bytes.max(bytes);
+        group.shared.note(image.note());
+    }
+    if header.is_dose() && header.dose_scaling.is_none() && rescales {
+        group.shared.note(Some(DicomNote::DoseUnscaled));
+    }
+    group.shared.note(match frame.origin {
+        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => {
+            Some(DicomNote::FramesInTime)
+        }
+        Origin::Stated => None,
+        Origin::Grid => Some(DicomNote::GridPositions),
+        Origin::Stepped => Some(DicomNote::SteppedPositions),
+    });
+    group.slices.push(slice);
+    &mut group.shared
+}
+
+/// Hash of everything in which the images of one volume agree.
+fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameGeometry) -> u64 {
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
-    let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
     for number in [
         header.rows.map_or(0, u64::from),
         header.columns.map_or(0, u64::from),
         header.bits_allocated.map_or(0, u64::from),
         header.pixel_representation.map_or(0, u64::from),
         header.samples.map_or(1, u64::from),
-        kind as u64,
+        kind_of(&frame.frame_type) as u64,
         frame.position.is_some().into(),
         frame.orientation.is_some().into(),
         frame.pixel_spacing.is_some().into(),
@@ -185,21 +249,19 @@ fn add_frame<'s>(
         key = key.number(number);
     }
     // Volumes of their own have directions of their own, to the last digit.
-    let exact = mosaic.map(|found| (found.mosaic, frame.orientation, frame.pixel_spacing));
-    if let Some((mosaic, orientation, spacing)) = exact {
+    if let Some(MosaicLayout { mosaic, .. }) = mosaic {
         key = key.number(mosaic.across.into()).number(mosaic.slices.into()).number(mosaic.backwards.into());
-        let numbers =
-            orientation.iter().flatten().chain(spacing.iter().flatten()).chain([&mosaic.distance_mm]);
+        let (orientation, spacing) =
+            (frame.orientation.iter().flatten(), frame.pixel_spacing.iter().flatten());
+        let numbers = orientation.chain(spacing).chain([&mosaic.distance_mm]);
         key = numbers.fold(key, |key, number| key.number((number + 0.0).to_bits()));
     }
-    let key = key.part(photometric.as_bytes()).finish();
-    let rescale = if header.is_dose() {
-        header.dose_scaling.map(|scaling| (scaling, 0.0))
-    } else {
-        // Parametric maps have an identity as rescale, and their meaning in the mapping.
-        frame.mapping.filter(|_| header.is_parametric_map()).or_else(|| stated_rescale(frame))
-    };
-    let rescales = image.is_none_or(Image::rescales);
+    let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
+    key.part(photometric.as_bytes()).finish()
+}
+
+/// The numbers that tell the volumes of a series apart; NaN where one is not stated.
+fn keys_of(series: &mut Series, header: &DicomHeader, frame: &FrameGeometry) -> [f32; Key::KEPT] {
     let number = |v: Option<i32>| v.map_or(f64::NAN, f64::from);
     let value = |v: Option<f64>| v.unwrap_or(f64::NAN);
     let mut keys = [f32::NAN; Key::KEPT];
@@ -224,40 +286,13 @@ fn add_frame<'s>(
         let short = value as f32;
         *slot = short;
     }
-    let native = match image.map(|i| i.access) {
-        Some(Access::Native { offset, frame_bytes }) => {
-            offset.checked_add(frame_bytes.saturating_mul(frame.index.into()))
-        }
-        _ => None,
-    };
-    let slice = Slice {
-        file: u32::try_from(file).unwrap_or(u32::MAX),
-        frame: frame.index,
-        layout: image.map_or(u32::MAX, |i| {
-            series.layout_index(mosaic.map_or(i.layout, |m| i.layout.tile(m.mosaic.across)))
-        }),
-        image_type: series.type_index(&frame.frame_type, &frame.complex_component),
-        obstacle: obstacle.map_or(NO_OBSTACLE, |fault| series.obstacle_index(fault)),
-        identity: if header.instance_uid.is_empty() {
-            0
-        } else {
-            StableHash::new().part(header.instance_uid.as_bytes()).finish()
-        },
-        instance: header.instance,
-        at: frame.position.unwrap_or([f64::NAN; 3]),
-        native: native.unwrap_or(u64::MAX),
-        pixels: header
-            .pixels
-            .filter(|_| image.is_some_and(|i| i.frames == 1))
-            .map_or((0, 0), |p| (p.offset, p.available)),
-        linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
-        rescales,
-        padding: PaddingAttributes::of(header),
-        keys,
-        dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
-    };
-    let shared = Shared {
-        kind,
+    keys
+}
+
+/// What the images of a volume have in common, from one of them.
+fn shared_of(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameGeometry) -> Shared {
+    Shared {
+        kind: kind_of(&frame.frame_type),
         object: header.kind(),
         modality: header.modality.clone(),
         series_uid: header.series_uid.clone(),
@@ -273,28 +308,7 @@ fn add_frame<'s>(
         burned_in: header.may_show_text(),
         unroll_bytes: 0,
         notes: Vec::new(),
-    };
-    let burned_in = shared.burned_in;
-    let group = series.group_of(key, shared);
-    group.shared.burned_in = group.shared.burned_in.or(burned_in);
-    if let Some(image) = image {
-        group.shared.unroll_bytes =
-            group.shared.unroll_bytes.max(if native_of(image) { 0 } else { image.unroll_bytes() });
-        group.shared.note(image.note());
     }
-    if header.is_dose() && header.dose_scaling.is_none() && rescales {
-        group.shared.note(Some(DicomNote::DoseUnscaled));
-    }
-    group.shared.note(match frame.origin {
-        Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => {
-            Some(DicomNote::FramesInTime)
-        }
-        Origin::Stated => None,
-        Origin::Grid => Some(DicomNote::GridPositions),
-        Origin::Stepped => Some(DicomNote::SteppedPositions),
-    });
-    group.slices.push(slice);
-    &mut group.shared
 }
 
 /// Rescale slope and intercept; where only one is stated, the other changes nothing.

@@ -81,6 +81,9 @@ struct ImageSource {
     padding: u32,
 }
 
+/// Images, the paddings that they refer to, and how many slices must be decoded first.
+type PlacedImages = (Vec<ImageSource>, Vec<Option<Padding>>, u32);
+
 #[derive(Clone, Copy, Debug)]
 enum At {
     /// Offset in the file.
@@ -112,7 +115,6 @@ impl DicomVolume {
         if stated > 0 && stated < rescaled {
             return Err(SeriesFault::RescaleMissing { lacking: rescaled - stated, slices: slices.len() });
         }
-        let rescale_of = |s: &Slice| s.rescale().unwrap_or((1.0, 0.0));
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
             return Err(SeriesFault::RescaleZero);
         }
@@ -124,48 +126,14 @@ impl DicomVolume {
         if stated == 0 && rescaled > 0 && shared.modality == "CT" {
             notes.push(DicomNote::NoRescale);
         }
-        let layout_of = |s: &Slice| series.layouts.get(s.layout as usize).ok_or(SeriesFault::Incomplete);
-        let layout = *layout_of(slices.first().ok_or(SeriesFault::NoImage)?)?;
+        let layout = *layout_of(series, slices.first().ok_or(SeriesFault::NoImage)?)?;
         let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
         files.dedup();
         // A volume is one mosaic, or none.
         let tiles = if layout.across() > 1 { u32::try_from(layers.len()).unwrap_or(u32::MAX) } else { 1 };
-        let mut paddings: Vec<Option<Padding>> = Vec::new();
-        let mut places = Vec::with_capacity(slices.len());
-        let mut coded = 0;
-        for slice in &slices {
-            let (slope, intercept) = rescale_of(slice);
-            let own = layout_of(slice)?;
-            if own.scalar() != layout.scalar() {
-                return Err(SeriesFault::SampleTypes);
-            }
-            let padding = own.padding(slice.padding, background, slope, intercept);
-            let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
-            let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
-                paddings.push(padding);
-                paddings.len() - 1
-            });
-            let padding = u32::try_from(at).map_err(|_| SeriesFault::ManyPaddings)?;
-            let file = files.binary_search(&slice.file).map_err(|_| SeriesFault::Incomplete)?;
-            let at = match slice.native() {
-                Some(offset) => At::File(offset),
-                None => {
-                    coded += tiles;
-                    At::Spool(coded - tiles)
-                }
-            };
-            places.push(ImageSource {
-                file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
-                frame: slice.frame,
-                at,
-                slope,
-                intercept,
-                layout: slice.layout,
-                padding,
-            });
-        }
+        let (places, paddings, coded) = place_images(series, &slices, &files, tiles, background)?;
         let (columns, rows, size) = (layout.columns, layout.rows, layers.len());
         let dims = layout.dims(size).ok_or(SeriesFault::Size { columns, rows, slices: size })?;
         let description = SourceDescription {
@@ -278,6 +246,63 @@ impl DicomVolume {
         };
         place.map_or(0, |p| p.file as usize)
     }
+}
+
+/// Slope and intercept of a slice.
+fn rescale_of(slice: &Slice) -> (f64, f64) {
+    slice.rescale().unwrap_or((1.0, 0.0))
+}
+
+fn layout_of<'s>(series: &'s Series, slice: &Slice) -> Result<&'s PixelLayout, SeriesFault> {
+    series.layouts.get(slice.layout as usize).ok_or(SeriesFault::Incomplete)
+}
+
+/// Where each image lies, the paddings that they refer to, and how many slices must be decoded first.
+///
+/// `files` are sorted; a picture holds `tiles` slices; padding becomes `background`, a physical value.
+fn place_images(
+    series: &Series,
+    slices: &[&Slice],
+    files: &[u32],
+    tiles: u32,
+    background: f64,
+) -> Result<PlacedImages, SeriesFault> {
+    let mut paddings: Vec<Option<Padding>> = Vec::new();
+    let mut places = Vec::with_capacity(slices.len());
+    let mut coded = 0;
+    let mut scalar = None;
+    for slice in slices {
+        let (slope, intercept) = rescale_of(slice);
+        let own = layout_of(series, slice)?;
+        if *scalar.get_or_insert(own.scalar()) != own.scalar() {
+            return Err(SeriesFault::SampleTypes);
+        }
+        let padding = own.padding(slice.padding, background, slope, intercept);
+        let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
+        let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
+            paddings.push(padding);
+            paddings.len() - 1
+        });
+        let padding = u32::try_from(at).map_err(|_| SeriesFault::ManyPaddings)?;
+        let file = files.binary_search(&slice.file).map_err(|_| SeriesFault::Incomplete)?;
+        let at = match slice.native() {
+            Some(offset) => At::File(offset),
+            None => {
+                coded += tiles;
+                At::Spool(coded - tiles)
+            }
+        };
+        places.push(ImageSource {
+            file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
+            frame: slice.frame,
+            at,
+            slope,
+            intercept,
+            layout: slice.layout,
+            padding,
+        });
+    }
+    Ok((places, paddings, coded))
 }
 
 /// The images that layers refer to, each once, and the layers in terms of these.
