@@ -83,7 +83,6 @@ pub(super) unsafe fn planes(
         let z = _mm512_mask_sub_epi8(z, mirrored[2].wrapping_neg(), zero, z);
         let counted = _mm512_loadu_si512(COUNTED.as_ptr().cast());
         let by_place = _mm512_maskz_expand_epi8(stored, counted);
-        #[expect(clippy::cast_possible_truncation, reason = "below 64")]
         let from = _mm512_xor_si512(counted, _mm512_set1_epi8((flip & 63) as i8));
         _mm512_store_si512(planes.normal[0].as_mut_ptr().cast(), x);
         _mm512_store_si512(planes.normal[1].as_mut_ptr().cast(), y);

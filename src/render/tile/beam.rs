@@ -10,6 +10,8 @@ use crate::render::pairs::{Lines, SLACKS};
 use crate::render::sight::Pencil;
 use crate::render::single::{ALONG_A, ALONG_B, SLACK};
 
+use super::listed::MAX_OFF;
+
 /// Pixels along a side of a tile.
 pub const TILE: usize = 8;
 
@@ -22,7 +24,7 @@ const BLOCKS: usize = RAYS / SINGLES;
 /// Directions within this part of the longest component count as along the axis' plane: their exact
 /// integers are 0. Those above [`SURELY_MOVES`] have integers that are not 0.
 const SURELY_STILL: f64 = 1.0 / (1_u64 << 33) as f64;
-const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
+pub(super) const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
 
 /// Pixel column of each lane, and its row, in the first two rows.
 const COLUMN: [f32; SINGLES] = [0., 1., 2., 3., 4., 5., 6., 7., 0., 1., 2., 3., 4., 5., 6., 7.];
@@ -47,6 +49,8 @@ pub(super) struct Beam<L: Lanes> {
     starts: Option<Starts>,
     /// How far e of a box near some ray may be off.
     slack: f32,
+    /// The same of an origin, by axis.
+    start_slack: [f64; 3],
     /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
 }
@@ -91,6 +95,22 @@ fn extremes(v: &[[f64; 3]; 3]) -> [(f64, f64); 3] {
     each3!(A => {
         let (x, y) = (v[1][A] * last, v[2][A] * last);
         (v[0][A] + x.min(0.0) + y.min(0.0), v[0][A] + x.max(0.0) + y.max(0.0))
+    })
+}
+
+/// How far e may be off anywhere in the grid, and half a brick's projection, where origins and directions of at most 1
+/// are off; `reach` is how far the origin of pixel (0, 0) is from a point of the grid at most.
+#[inline(always)]
+fn off_lines(reach: [f64; 3], origin: &[[f64; 3]; 3], off_origin: [f64; 3], off_direction: [f64; 3]) -> f64 {
+    let last = (TILE - 1) as f64;
+    let far = each3!(A => {
+        let moved = last * (origin[1][A].abs() + origin[2][A].abs()) + off_origin[A];
+        // Of a brick, both half edges.
+        (reach[A] + moved).max(4.0)
+    });
+    PAIRS.iter().fold(0.0_f64, |m, (a, b)| {
+        let directions = far[*a] * off_direction[*b] + far[*b] * off_direction[*a];
+        m.max(directions + off_origin[*a] + off_origin[*b])
     })
 }
 
@@ -153,7 +173,16 @@ impl<L: Lanes> Beam<L> {
             };
             m.max(of(1) + of(2))
         });
-        let slack = SLACK + (8.0 + 14.0 * change) as f32 * (1.0 / 2_097_152.0);
+        let (mut off, mut start_slack) = (0.0, [f64::from(SLACK); 3]);
+        if let Some([off_origin, off_direction]) = pencil.off {
+            let off_origin = off_origin.map(|off| off * per_unit);
+            off = off_lines(reach, &origin, off_origin, off_direction.map(|off| off / longest));
+            start_slack = off_origin.map(|off| off + f64::from(SLACK));
+        }
+        if off > MAX_OFF {
+            return None;
+        }
+        let slack = SLACK + (8.0 + 14.0 * change) as f32 * (1.0 / 2_097_152.0) + off as f32;
 
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
         let range: [(f64, f64); 3] = extremes(&direction);
@@ -194,14 +223,12 @@ impl<L: Lanes> Beam<L> {
             shift,
             upper: each3!(PAIR => bounds[PAIR].0),
             lower: each3!(PAIR => bounds[PAIR].1),
-            starts: starts_inside.then(|| {
-                let slack = f64::from(SLACK);
-                Starts {
-                    least: each3!(A => if still[A] { f64::MIN } else { origins[A].0 - slack }),
-                    greatest: each3!(A => if still[A] { f64::MAX } else { origins[A].1 + slack }),
-                }
+            starts: starts_inside.then(|| Starts {
+                least: each3!(A => if still[A] { f64::MIN } else { origins[A].0 - start_slack[A] }),
+                greatest: each3!(A => if still[A] { f64::MAX } else { origins[A].1 + start_slack[A] }),
             }),
             slack,
+            start_slack,
             brick_half: PAIRS.map(|(a, b)| 2.0 * (greatest[a] + greatest[b]) + slack),
         })
     }
@@ -241,8 +268,8 @@ impl<L: Lanes> Beam<L> {
             boxes &= l.extrude(pair, (above & below).bits());
         }
         if let Some(starts) = self.starts {
-            for a in 0..3 {
-                let passed = (starts.least[a] - f64::from(low[a])) * per_edge;
+            for (a, (least, low)) in starts.least.into_iter().zip(low).enumerate() {
+                let passed = (least - f64::from(low)) * per_edge;
                 boxes &= super::super::occupancy::at_least(a, passed.clamp(0.0, 4.0) as u32);
             }
         }
@@ -314,8 +341,8 @@ impl<L: Lanes> Beam<L> {
     fn ahead_of(&self, start: [f64; 3], ray: usize, low: [u32; 3]) -> u64 {
         let (x, y) = ((ray % TILE) as f64, (ray / TILE) as f64);
         (0..3).filter(|a| start[*a] > f64::MIN).fold(u64::MAX, |boxes, a| {
-            let o = self.origin[0][a] + x * self.origin[1][a] + y * self.origin[2][a] - f64::from(SLACK);
-            let passed = (o - f64::from(low[a])).clamp(0.0, 4.0) as u32;
+            let o = self.origin[0][a] + x * self.origin[1][a] + y * self.origin[2][a];
+            let passed = (o - self.start_slack[a] - f64::from(low[a])).clamp(0.0, 4.0) as u32;
             boxes & super::super::occupancy::at_least(a, passed)
         })
     }

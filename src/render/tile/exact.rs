@@ -5,11 +5,11 @@
 
 use crate::render::lanes::{DOUBLES, Lanes, Truths, each3, larger, smaller};
 use crate::render::ray::FRACTION_BITS;
-use crate::render::sight::Sight;
 use crate::render::surface::{Approach, Glance};
 
 use super::TileHits;
 use super::beam::{RAYS, TILE};
+use super::listed::Source;
 
 /// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
 const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
@@ -64,7 +64,7 @@ impl ExactRays {
     pub(super) fn prepare<L: Lanes>(
         &mut self,
         l: L,
-        sight: &Sight<'_>,
+        rays: &Source<'_>,
         corner: (usize, usize),
         mirror: u32,
         depth: u32,
@@ -75,7 +75,7 @@ impl ExactRays {
             return;
         }
         self.rows |= 1 << row;
-        let exact = sight.row(l, (corner.0, corner.1 + row));
+        let exact = rays.row(l, corner, row);
         let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * f64::from(1_u32 << FRACTION_BITS));
         let zero = l.d(0.0);
         let (mut origin, mut direction) = (exact.origin, exact.direction);
@@ -220,13 +220,13 @@ impl ExactRays {
         hits: &mut TileHits,
     ) {
         let one_cell = l.d(f64::from(1_u32 << FRACTION_BITS));
-        let byte = |shift| l.d_field(planes, shift, 0xff) - l.d(128.0);
-        let (normal, offset) = ([byte(0), byte(8), byte(16)], byte(24));
+        let normal = each3!(A => l.d_field(planes, [0, 8, 16][A], 0xff) - l.d(128.0));
+        let offset = l.d_field(planes, 24, 0xff) - l.d(128.0);
         // No normal has this component: the ray meets no plane.
         let meets = l.d_lt(l.d(-127.5), normal[0]);
         let (mut start, mut component) = (l.d(0.0) - offset * l.d(0.5) * one_cell, l.d(0.0));
-        for a in 0..3 {
-            let low = l.d_field(lows, 16 * a as u32, 0xffff);
+        for (a, shift) in [0, 16, 32].into_iter().enumerate() {
+            let low = l.d_field(lows, shift, 0xffff);
             let direction = l.d_load(&self.direction[a].as_chunks().0[row]);
             let origin = l.d_load(&self.origin[a].as_chunks().0[row]);
             start = start + normal[a] * (origin - (low + l.d(0.5)) * one_cell);

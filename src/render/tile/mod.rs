@@ -25,6 +25,9 @@
 //! 6. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!
+//! Arrays of rays that stand as an image's do make tiles, too: `listed` fits the affine functions that tiles need, and
+//! measures how far the rays are from them.
+//!
 //! The volume's box needs no test: a beam descends into occupied boxes only, so air around a flat volume
 //! costs nothing.
 //!
@@ -65,6 +68,7 @@
 
 mod beam;
 mod exact;
+mod listed;
 mod planes;
 mod prove;
 mod walk;
@@ -79,6 +83,7 @@ use super::surface::Surface;
 use super::traverse::Hit;
 
 pub use beam::{RAYS, TILE};
+pub(crate) use listed::{Listed, row_of};
 
 /// Which rays to trace, and how far down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -281,12 +286,39 @@ impl Tracer {
         tile: Tile,
         asked: u64,
     ) -> &TileHits {
+        self.walk(view, surface, listed::Source::Sight(sight), tile, asked);
+        &self.hits
+    }
+
+    /// [`Tracer::trace`] for the rays of `listed` that are bits of `asked`, at the finest level; and those rays, all of
+    /// them or none, if they do not make a tile and have to be traced in another way.
+    #[inline]
+    pub(crate) fn trace_listed<S: Surface>(
+        &mut self,
+        view: &ModelView<'_>,
+        surface: &S,
+        listed: &Listed,
+        asked: u64,
+    ) -> (&TileHits, u64) {
+        let tile = Tile { corner: (0, 0), limits: (TILE, TILE), lod_edge_log2: 0 };
+        let left = self.walk(view, surface, listed::Source::Listed(listed), tile, asked);
+        (&self.hits, left)
+    }
+
+    #[inline]
+    fn walk<S: Surface>(
+        &mut self,
+        view: &ModelView<'_>,
+        surface: &S,
+        source: listed::Source<'_>,
+        tile: Tile,
+        asked: u64,
+    ) -> u64 {
         let Self { form, rays, exact, pairs, hits } = self;
         exact.clear();
         if !S::SOLID {
             pairs.clear();
         }
-        form.run(walk::Walk { view, surface, sight, tile, asked, rays, exact, pairs, hits });
-        hits
+        form.run(walk::Walk { view, surface, source, tile, asked, rays, exact, pairs, hits })
     }
 }

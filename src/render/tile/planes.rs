@@ -173,7 +173,7 @@ impl<S: Surface> Walk<'_, '_, S> {
     pub(super) fn planes_met<L: Lanes>(&mut self, l: L, mirror: u32, depth: u32) -> u64 {
         let met = self.pairs.met;
         for row in (0..TILE).filter(|row| met >> (TILE * row) & 0xff != 0) {
-            self.exact.prepare(l, self.sight, self.tile.corner, mirror, depth, row * TILE);
+            self.exact.prepare(l, &self.source, self.tile.corner, mirror, depth, row * TILE);
             let (planes, lows) = (&self.pairs.planes.as_chunks().0[row], &self.pairs.lows.as_chunks().0[row]);
             self.exact.meet_planes(l, row, (planes, lows), self.hits);
         }

@@ -6,12 +6,12 @@ use crate::render::lanes::{DOUBLES, Lanes, each3};
 use crate::render::mirrored_ray::MirroredRay;
 use crate::render::occupancy::{Brick, place};
 use crate::render::ray::{MAX_DEPTH, Ray};
-use crate::render::sight::Sight;
 use crate::render::single::{self, BRICK_LEVELS, OpenBrick, top_edge};
 use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
 use super::exact::{ExactRays, Passing};
+use super::listed::Source;
 use super::planes::Pairs;
 use super::prove::entries;
 use super::{Tile, TileHits};
@@ -25,7 +25,7 @@ const MAX_BRICKS: u32 = 1024;
 pub(super) struct Walk<'a, 'b, S> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) surface: &'a S,
-    pub(super) sight: &'a Sight<'b>,
+    pub(super) source: Source<'b>,
     pub(super) tile: Tile,
     /// The rays of it that are asked for, as bits.
     pub(super) asked: u64,
@@ -36,19 +36,20 @@ pub(super) struct Walk<'a, 'b, S> {
 }
 
 impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
-    type Output = ();
+    /// Rays of an array that are left to be traced in another way.
+    type Output = u64;
 
     #[inline(always)]
-    fn run(mut self, lanes: impl Lanes) {
+    fn run(mut self, lanes: impl Lanes) -> u64 {
         self.hits.clear();
         let live = self.tile.live() & self.asked;
         if self.view.voxel_count() == 0 {
-            return;
+            return 0;
         }
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        let depth = self.source.depth().min(MAX_DEPTH);
         let unit = self.tile.lod_edge_log2.min(depth);
         let beam = (depth > unit)
-            .then(|| self.sight.pencil(self.tile.corner))
+            .then(|| self.source.pencil(self.tile.corner))
             .flatten()
             .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
         let alone = match beam {
@@ -57,9 +58,11 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
                 self.hits.mirrored(beam.mirror, last, unit);
                 self.together(lanes, &beam, live, depth, unit)
             }
+            None if matches!(self.source, Source::Listed(_)) => return live,
             None => live,
         };
         self.alone(lanes, alone);
+        0
     }
 }
 
@@ -189,8 +192,8 @@ impl<S: Surface> Walk<'_, '_, S> {
         (ray, boxes): (usize, u64),
         unit: u32,
     ) -> bool {
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
-        self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
+        let depth = self.source.depth().min(MAX_DEPTH);
+        self.exact.prepare(beam.lanes, &self.source, self.tile.corner, beam.mirror, depth, ray);
         let mut boxes = boxes;
         while boxes != 0 {
             let v = boxes.trailing_zeros();
@@ -267,8 +270,7 @@ impl<S: Surface> Walk<'_, '_, S> {
 
     /// The exact ray of a pixel.
     fn exact(&self, ray: usize) -> Option<Ray> {
-        let (x, y) = (self.tile.corner.0 + ray % TILE, self.tile.corner.1 + ray / TILE);
-        self.sight.ray(x as f64 + 0.5, y as f64 + 0.5)
+        self.source.ray(self.tile.corner, ray)
     }
 
     /// Decides the candidates row by row; returns those that are not entered by their rays.
@@ -281,8 +283,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             if row_candidates == 0 {
                 continue;
             }
-            let (x, y) = (self.tile.corner.0, self.tile.corner.1 + y);
-            let row = self.sight.row(l, (x, y));
+            let row = self.source.row(l, self.tile.corner, y);
             let low: [&[f64; DOUBLES]; 3] = each3!(A => &self.hits.low[A].as_chunks().0[first / TILE]);
             let entries = entries(l, &row, mirror, depth, unit, low);
             failed |= u64::from(row_candidates & !entries.proved) << first;
