@@ -48,6 +48,27 @@ pub struct CellItems<'a> {
     directory: &'a [[u8; 8]],
 }
 
+/// Room for the normals and offsets of a brick's cells where the sections end.
+#[derive(Clone, Debug)]
+pub(crate) struct BrickCodes {
+    normals: [[u8; 2]; BRICK_CELLS],
+    offsets: [u8; BRICK_CELLS],
+}
+
+/// Most cells of a brick of 4 x 4 x 4.
+const BRICK_CELLS: usize = 64;
+
+impl BrickCodes {
+    /// Of cells of which nothing is known.
+    pub(crate) const NONE: Self =
+        Self { normals: [[0; 2]; BRICK_CELLS], offsets: [i8::MAX.cast_unsigned(); BRICK_CELLS] };
+}
+
+/// As many items as there are of 64; the rest stays as it was.
+fn copy_start<T: Copy>(to: &mut [T; BRICK_CELLS], from: &[T]) {
+    to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
+}
+
 impl<'a> CellItems<'a> {
     /// The contents of `NORM`, `OFFS`, `CORN` and `CRNK`.
     pub fn new(normals: &'a [u8], offsets: &'a [u8], corners: &'a [u8], directory: &'a [u8]) -> Self {
@@ -82,6 +103,38 @@ impl<'a> CellItems<'a> {
         let code = self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code));
         let offset = self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed());
         (offset != HAS_CORNERS).then(|| Plane::new(code, offset))
+    }
+
+    /// Normals and offsets of 64 cells from one on, as [`CellItems::plane`] has them; `room` is for the last ones.
+    #[inline(always)]
+    pub(crate) fn brick<'r>(
+        &self,
+        cell: u64,
+        room: &'r mut BrickCodes,
+    ) -> (&'r [[u8; 2]; BRICK_CELLS], &'r [u8; BRICK_CELLS])
+    where
+        'a: 'r,
+    {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        let (normals, offsets) =
+            (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
+        match (normals.first_chunk(), offsets.first_chunk()) {
+            (Some(normals), Some(offsets)) => (normals, offsets),
+            _ => Self::last_brick(normals, offsets, room),
+        }
+    }
+
+    /// [`CellItems::brick`] where the sections end.
+    #[cold]
+    fn last_brick<'r>(
+        normals: &[[u8; 2]],
+        offsets: &[u8],
+        room: &'r mut BrickCodes,
+    ) -> (&'r [[u8; 2]; BRICK_CELLS], &'r [u8; BRICK_CELLS]) {
+        *room = BrickCodes::NONE;
+        copy_start(&mut room.normals, normals);
+        copy_start(&mut room.offsets, offsets);
+        (&room.normals, &room.offsets)
     }
 
     /// The corners of a cell that has them.

@@ -23,7 +23,7 @@ mod verify;
 mod view;
 mod voxels;
 
-pub(crate) use cells::LeafItems;
+pub(crate) use cells::{BrickCodes, LeafItems};
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;
 pub(crate) use error::LoadFault;

@@ -1,4 +1,4 @@
-//! Many rays without neighbours: a few of them in flight, in turns.
+//! Many rays without neighbours: a few of them in flight, in turns. Those that make an image go in [`super::tile`]s.
 //!
 //! A ray alone waits for memory: for a node's rank, then for the infobytes of its children. So eight rays take turns. In
 //! one round each chooses its next box and has its node fetched; in the next each finds where that node's children

@@ -96,6 +96,11 @@ impl Surface for Cells<'_> {
         Estimate::Unsure
     }
 
+    #[inline(always)]
+    fn planes(&self) -> Option<CellItems<'_>> {
+        Some(self.items)
+    }
+
     #[inline]
     fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let cell = glance.approach.box_number.wrapping_sub(view.node_count());

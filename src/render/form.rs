@@ -24,18 +24,22 @@ pub enum Form {
     Avx2,
     /// The same with AVX-512 F and DQ.
     Avx512,
+    /// The same with AVX-512 BW, VL, VBMI and VBMI2.
+    Vbmi2,
 }
 
 impl Form {
     /// The forms that this machine can run, the slowest first.
     pub fn available() -> impl Iterator<Item = Self> {
-        [Self::Portable, Self::Avx2, Self::Avx512].into_iter().filter(|form| form.is_available())
+        [Self::Portable, Self::Avx2, Self::Avx512, Self::Vbmi2].into_iter().filter(|form| form.is_available())
     }
 
     /// The fastest form of this machine.
     #[inline]
     pub fn best() -> Self {
-        if Self::Avx512.is_available() {
+        if Self::Vbmi2.is_available() {
+            Self::Vbmi2
+        } else if Self::Avx512.is_available() {
             Self::Avx512
         } else if Self::Avx2.is_available() {
             Self::Avx2
@@ -52,9 +56,11 @@ impl Form {
             #[cfg(target_arch = "x86_64")]
             Self::Avx2 => Avx2::detect().is_some(),
             #[cfg(target_arch = "x86_64")]
-            Self::Avx512 => Avx512::detect().is_some(),
+            Self::Avx512 => Avx512::<false>::detect().is_some(),
+            #[cfg(target_arch = "x86_64")]
+            Self::Vbmi2 => Avx512::<true>::detect().is_some(),
             #[cfg(not(target_arch = "x86_64"))]
-            Self::Avx2 | Self::Avx512 => false,
+            Self::Avx2 | Self::Avx512 | Self::Vbmi2 => false,
         }
     }
 
@@ -64,6 +70,7 @@ impl Form {
             Self::Portable => "portable",
             Self::Avx2 => "AVX2",
             Self::Avx512 => "AVX-512",
+            Self::Vbmi2 => "AVX-512 VBMI2",
         }
     }
 
@@ -72,8 +79,13 @@ impl Form {
     pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
         #[cfg(target_arch = "x86_64")]
         {
+            if self == Self::Vbmi2
+                && let Some(vbmi2) = Avx512::<true>::detect()
+            {
+                return vbmi2.run(kernel);
+            }
             if self == Self::Avx512
-                && let Some(avx512) = Avx512::detect()
+                && let Some(avx512) = Avx512::<false>::detect()
             {
                 return avx512.run(kernel);
             }

@@ -5,11 +5,16 @@
 
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
+use super::pairs::{self, CELLS, Compared, Lines, Planes};
+
 /// Lanes of singles: the 4 x 4 cells of a plane, or two rows of a tile.
 pub(crate) const SINGLES: usize = 16;
 
 /// Lanes of doubles and of 64-bit integers: one row of a tile.
 pub(crate) const DOUBLES: usize = 8;
+
+/// 2^52.
+pub(crate) const WHOLE: f64 = (1_u64 << 52) as f64;
 
 /// The pairs of axes (a, b), a < b, whose planes a box is projected onto.
 pub(crate) const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
@@ -141,6 +146,36 @@ pub(crate) trait Lanes: Copy {
     #[inline(always)]
     fn mirror_brick(self, boxes: u64, flip: u32) -> u64 {
         super::occupancy::mirrored(boxes, flip)
+    }
+
+    /// Bits of integers below 2^52, from bit `shift` on, as doubles.
+    fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D;
+
+    /// Is it worth while to list the pairs of a brick, and to compare them sixteen at a time?
+    const COMPARES_PAIRS: bool = false;
+
+    /// See [`pairs::list`].
+    #[inline(always)]
+    fn list(self, boxes: u64, places: &mut [u8; pairs::LISTED]) {
+        pairs::list(boxes, places);
+    }
+
+    /// See [`pairs::planes`].
+    #[inline(always)]
+    fn planes(self, codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
+        pairs::planes(codes, offsets, stored, flip)
+    }
+
+    /// See [`pairs::compare`].
+    #[inline(always)]
+    fn compare(
+        self,
+        planes: &Planes,
+        lines: &Lines<'_>,
+        places: &[u8; SINGLES],
+        rays: &[u8; SINGLES],
+    ) -> Compared {
+        pairs::compare(planes, lines, places, rays)
     }
 
     /// Hints that the first of these bytes will be read.
@@ -288,6 +323,10 @@ impl Lanes for Portable {
             Array(std::array::from_fn(|i| if which.0 >> i & 1 == 1 { a.0[i] } else { b.0[i] }))
         }
         fn d_bits(self, x: Self::D) -> Self::I { Array(x.0.map(|x| x.to_bits().cast_signed())) }
+        fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D {
+            // Below 2^52 a whole number stands in the low bits of 2^52 plus it.
+            Array(from.map(|x| f64::from_bits((x >> shift & mask) | WHOLE.to_bits()) - WHOLE))
+        }
 
         fn i(self, x: i64) -> Self::I { Array([x; DOUBLES]) }
         fn i_gt(self, a: Self::I, b: Self::I) -> Bits { a.truths(b, |a, b| a > b) }

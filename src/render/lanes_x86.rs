@@ -11,11 +11,13 @@ use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 use crate::cpu::Avx2;
 
 use super::form::LanesKernel;
-use super::lanes::{DOUBLES, Lanes, PLANE, REPEAT, SINGLES, Truths};
+use super::lanes::{DOUBLES, Lanes, PLANE, REPEAT, SINGLES, Truths, WHOLE};
+use super::lanes_vbmi2;
+use super::pairs::{self, CELLS, Compared, LISTED, Lines, Planes};
 
-/// Proof of those and of AVX-512 F and DQ.
+/// Proof of those and of AVX-512 F and DQ; with `VBMI2` also of BW, VL, VBMI and VBMI2.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx512(());
+pub(crate) struct Avx512<const VBMI2: bool>(());
 
 impl Avx2 {
     /// Runs a kernel compiled with these instructions.
@@ -26,21 +28,28 @@ impl Avx2 {
     }
 }
 
-impl Avx512 {
+impl<const VBMI2: bool> Avx512<VBMI2> {
     /// The proof, if this machine has the instructions.
     #[inline]
     pub(crate) fn detect() -> Option<Self> {
+        let has_vbmi2 = || {
+            is_x86_feature_detected!("avx512bw")
+                && is_x86_feature_detected!("avx512vl")
+                && is_x86_feature_detected!("avx512vbmi")
+                && is_x86_feature_detected!("avx512vbmi2")
+        };
         (Avx2::detect().is_some()
             && is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq"))
+            && is_x86_feature_detected!("avx512dq")
+            && (!VBMI2 || has_vbmi2()))
         .then_some(Self(()))
     }
 
     /// Runs a kernel compiled with these instructions.
     #[inline]
     pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
-        // SAFETY: `self` proves every feature that `with_avx512` enables.
-        unsafe { with_avx512(self, kernel) }
+        // SAFETY: `self` proves every feature that the one or the other enables.
+        unsafe { if VBMI2 { with_vbmi2(self, kernel) } else { with_avx512(self, kernel) } }
     }
 }
 
@@ -54,8 +63,17 @@ unsafe fn with_avx2<K: LanesKernel>(avx2: Avx2, kernel: K) -> K::Output {
 /// # Safety
 /// The machine must have the features named.
 #[target_feature(enable = "avx512f,avx512dq,avx2,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn with_avx512<K: LanesKernel>(avx512: Avx512, kernel: K) -> K::Output {
+unsafe fn with_avx512<K: LanesKernel>(avx512: impl Lanes, kernel: K) -> K::Output {
     kernel.run(avx512)
+}
+
+/// # Safety
+/// The machine must have the features named.
+#[target_feature(
+    enable = "avx512f,avx512dq,avx512bw,avx512vl,avx512vbmi,avx512vbmi2,avx2,bmi1,bmi2,lzcnt,popcnt"
+)]
+unsafe fn with_vbmi2<K: LanesKernel>(vbmi2: impl Lanes, kernel: K) -> K::Output {
+    kernel.run(vbmi2)
 }
 
 /// A brick's boxes moved from place i to place `i ^ flip`: bytes by one shuffle, bits within them by two of nibbles.
@@ -315,6 +333,19 @@ impl Lanes for Avx2 {
             D2([_mm256_blendv_pd(b.0[0], a.0[0], which.0[0]), _mm256_blendv_pd(b.0[1], a.0[1], which.0[1])])
         }
         fn d_bits(self, x: D2) -> I2 { I2(both!(x in x => _mm256_castpd_si256(x))) }
+        fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> D2 {
+            {
+                let p = from.as_ptr().cast::<__m256i>();
+                let shift = _mm_cvtsi32_si128(shift.cast_signed());
+                let mask = _mm256_set1_epi64x(mask.cast_signed());
+                let whole = _mm256_set1_pd(WHOLE);
+                let halves = I2([_mm256_loadu_si256(p), _mm256_loadu_si256(p.add(1))]);
+                D2(both!(x in halves => {
+                    let field = _mm256_castsi256_pd(_mm256_and_si256(_mm256_srl_epi64(x, shift), mask));
+                    _mm256_sub_pd(_mm256_or_pd(field, whole), whole)
+                }))
+            }
+        }
 
         fn i(self, x: i64) -> I2 { I2([_mm256_set1_epi64x(x); 2]) }
         fn i_gt(self, a: I2, b: I2) -> Truths2 {
@@ -361,7 +392,7 @@ impl Truths for __mmask8 {
     }
 }
 
-impl Lanes for Avx512 {
+impl<const VBMI2: bool> Lanes for Avx512<VBMI2> {
     type F = F1;
     type FTruths = __mmask16;
     type D = D1;
@@ -387,6 +418,15 @@ impl Lanes for Avx512 {
         fn d_eq(self, a: D1, b: D1) -> __mmask8 { _mm512_cmp_pd_mask::<_CMP_EQ_OQ>(a.0, b.0) }
         fn d_choose(self, which: __mmask8, a: D1, b: D1) -> D1 { D1(_mm512_mask_blend_pd(which, b.0, a.0)) }
         fn d_bits(self, x: D1) -> I1 { I1(_mm512_castpd_si512(x.0)) }
+        fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> D1 {
+            {
+                let x = _mm512_loadu_si512(from.as_ptr().cast());
+                let shifted = _mm512_srl_epi64(x, _mm_cvtsi32_si128(shift.cast_signed()));
+                let field = _mm512_and_si512(shifted, _mm512_set1_epi64(mask.cast_signed()));
+                let whole = _mm512_set1_pd(WHOLE);
+                D1(_mm512_sub_pd(_mm512_or_pd(_mm512_castsi512_pd(field), whole), whole))
+            }
+        }
 
         fn i(self, x: i64) -> I1 { I1(_mm512_set1_epi64(x)) }
         fn i_gt(self, a: I1, b: I1) -> __mmask8 { _mm512_cmpgt_epi64_mask(a.0, b.0) }
@@ -394,4 +434,42 @@ impl Lanes for Avx512 {
         fn power(self, field: I1) -> D1 { D1(_mm512_castsi512_pd(_mm512_slli_epi64::<52>(field.0))) }
     }
     bit_manipulation!();
+
+    const COMPARES_PAIRS: bool = VBMI2;
+
+    #[inline(always)]
+    fn list(self, boxes: u64, places: &mut [u8; LISTED]) {
+        if VBMI2 {
+            // SAFETY: this value proves VBMI2, and what comes with it.
+            unsafe { lanes_vbmi2::list(boxes, places) }
+        } else {
+            pairs::list(boxes, places);
+        }
+    }
+
+    #[inline(always)]
+    fn planes(self, codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
+        if VBMI2 {
+            // SAFETY: this value proves VBMI2, and what comes with it.
+            unsafe { lanes_vbmi2::planes(codes, offsets, stored, flip) }
+        } else {
+            pairs::planes(codes, offsets, stored, flip)
+        }
+    }
+
+    #[inline(always)]
+    fn compare(
+        self,
+        planes: &Planes,
+        lines: &Lines<'_>,
+        places: &[u8; SINGLES],
+        rays: &[u8; SINGLES],
+    ) -> Compared {
+        if VBMI2 {
+            // SAFETY: this value proves VBMI2, and what comes with it.
+            unsafe { lanes_vbmi2::compare(planes, lines, places, rays) }
+        } else {
+            pairs::compare(planes, lines, places, rays)
+        }
+    }
 }

@@ -14,7 +14,8 @@
 //! | [`surface`] | the last decision: is this box a hit |
 //! | [`cells`] | the surface within a cell |
 //! | [`discrete`] | the paper's own traversal |
-//! | [`form`] | portable, AVX2 or AVX-512; `lanes` and `lanes_x86` are their arithmetic |
+//! | [`form`] | portable, AVX2, AVX-512 or that with VBMI2; `lanes`, `lanes_x86` and `lanes_vbmi2` are their arithmetic |
+//! | `pairs` | rays of a tile and the planes of a brick, sixteen pairs at a time |
 //! | `occupancy`, `mirrored_ray` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
@@ -53,12 +54,15 @@ pub mod form;
 pub mod image;
 mod lanes;
 #[cfg(target_arch = "x86_64")]
+mod lanes_vbmi2;
+#[cfg(target_arch = "x86_64")]
 mod lanes_x86;
 pub(crate) mod leave;
 mod leaves;
 mod mirrored_ray;
 pub(crate) mod normals;
 mod occupancy;
+mod pairs;
 pub mod picture;
 pub mod ray;
 #[doc(hidden)]

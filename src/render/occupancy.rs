@@ -16,9 +16,9 @@ pub(super) struct Brick {
     /// Bit v: is box v, in mirrored Morton order, there? Lowest first is front to back for the ray.
     pub(super) boxes: u64,
     /// The same as it stands in the file.
-    stored: u64,
+    pub(super) stored: u64,
     /// Exclusive-or from the mirrored to the stored order.
-    flip: u32,
+    pub(super) flip: u32,
     /// Node whose first child is the first of the boxes.
     parent: NodeIndex,
     /// Boxes that are parts of larger leaves, eight of each, as the ray sees them; and the children of the node.

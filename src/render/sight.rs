@@ -26,8 +26,10 @@ pub struct Sight<'a> {
 pub(super) struct Pencil {
     /// Origin of the ray of pixel (0, 0), its change from pixel to pixel in x, and in y.
     pub(super) origin: [[f64; 3]; 3],
-    /// The same of the direction. Either this or the origin does not change.
+    /// The same of the direction. Of cameras, either this or the origin does not change.
     pub(super) direction: [[f64; 3]; 3],
+    /// How far an origin, and a direction, of the rays is from these at most, where that is more.
+    pub(super) off: Option<[[f64; 3]; 2]>,
 }
 
 /// Eight rays as [`Ray`] would have them, in lanes; whole numbers as doubles.
@@ -45,7 +47,7 @@ pub(super) struct Row<L: Lanes> {
 
 /// Rays whose numbers are sums of larger ones than this, in cells, are not estimated: the estimate could be
 /// off by more than 2^-16 cell.
-const MAX_CELLS: f64 = (1_u64 << 30) as f64;
+pub(super) const MAX_CELLS: f64 = (1_u64 << 30) as f64;
 
 /// The same for directions: sums of numbers this many times their longest component.
 const MAX_CANCELLED: f64 = 1024.0;
@@ -85,7 +87,7 @@ impl Pencil {
         for a in 0..3 {
             origin[0][a] += matrix[a][3];
         }
-        Some(Self { origin, direction })
+        Some(Self { origin, direction, off: None })
     }
 }
 
@@ -150,9 +152,10 @@ impl<'a> Sight<'a> {
         Some(pencil)
     }
 
-    /// The rays of eight pixels of a row from (x, y) on.
+    /// The lines through eight pixels of a row from (x, y) on, in grid space: origins and directions. What
+    /// [`quantised`] makes of them are the rays.
     #[inline(always)]
-    pub(super) fn row<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> Row<L> {
+    pub(super) fn lines<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> [[L::D; 3]; 2] {
         let column: [f64; DOUBLES] = std::array::from_fn(|i| (x + i) as f64 + 0.5);
         // As `line`, `Camera::ray` and `GridSpace::ray` have it: the same operations in the same order.
         let x = (l.d(2.0) * l.d_load(&column) - l.d(self.width)) / l.d(self.width);
@@ -182,7 +185,7 @@ impl<'a> Sight<'a> {
             let r = matrix[A];
             l.d(r[0]) * towards[0] + l.d(r[1]) * towards[1] + l.d(r[2]) * towards[2]
         });
-        quantised(l, self.space.dims().depth(), origin, direction)
+        [origin, direction]
     }
 }
 

@@ -5,7 +5,7 @@
 //! ([`Surface::SOLID`]). A surface within the boxes, such as a plane in a cell between samples, is asked at
 //! once, and a ray that misses it goes on to the next box.
 
-use crate::load::ModelView;
+use crate::load::{CellItems, ModelView};
 
 use super::ray::{Face, Ray};
 use super::traverse::Hit;
@@ -110,6 +110,13 @@ pub trait Surface: Send + Sync {
     fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
         let _ = (view, approach);
         Estimate::Unsure
+    }
+
+    /// The cells, if every box of the finest level is one and [`Surface::meet`] is about the surface within it: then
+    /// planes may be met without it.
+    #[inline(always)]
+    fn planes(&self) -> Option<CellItems<'_>> {
+        None
     }
 
     /// The answer of [`Surface::meet`] for a box of the finest level, if a glance makes it certain.

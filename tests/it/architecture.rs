@@ -63,6 +63,7 @@ const UNSAFE_FILES: &[&str] = &[
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/platform/linux/resident.rs",
+    "src/render/lanes_vbmi2.rs",
     "src/render/lanes_x86.rs",
 ];
 

@@ -239,10 +239,40 @@ fn rays(count: usize, random: &mut Random) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
         .unzip()
 }
 
+/// The rays of an image, row by row: from one eye with directions of length 1, or parallel ones.
+fn image([columns, rows]: [u32; 2], eye: [f64; 3], is_parallel: bool) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    let middle = SIDES.map(|side| f64::from(side) / 2.0);
+    (0..rows * columns)
+        .map(|i| {
+            let across = f64::from(i % columns) / f64::from(columns) - 0.5;
+            let along = f64::from(i / columns) / f64::from(rows) - 0.5;
+            let at = |from: [f64; 3]| {
+                sheared().apply([from[0] + 50.0 * across, from[1] + 10.0 * along, from[2] - 40.0 * along])
+            };
+            let (from, to) = (if is_parallel { at(eye) } else { sheared().apply(eye) }, at(middle));
+            let towards: [f64; 3] = std::array::from_fn(|a| to[a] - from[a]);
+            let length = towards.iter().map(|c| c * c).sum::<f64>().sqrt();
+            (from, if is_parallel { towards } else { towards.map(|c| c / length) })
+        })
+        .unzip()
+}
+
 #[test]
 fn many_rays_meet_what_each_of_them_meets() {
     let mut random = Random(2026);
-    let (origins, directions) = rays(5000, &mut random);
+    let (mut origins, mut directions) = rays(5000, &mut random);
+    let sets = [
+        image([64, 40], [9.0, -70.0, 12.0], false),
+        image([61, 43], [-50.0, -70.0, 90.0], false),
+        image([33, 9], [12.0, 10.0, 8.0], false),
+        image([50, 50], [30.0, 80.0, -40.0], true),
+        image([200, 7], [30.0, 80.0, -40.0], true),
+    ];
+    let scattered = origins.len();
+    for (from, along) in &sets {
+        origins.extend(from);
+        directions.extend(along);
+    }
     let one = Voxels::from_fn(Dims::new(1, 1, 1).unwrap(), |_| 2000_u16).placed(sheared());
     let point = Model::from_bytes(built(&one, &options(SurfaceKind::Skin))).unwrap();
     let mut hits = Hits::default();
@@ -252,7 +282,20 @@ fn many_rays_meet_what_each_of_them_meets() {
         let wanted: Vec<_> =
             origins.iter().zip(&directions).map(|(o, d)| caster.first_hit(*o, *d).unwrap()).collect();
         assert_eq!(hits.len(), wanted.len());
-        let found = wanted.iter().flatten().count();
+        // Images by themselves go in tiles, and among others in turns.
+        let mut alone = Hits::default();
+        let mut first = scattered;
+        for (from, along) in &sets {
+            caster.first_hits(from, along, &mut alone).unwrap();
+            let mut met = vec![false; from.len()];
+            caster.any_hit(from, along, 0.9, &mut met).unwrap();
+            for (ray, wanted) in wanted[first..first + from.len()].iter().enumerate() {
+                assert_eq!(alone.get(ray), *wanted, "{ray} of {}", from.len());
+                assert_eq!(met[ray], wanted.is_some_and(|hit| hit.t <= 0.9));
+            }
+            first += from.len();
+        }
+        let found = wanted[..scattered].iter().flatten().count();
         assert!(model.header().voxels == 1 || (1000..4900).contains(&found), "{found}");
         for (ray, wanted) in wanted.iter().enumerate() {
             assert_eq!(hits.get(ray), *wanted, "{ray}");

@@ -6,8 +6,11 @@
 //! pixel, so its extremes are those of four corners.
 
 use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use crate::render::pairs::{Lines, SLACKS};
 use crate::render::sight::Pencil;
 use crate::render::single::{ALONG_A, ALONG_B, SLACK};
+
+use super::listed::MAX_OFF;
 
 /// Pixels along a side of a tile.
 pub const TILE: usize = 8;
@@ -21,7 +24,7 @@ const BLOCKS: usize = RAYS / SINGLES;
 /// Directions within this part of the longest component count as along the axis' plane: their exact
 /// integers are 0. Those above [`SURELY_MOVES`] have integers that are not 0.
 const SURELY_STILL: f64 = 1.0 / (1_u64 << 33) as f64;
-const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
+pub(super) const SURELY_MOVES: f64 = 1.0 / (1_u64 << 27) as f64;
 
 /// Pixel column of each lane, and its row, in the first two rows.
 const COLUMN: [f32; SINGLES] = [0., 1., 2., 3., 4., 5., 6., 7., 0., 1., 2., 3., 4., 5., 6., 7.];
@@ -42,13 +45,35 @@ pub(super) struct Beam<L: Lanes> {
     /// `lower <= -min e`, e being that of the plane's middle.
     upper: [L::F; 3],
     lower: [L::F; 3],
-    /// Lowest origin of the rays, by axis, if some box may lie behind a ray.
-    behind: Option<[f64; 3]>,
+    /// Where the rays start, if some box may lie behind one.
+    starts: Option<Starts>,
+    /// How far e of a box near some ray may be off.
+    slack: f32,
+    /// The same of an origin, by axis.
+    start_slack: [f64; 3],
     /// Greatest |e| of a brick's middle at which a ray may intersect the brick, by pair.
     brick_half: [f32; 3],
 }
 
+/// Least and greatest origin of a beam's rays by axis, each moved outwards by [`SLACK`]. Along an axis that the rays
+/// do not move along both are beyond all boxes, so that it decides nothing.
+#[derive(Clone, Copy)]
+struct Starts {
+    least: [f64; 3],
+    greatest: [f64; 3],
+}
+
+impl Starts {
+    /// Does a box with this low corner lie beyond all origins along some axis? Then no point of it, and of no box
+    /// within it, is behind a ray that passes through it.
+    #[inline(always)]
+    fn are_before(&self, low: [u32; 3]) -> bool {
+        (0..3).any(|a| f64::from(low[a]) >= self.greatest[a])
+    }
+}
+
 /// The differences of a tile's rays.
+#[repr(align(64))]
 pub(super) struct Rays {
     /// Direction by axis, then half the width of a cell's projection by pair.
     direction: [[f32; RAYS]; 3],
@@ -70,6 +95,22 @@ fn extremes(v: &[[f64; 3]; 3]) -> [(f64, f64); 3] {
     each3!(A => {
         let (x, y) = (v[1][A] * last, v[2][A] * last);
         (v[0][A] + x.min(0.0) + y.min(0.0), v[0][A] + x.max(0.0) + y.max(0.0))
+    })
+}
+
+/// How far e may be off anywhere in the grid, and half a brick's projection, where origins and directions of at most 1
+/// are off; `reach` is how far the origin of pixel (0, 0) is from a point of the grid at most.
+#[inline(always)]
+fn off_lines(reach: [f64; 3], origin: &[[f64; 3]; 3], off_origin: [f64; 3], off_direction: [f64; 3]) -> f64 {
+    let last = (TILE - 1) as f64;
+    let far = each3!(A => {
+        let moved = last * (origin[1][A].abs() + origin[2][A].abs()) + off_origin[A];
+        // Of a brick, both half edges.
+        (reach[A] + moved).max(4.0)
+    });
+    PAIRS.iter().fold(0.0_f64, |m, (a, b)| {
+        let directions = far[*a] * off_direction[*b] + far[*b] * off_direction[*a];
+        m.max(directions + off_origin[*a] + off_origin[*b])
     })
 }
 
@@ -132,7 +173,16 @@ impl<L: Lanes> Beam<L> {
             };
             m.max(of(1) + of(2))
         });
-        let slack = SLACK + (8.0 + 14.0 * change) as f32 * (1.0 / 2_097_152.0);
+        let (mut off, mut start_slack) = (0.0, [f64::from(SLACK); 3]);
+        if let Some([off_origin, off_direction]) = pencil.off {
+            let off_origin = off_origin.map(|off| off * per_unit);
+            off = off_lines(reach, &origin, off_origin, off_direction.map(|off| off / longest));
+            start_slack = off_origin.map(|off| off + f64::from(SLACK));
+        }
+        if off > MAX_OFF {
+            return None;
+        }
+        let slack = SLACK + (8.0 + 14.0 * change) as f32 * (1.0 / 2_097_152.0) + off as f32;
 
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
         let range: [(f64, f64); 3] = extremes(&direction);
@@ -173,9 +223,12 @@ impl<L: Lanes> Beam<L> {
             shift,
             upper: each3!(PAIR => bounds[PAIR].0),
             lower: each3!(PAIR => bounds[PAIR].1),
-            behind: starts_inside.then(|| {
-                std::array::from_fn(|a| if still[a] { f64::MIN } else { origins[a].0 - f64::from(SLACK) })
+            starts: starts_inside.then(|| Starts {
+                least: each3!(A => if still[A] { f64::MIN } else { origins[A].0 - start_slack[A] }),
+                greatest: each3!(A => if still[A] { f64::MAX } else { origins[A].1 + start_slack[A] }),
             }),
+            slack,
+            start_slack,
             brick_half: PAIRS.map(|(a, b)| 2.0 * (greatest[a] + greatest[b]) + slack),
         })
     }
@@ -214,9 +267,9 @@ impl<L: Lanes> Beam<L> {
             let below = l.f_le(self.lower[pair], l.f((-least * per_edge) as f32));
             boxes &= l.extrude(pair, (above & below).bits());
         }
-        if let Some(start) = self.behind {
-            for a in 0..3 {
-                let passed = (start[a] - f64::from(low[a])) * per_edge;
+        if let Some(starts) = self.starts {
+            for (a, (least, low)) in starts.least.into_iter().zip(low).enumerate() {
+                let passed = (least - f64::from(low)) * per_edge;
                 boxes &= super::super::occupancy::at_least(a, passed.clamp(0.0, 4.0) as u32);
             }
         }
@@ -250,9 +303,16 @@ impl<L: Lanes> Beam<L> {
         bits & live
     }
 
-    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect.
+    /// May a box of the brick at `low` lie behind a ray?
     #[inline(always)]
-    pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3]) -> u64 {
+    pub(super) fn may_be_behind(&self, low: [u32; 3]) -> bool {
+        self.starts.is_some_and(|starts| !starts.are_before(low))
+    }
+
+    /// Boxes of the brick last given to [`Beam::meets`], at `low`, that `ray` may intersect; `may_be_behind` is that
+    /// of the brick.
+    #[inline(always)]
+    pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3], may_be_behind: bool) -> u64 {
         let l = self.lanes;
         let ray = ray % RAYS;
         let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
@@ -263,10 +323,16 @@ impl<L: Lanes> Beam<L> {
             let within = l.f_le(l.f_abs(beside), l.f(rays.half[pair][ray]));
             boxes &= l.extrude(pair, within.bits());
         }
-        if let Some(still) = self.behind {
-            boxes &= self.ahead_of(still, ray, low);
+        if may_be_behind && let Some(starts) = self.starts {
+            boxes &= self.ahead_of(starts.least, ray, low);
         }
         boxes
+    }
+
+    /// The rays' lines about the brick last given to [`Beam::meets`].
+    #[inline(always)]
+    pub(super) fn lines<'r>(&self, rays: &'r Rays) -> Lines<'r> {
+        Lines { direction: &rays.direction, beside: &rays.beside, slack: SLACKS * self.slack }
     }
 
     /// Boxes of the brick at `low` that do not lie behind the origin of `ray`.
@@ -275,8 +341,8 @@ impl<L: Lanes> Beam<L> {
     fn ahead_of(&self, start: [f64; 3], ray: usize, low: [u32; 3]) -> u64 {
         let (x, y) = ((ray % TILE) as f64, (ray / TILE) as f64);
         (0..3).filter(|a| start[*a] > f64::MIN).fold(u64::MAX, |boxes, a| {
-            let o = self.origin[0][a] + x * self.origin[1][a] + y * self.origin[2][a] - f64::from(SLACK);
-            let passed = (o - f64::from(low[a])).clamp(0.0, 4.0) as u32;
+            let o = self.origin[0][a] + x * self.origin[1][a] + y * self.origin[2][a];
+            let passed = (o - self.start_slack[a] - f64::from(low[a])).clamp(0.0, 4.0) as u32;
             boxes & super::super::occupancy::at_least(a, passed)
         })
     }

@@ -5,10 +5,11 @@
 
 use crate::render::lanes::{DOUBLES, Lanes, Truths, each3, larger, smaller};
 use crate::render::ray::FRACTION_BITS;
-use crate::render::sight::Sight;
 use crate::render::surface::{Approach, Glance};
 
+use super::TileHits;
 use super::beam::{RAYS, TILE};
+use super::listed::Source;
 
 /// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
 const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
@@ -63,7 +64,7 @@ impl ExactRays {
     pub(super) fn prepare<L: Lanes>(
         &mut self,
         l: L,
-        sight: &Sight<'_>,
+        rays: &Source<'_>,
         corner: (usize, usize),
         mirror: u32,
         depth: u32,
@@ -74,7 +75,7 @@ impl ExactRays {
             return;
         }
         self.rows |= 1 << row;
-        let exact = sight.row(l, (corner.0, corner.1 + row));
+        let exact = rays.row(l, corner, row);
         let far = l.d(f64::from(1_u32.wrapping_shl(depth)) * f64::from(1_u32 << FRACTION_BITS));
         let zero = l.d(0.0);
         let (mut origin, mut direction) = (exact.origin, exact.direction);
@@ -201,6 +202,42 @@ impl ExactRays {
     #[inline(always)]
     pub(super) fn t_after(&self, ray: usize, distance: f64, component: f64) -> f64 {
         self.t_start[ray % RAYS] + distance / component * self.t_scale[ray % RAYS]
+    }
+
+    /// Rays that can be used, of the rows that are made.
+    pub(super) fn valid(&self) -> u64 {
+        self.valid
+    }
+
+    /// Where the rays of a row meet planes within their cells: those of `planes`, in the cells of `lows`, as
+    /// [`super::planes::Pairs`] has them. The same whole numbers as of one box.
+    #[inline(always)]
+    pub(super) fn meet_planes<L: Lanes>(
+        &self,
+        l: L,
+        row: usize,
+        (planes, lows): (&[u64; DOUBLES], &[u64; DOUBLES]),
+        hits: &mut TileHits,
+    ) {
+        let one_cell = l.d(f64::from(1_u32 << FRACTION_BITS));
+        let normal = each3!(A => l.d_field(planes, [0, 8, 16][A], 0xff) - l.d(128.0));
+        let offset = l.d_field(planes, 24, 0xff) - l.d(128.0);
+        // No normal has this component: the ray meets no plane.
+        let meets = l.d_lt(l.d(-127.5), normal[0]);
+        let (mut start, mut component) = (l.d(0.0) - offset * l.d(0.5) * one_cell, l.d(0.0));
+        for (a, shift) in [0, 16, 32].into_iter().enumerate() {
+            let low = l.d_field(lows, shift, 0xffff);
+            let direction = l.d_load(&self.direction[a].as_chunks().0[row]);
+            let origin = l.d_load(&self.origin[a].as_chunks().0[row]);
+            start = start + normal[a] * (origin - (low + l.d(0.5)) * one_cell);
+            component = component - normal[a] * direction;
+            let to = lanes_of(&mut hits.low[a], row);
+            l.d_store(l.d_choose(meets, low, l.d_load(to)), to);
+        }
+        let (t_start, t_scale) = (&self.t_start.as_chunks().0[row], &self.t_scale.as_chunks().0[row]);
+        let t = l.d_load(t_start) + start / component * l.d_load(t_scale);
+        let to = lanes_of(&mut hits.t, row);
+        l.d_store(l.d_choose(meets, t, l.d_load(to)), to);
     }
 
     /// From a ray to the low plane of a box along an axis, and its direction there.

@@ -24,7 +24,7 @@ impl<S: Surface> Walk<'_, '_, S> {
         while left != 0 {
             let ray = left.trailing_zeros() as usize % RAYS;
             left &= left.wrapping_sub(1);
-            self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
+            self.exact.prepare(beam.lanes, &self.source, self.tile.corner, beam.mirror, depth, ray);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
             met |= u64::from(self.look_at_leaf(ray, leaf, unit, beam.mirror)) << ray;
         }

@@ -6,12 +6,13 @@ use crate::render::lanes::{DOUBLES, Lanes, each3};
 use crate::render::mirrored_ray::MirroredRay;
 use crate::render::occupancy::{Brick, place};
 use crate::render::ray::{MAX_DEPTH, Ray};
-use crate::render::sight::Sight;
 use crate::render::single::{self, BRICK_LEVELS, LargerLeaf, OpenBrick, top_edge};
 use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS, Rays, TILE};
 use super::exact::{ExactRays, Passing};
+use super::listed::Source;
+use super::planes::Pairs;
 use super::prove::entries;
 use super::{Tile, TileHits};
 
@@ -24,29 +25,31 @@ const MAX_BRICKS: u32 = 1024;
 pub(super) struct Walk<'a, 'b, S> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) surface: &'a S,
-    pub(super) sight: &'a Sight<'b>,
+    pub(super) source: Source<'b>,
     pub(super) tile: Tile,
     /// The rays of it that are asked for, as bits.
     pub(super) asked: u64,
     pub(super) rays: &'a mut Rays,
     pub(super) exact: &'a mut ExactRays,
+    pub(super) pairs: &'a mut Pairs,
     pub(super) hits: &'a mut TileHits,
 }
 
 impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
-    type Output = ();
+    /// Rays of an array that are left to be traced in another way.
+    type Output = u64;
 
     #[inline(always)]
-    fn run(mut self, lanes: impl Lanes) {
+    fn run(mut self, lanes: impl Lanes) -> u64 {
         self.hits.clear();
         let live = self.tile.live() & self.asked;
         if self.view.is_empty() {
-            return;
+            return 0;
         }
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
+        let depth = self.source.depth().min(MAX_DEPTH);
         let unit = self.tile.lod_edge_log2.min(depth);
         let beam = (depth > unit)
-            .then(|| self.sight.pencil(self.tile.corner))
+            .then(|| self.source.pencil(self.tile.corner))
             .flatten()
             .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
         let alone = match beam {
@@ -54,9 +57,11 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
                 self.hits.mirrored(beam.mirror, 1_u32.wrapping_shl(depth), unit);
                 self.together(lanes, &beam, live, depth, unit)
             }
+            None if matches!(self.source, Source::Listed(_)) => return live,
             None => live,
         };
         self.alone(lanes, alone);
+        0
     }
 }
 
@@ -123,7 +128,13 @@ impl<S: Surface> Walk<'_, '_, S> {
             open = OpenBrick::new(self.view, brick, beam.intersected(low, edge), low);
         }
         let left = if bricks > MAX_BRICKS { live } else { 0 };
-        if S::SOLID { left | self.prove(l, beam.mirror, candidates, depth, unit) } else { left }
+        left | if S::SOLID {
+            self.prove(l, beam.mirror, candidates, depth, unit)
+        } else if L::COMPARES_PAIRS {
+            self.planes_met(l, beam.mirror, depth)
+        } else {
+            0
+        }
     }
 
     /// Finds the box that each of the rays `near` meets first in a brick; returns the rays that meet one,
@@ -138,57 +149,80 @@ impl<S: Surface> Walk<'_, '_, S> {
         live: &mut u64,
         unit: u32,
     ) -> u64 {
+        let may_be_behind = beam.may_be_behind(low);
+        if L::COMPARES_PAIRS
+            && !S::SOLID
+            && unit == 0
+            && !may_be_behind
+            && brick.larger == 0
+            && let Some(items) = self.surface.planes()
+        {
+            self.planes_of_brick(beam, &items, brick, low, near, live);
+            return 0;
+        }
         let mut near = near;
         let mut met = 0_u64;
         let (mut first, mut ranked) = (0, false);
-        let depth = self.sight.space().dims().depth().min(MAX_DEPTH);
         while near != 0 {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low);
+            let boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, may_be_behind);
             if boxes == 0 {
                 continue;
             }
             if !ranked {
                 (first, ranked) = (brick.first(self.view), true);
             }
-            if !S::SOLID || brick.larger != 0 {
-                self.exact.prepare(beam.lanes, self.sight, self.tile.corner, beam.mirror, depth, ray);
-            }
-            while boxes != 0 {
+            if S::SOLID && brick.larger == 0 {
                 let v = boxes.trailing_zeros();
-                boxes &= boxes.wrapping_sub(1);
-                if brick.larger >> v & 1 == 1 {
-                    let (node, parts) = brick.leaf(v);
-                    boxes &= !parts;
-                    let at = place(v & 56);
-                    let low = each3!(A => low[A] | at[A]);
-                    if self.look_at_leaf(ray, &LargerLeaf { node, low, edge: 1 }, unit, beam.mirror) {
-                        met |= 1 << ray;
-                        break;
-                    }
-                    continue;
-                }
-                let number = first.wrapping_add(brick.before(v));
                 let at = place(v);
-                if S::SOLID {
-                    self.hits.number[ray] = number;
-                    for a in 0..3 {
-                        self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
-                    }
-                    met |= 1 << ray;
-                    break;
+                self.hits.number[ray] = first.wrapping_add(brick.before(v));
+                for a in 0..3 {
+                    self.hits.low[a][ray] = f64::from((low[a] | at[a]).wrapping_shl(unit));
                 }
-                let cell = each3!(A => (low[A] | at[A]).wrapping_shl(unit));
-                if self.look(ray, number, cell, unit, beam.mirror) {
-                    met |= 1 << ray;
-                    break;
-                }
+                met |= 1 << ray;
+            } else {
+                met |= u64::from(self.box_by_box(beam, brick, (first, low), (ray, boxes), unit)) << ray;
             }
         }
         *live &= !met;
         met
+    }
+
+    /// Looks at boxes of the brick at `low`, whose first box has the number `first`, until a ray meets what is in one.
+    #[inline(always)]
+    pub(super) fn box_by_box<L: Lanes>(
+        &mut self,
+        beam: &Beam<L>,
+        brick: &Brick,
+        (first, low): (u64, [u32; 3]),
+        (ray, boxes): (usize, u64),
+        unit: u32,
+    ) -> bool {
+        let depth = self.source.depth().min(MAX_DEPTH);
+        self.exact.prepare(beam.lanes, &self.source, self.tile.corner, beam.mirror, depth, ray);
+        let mut boxes = boxes;
+        while boxes != 0 {
+            let v = boxes.trailing_zeros();
+            boxes &= boxes.wrapping_sub(1);
+            if brick.larger >> v & 1 == 1 {
+                let (node, parts) = brick.leaf(v);
+                boxes &= !parts;
+                let at = place(v & 56);
+                let low = each3!(A => low[A] | at[A]);
+                if self.look_at_leaf(ray, &LargerLeaf { node, low, edge: 1 }, unit, beam.mirror) {
+                    return true;
+                }
+                continue;
+            }
+            let at = place(v);
+            let cell = each3!(A => (low[A] | at[A]).wrapping_shl(unit));
+            if self.look(ray, first.wrapping_add(brick.before(v)), cell, unit, beam.mirror) {
+                return true;
+            }
+        }
+        false
     }
 
     /// Looks at a box that a ray may pass through: at a glance, and exactly where that does not do.
@@ -254,8 +288,7 @@ impl<S: Surface> Walk<'_, '_, S> {
 
     /// The exact ray of a pixel.
     pub(super) fn exact(&self, ray: usize) -> Option<Ray> {
-        let (x, y) = (self.tile.corner.0 + ray % TILE, self.tile.corner.1 + ray / TILE);
-        self.sight.ray(x as f64 + 0.5, y as f64 + 0.5)
+        self.source.ray(self.tile.corner, ray)
     }
 
     /// Decides the candidates row by row; returns those that are not entered by their rays.
@@ -268,8 +301,7 @@ impl<S: Surface> Walk<'_, '_, S> {
             if row_candidates == 0 {
                 continue;
             }
-            let (x, y) = (self.tile.corner.0, self.tile.corner.1 + y);
-            let row = self.sight.row(l, (x, y));
+            let row = self.source.row(l, self.tile.corner, y);
             let low: [&[f64; DOUBLES]; 3] = each3!(A => &self.hits.low[A].as_chunks().0[first / TILE]);
             let entries = entries(l, &row, mirror, depth, unit, low);
             failed |= u64::from(row_candidates & !entries.proved) << first;

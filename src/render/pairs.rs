@@ -1,0 +1,268 @@
+//! Pairs of a ray and a cell with a plane, compared many at a time: what is sure of them, and nothing else.
+//!
+//! # The comparison
+//!
+//! Coordinates are mirrored and in cells, no component of a direction d is above 1. For a cell with its middle at c and
+//! the plane `n . (p - c) = k / 2`, and a line from o along d, let `w = o - c`, `s = n . d`, and e be that of `tile`'s
+//! beam at c. The line crosses the plane at `c + at / -s` with `at = d (n . w - k / 2) - w s`, which is
+//!
+//! ```text
+//! at_x =  n_y e_xy + n_z e_xz - d_x k / 2
+//! at_y = -n_x e_xy + n_z e_yz - d_y k / 2
+//! at_z = -n_x e_xz - n_y e_yz - d_z k / 2
+//! ```
+//!
+//! * *Past* if some `at > |s| / 2`. With s < 0 the ray leaves by that face before the crossing; with s > 0 it enters by
+//!   the opposite one after it; with s = 0 it is in front of the plane all along; where it does not move along the axis
+//!   it runs beside the cell. Wherever it starts, it does not meet what is behind the plane in this cell.
+//! * *Within* if s < 0 and all `|at| < |s| / 2`: the line crosses the plane strictly inside the cell, from the front to
+//!   the back. That is the hit if the crossing lies ahead of the origin. It does for bricks that are not behind
+//!   ([`super::tile`]): either the brick lies beyond all origins along an axis that the ray moves along, or the ray
+//!   came in by a face of the grid, which no inner point of a cell lies behind.
+//!
+//! # Slack
+//!
+//! All that is in singles, of the tile's estimates of its rays. Let S be the slack of the beam, at least 2^-12: no e at a
+//! cell near the brick is off by more, nor is a component of d. Then, |n| being 127 by its sum of sizes, the terms of e
+//! are off by 127 S, that of d by 63.5 S, and half of s by 63.5 S; a line near the cell has |e| <= 1 + S, so that no sum
+//! is above 256, and its eight roundings make 2^-13 < S at most. Together that is below 256 S. Comparisons leave
+//! [`SLACKS`] times S: twice as much. What is within that, and cells with corners, is not sure and goes on to integers.
+
+use crate::format::cell::HAS_CORNERS;
+use crate::format::normal;
+
+use super::lanes::{SINGLES, each3};
+
+/// Cells of a brick, and rays of a tile.
+pub(crate) const CELLS: usize = 64;
+
+/// Most cells of a brick that are listed of a ray; more are intersected along edges of cells only.
+pub(crate) const LISTED: usize = 16;
+
+/// What a comparison leaves, in slacks of the beam.
+pub(crate) const SLACKS: f32 = 512.0;
+
+/// The planes of a brick's cells, as rays in mirrored coordinates see them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[repr(align(64))]
+pub(crate) struct Planes {
+    /// Normals by axis, of the cells in stored order.
+    pub(crate) normal: [[i8; CELLS]; 3],
+    /// Offsets, or that a cell has corners.
+    pub(crate) offset: [i8; CELLS],
+    /// Which cell of the stored order stands at a place of the mirrored one; 0 where there is none.
+    pub(crate) number: [u8; CELLS],
+}
+
+/// The lines of a tile's rays, about a brick.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Lines<'a> {
+    /// By axis.
+    pub(crate) direction: &'a [[f32; CELLS]; 3],
+    /// e of the brick's middle, by pair of axes.
+    pub(crate) beside: &'a [[f32; CELLS]; 3],
+    /// What a comparison leaves.
+    pub(crate) slack: f32,
+}
+
+/// What is sure of sixteen pairs, as bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Compared {
+    /// The ray does not meet the cell's surface.
+    pub(crate) past: u32,
+    /// It meets the plane within the cell, if that is ahead of it.
+    pub(crate) within: u32,
+    /// The planes: normal by axis and offset in a byte each, 128 more than they are.
+    pub(crate) planes: [u32; SINGLES],
+}
+
+/// Places of the first boxes, lowest first; what follows them means nothing.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "below 64")]
+pub(crate) fn list(boxes: u64, places: &mut [u8; LISTED]) {
+    let mut rest = boxes;
+    for place in places {
+        *place = rest.trailing_zeros() as u8 % 64;
+        rest &= rest.wrapping_sub(1);
+    }
+}
+
+/// The planes of a brick by the codes of its cells; its boxes as they are stored, and the exclusive-or that leads
+/// from a stored place to a mirrored one.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "components of L1-127 vectors; below 64")]
+pub(crate) fn planes(codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
+    let mut planes =
+        Planes { normal: [[0; CELLS]; 3], offset: offsets.map(u8::cast_signed), number: [0; CELLS] };
+    for (i, code) in codes.iter().enumerate() {
+        let normal = normal::decode_l1(u16::from_le_bytes(*code));
+        for (a, of_axis) in planes.normal.iter_mut().enumerate() {
+            of_axis[i] = (if flip >> a & 1 == 1 { -normal[a] } else { normal[a] }) as i8;
+        }
+    }
+    let mut number = 0;
+    for place in 0..CELLS as u32 {
+        if stored >> place & 1 == 1 {
+            planes.number[(place ^ flip) as usize % CELLS] = number;
+            number += 1;
+        }
+    }
+    planes
+}
+
+/// Distance of a place's middle from the brick's, along an axis.
+#[inline(always)]
+fn from_middle(place: u8, axis: usize) -> f32 {
+    f32::from((place >> axis & 1) | (place >> (axis + 2) & 2)) - 1.5
+}
+
+/// Compares sixteen rays with a cell each.
+#[inline(always)]
+pub(crate) fn compare(
+    planes: &Planes,
+    lines: &Lines<'_>,
+    places: &[u8; SINGLES],
+    rays: &[u8; SINGLES],
+) -> Compared {
+    let mut compared = Compared { past: 0, within: 0, planes: [0; SINGLES] };
+    for i in 0..SINGLES {
+        let (place, ray) = (places[i] % 64, usize::from(rays[i]) % CELLS);
+        let cell = usize::from(planes.number[usize::from(place)]) % CELLS;
+        let (normal, offset) = (each3!(A => planes.normal[A][cell]), planes.offset[cell]);
+        let bytes = [normal[0], normal[1], normal[2], offset].map(i8::cast_unsigned);
+        compared.planes[i] = u32::from_le_bytes(bytes) ^ 0x8080_8080;
+
+        let n = normal.map(f32::from);
+        let d = each3!(A => lines.direction[A][ray]);
+        let o = each3!(A => from_middle(place, A));
+        let e = each3!(PAIR => lines.beside[PAIR][ray]);
+        let e_xy = e[0] + o[0] * d[1] - o[1] * d[0];
+        let e_xz = e[1] + o[0] * d[2] - o[2] * d[0];
+        let e_yz = e[2] + o[1] * d[2] - o[2] * d[1];
+        let k = f32::from(offset) * 0.5;
+        let at_x = n[1] * e_xy + n[2] * e_xz - d[0] * k;
+        let at_y = n[2] * e_yz - n[0] * e_xy - d[1] * k;
+        let at_z = 0.0 - n[0] * e_xz - n[1] * e_yz - d[2] * k;
+        let s = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+        let half = s.abs() * 0.5;
+        let (most, least) = (at_x.max(at_y).max(at_z), at_x.min(at_y).min(at_z));
+        let has_plane = offset != HAS_CORNERS;
+        let (beyond, inner) = (half + lines.slack, half - lines.slack);
+        compared.past |= u32::from(has_plane && most > beyond) << i;
+        compared.within |= u32::from(has_plane && s < 0.0 && most < inner && least > -inner) << i;
+    }
+    compared
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::form::{Form, LanesKernel};
+    use crate::render::lanes::Lanes;
+    use crate::render::selfcheck::Random;
+
+    /// A brick and its rays, made up.
+    struct Made {
+        codes: [[u8; 2]; CELLS],
+        offsets: [u8; CELLS],
+        stored: u64,
+        flip: u32,
+        direction: [[f32; CELLS]; 3],
+        beside: [[f32; CELLS]; 3],
+        rays: [u8; SINGLES],
+    }
+
+    impl LanesKernel for &Made {
+        type Output = (Planes, [u8; LISTED], Compared);
+
+        #[inline(always)]
+        fn run(self, l: impl Lanes) -> Self::Output {
+            let planes = l.planes(&self.codes, &self.offsets, self.stored, self.flip);
+            let mut places = [0; LISTED];
+            l.list(self.stored, &mut places);
+            let lines = Lines { direction: &self.direction, beside: &self.beside, slack: SLACKS / 4096.0 };
+            let compared = l.compare(&planes, &lines, &places, &self.rays);
+            (planes, places, compared)
+        }
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]
+    fn every_form_lists_decodes_and_compares_alike() {
+        let mut random = Random::new(3);
+        let (mut past, mut within, mut unsure) = (0, 0, 0);
+        for round in 0..3000 {
+            let mut single = |low, high| random.range(low, high) as f32;
+            let direction = std::array::from_fn(|_| std::array::from_fn(|_| single(0.0, 1.0)));
+            let beside = std::array::from_fn(|_| std::array::from_fn(|_| single(-2.0, 2.0)));
+            let mut made = Made {
+                codes: std::array::from_fn(|_| (random.bits() as u16).to_le_bytes()),
+                offsets: std::array::from_fn(|_| random.bits() as u8),
+                stored: random.bits(),
+                flip: if round % 8 == 0 { random.bits() as u32 & 7 } else { (random.bits() as u32 & 7) * 9 },
+                direction,
+                beside,
+                rays: std::array::from_fn(|_| random.bits() as u8 % 64),
+            };
+            if round % 3 == 0 {
+                made.stored &= random.bits() & random.bits();
+            }
+            let (planes, places, compared) = Form::Portable.run(&made);
+            for form in Form::available() {
+                let got = form.run(&made);
+                assert_eq!((&got.0, got.2), (&planes, compared), "{form:?}");
+                let listed = (made.stored.count_ones() as usize).min(LISTED);
+                assert_eq!(got.1[..listed], places[..listed], "{form:?}");
+            }
+            assert_eq!(compared.past & compared.within, 0);
+            past += compared.past.count_ones();
+            within += compared.within.count_ones();
+            unsure += 16 - (compared.past | compared.within).count_ones();
+        }
+        assert!(past > 5000 && within > 200 && unsure > 5000, "{past} {within} {unsure}");
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]
+    fn what_is_sure_is_what_doubles_say_even_at_the_slack() {
+        let mut random = Random::new(4);
+        let (mut past, mut within) = (0, 0);
+        for _ in 0..20_000 {
+            let code = random.bits() as u16;
+            let offset = random.bits() as i8;
+            let place = random.bits() as u8 % 64;
+            let (o, d): ([f64; 3], [f64; 3]) = (
+                [0.0; 3].map(|_: f64| random.range(-0.5, 0.5)),
+                [0.0; 3].map(|_: f64| random.range(0.0, 1.0)),
+            );
+            // The line is at `o` from the cell's middle; the brick's middle is that far from the cell's.
+            let slack = 1.0 / 4096.0;
+            let middle: [f64; 3] = std::array::from_fn(|a| -f64::from(from_middle(place, a)));
+            let mut beside = [[0.0; CELLS]; 3];
+            for ((a, b), beside) in crate::render::lanes::PAIRS.into_iter().zip(&mut beside) {
+                let e = (middle[a] - o[a]) * d[b] - (middle[b] - o[b]) * d[a];
+                beside[0] = (e + random.range(-slack, slack)) as f32;
+            }
+            let mut direction = [[0.0; CELLS]; 3];
+            (0..3).for_each(|a| direction[a][0] = (d[a] + random.range(-slack, slack)) as f32);
+            let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS * slack as f32 };
+            let planes = planes(&[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
+            let compared = compare(&planes, &lines, &[place; SINGLES], &[0; SINGLES]);
+            let n = normal::decode_l1(code).map(f64::from);
+            let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
+            let (start, s) = (dot(o) - f64::from(offset) / 2.0, dot(d));
+            let at: [f64; 3] = std::array::from_fn(|a| d[a] * start - o[a] * s);
+            let most = at.iter().fold(f64::MIN, |m, v| m.max(*v));
+            let size = at.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
+            if compared.past & 1 == 1 {
+                assert!(most > s.abs() / 2.0);
+                past += 1;
+            }
+            if compared.within & 1 == 1 {
+                assert!(s < 0.0 && size < -s / 2.0);
+                within += 1;
+            }
+        }
+        assert!(past > 3000 && within > 500, "{past} {within}");
+    }
+}

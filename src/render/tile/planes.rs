@@ -1,0 +1,197 @@
+//! A brick of cells with planes: all pairs of its cells and the rays near it at once, as `pairs` compares them.
+//!
+//! ```text
+//! rays near the brick --list--> pairs (ray, cell), the cells of a ray front to back
+//!   --compare, sixteen at a time--> past, within, or not sure
+//!   --from the last pair to the first--> what each ray meets first: written last, so no pair is asked for its ray's others
+//! ```
+//!
+//! A ray whose first pair that is not past is not sure goes on alone from there, box by box. The times of what is within
+//! are worked out at the tile's end, a row at a time: by the same whole numbers as box by box, so they have the same bits.
+
+use crate::load::{BrickCodes, CellItems, NodeView};
+use crate::render::lanes::{Lanes, SINGLES};
+use crate::render::occupancy::Brick;
+use crate::render::pairs::LISTED;
+use crate::render::surface::Surface;
+
+use super::beam::{Beam, RAYS, TILE};
+use super::walk::Walk;
+
+/// Pairs of a tile and a brick at most.
+const ROOM: usize = RAYS * LISTED;
+
+/// The pairs of a brick, and the planes that the rays of the tile have met.
+pub(super) struct Pairs {
+    places: [u8; ROOM],
+    rays: [u8; ROOM],
+    /// Cells that a ray's line intersects.
+    boxes: [u64; RAYS],
+    /// For cells at the end of the model.
+    room: BrickCodes,
+    /// Rays that meet a plane, as bits.
+    met: u64,
+    /// The plane, as [`crate::render::pairs::Compared`] has it, and its cell, 16 bits an axis; of other rays 0.
+    planes: [u64; RAYS],
+    lows: [u64; RAYS],
+    /// Places of the cells.
+    at: [u8; RAYS],
+}
+
+impl Pairs {
+    pub(super) const fn new() -> Self {
+        Self {
+            places: [0; ROOM],
+            rays: [0; ROOM],
+            boxes: [0; RAYS],
+            room: BrickCodes::NONE,
+            met: 0,
+            planes: [0; RAYS],
+            lows: [0; RAYS],
+            at: [0; RAYS],
+        }
+    }
+
+    /// Forgets the tile before.
+    pub(super) fn clear(&mut self) {
+        self.met = 0;
+        self.planes = [0; RAYS];
+    }
+}
+
+/// Coordinates of a cell in 16 bits each: those of the grid are below 2^16.
+#[inline(always)]
+fn packed(cell: [u32; 3]) -> u64 {
+    u64::from(cell[0]) | u64::from(cell[1]) << 16 | u64::from(cell[2]) << 32
+}
+
+/// [`packed`] places within a brick.
+static PLACES: [u64; 64] = {
+    let mut packed = [0; 64];
+    let mut v = 0;
+    while v < 64 {
+        let mut axis = 0;
+        while axis < 3 {
+            packed[v] |= ((v >> axis & 1) | (v >> (axis + 2) & 2)) as u64 * (1 << (16 * axis));
+            axis += 1;
+        }
+        v += 1;
+    }
+    packed
+};
+
+impl<S: Surface> Walk<'_, '_, S> {
+    /// [`Walk::rays_of_brick`] for a brick of the finest cells, nothing of which is behind a ray.
+    #[inline(always)]
+    pub(super) fn planes_of_brick<L: Lanes>(
+        &mut self,
+        beam: &Beam<L>,
+        items: &CellItems<'_>,
+        brick: &Brick,
+        low: [u32; 3],
+        near: u64,
+        live: &mut u64,
+    ) {
+        let (listed, crowded) = self.list(beam, brick, low, near);
+        if listed == 0 && crowded == 0 {
+            return;
+        }
+        let l = beam.lanes;
+        let first = brick.first(self.view);
+        let pairs = &mut *self.pairs;
+        let (codes, offsets) = items.brick(first.wrapping_sub(self.view.node_count()), &mut pairs.room);
+        let planes = l.planes(codes, offsets, brick.stored, brick.flip);
+        let lines = beam.lines(self.rays);
+        let corner = packed(low);
+        let (mut met, mut unsure) = (0_u64, 0_u64);
+        for group in (0..listed.div_ceil(SINGLES)).rev() {
+            let of_list = listed - group * SINGLES;
+            let (Some(places), Some(rays)) = (
+                pairs.places.as_chunks::<SINGLES>().0.get(group),
+                pairs.rays.as_chunks::<SINGLES>().0.get(group),
+            ) else {
+                continue;
+            };
+            let compared = l.compare(&planes, &lines, places, rays);
+            let pairs_here = if of_list < SINGLES { (1 << of_list) - 1 } else { 0xffff };
+            let mut open = !compared.past & pairs_here;
+            while open != 0 {
+                let i = 31_u32.wrapping_sub(open.leading_zeros()) as usize % SINGLES;
+                open ^= 1 << i;
+                let (v, ray) = (places[i] % 64, usize::from(rays[i]) % RAYS);
+                met |= 1 << ray;
+                unsure = unsure & !(1 << ray) | u64::from(!compared.within >> i & 1) << ray;
+                let number = planes.number[usize::from(v)];
+                self.hits.number[ray] = first.wrapping_add(u64::from(number));
+                pairs.planes[ray] = u64::from(compared.planes[i]);
+                pairs.lows[ray] = corner.wrapping_add(PLACES[usize::from(v)]);
+                pairs.at[ray] = v;
+            }
+        }
+        met &= !unsure;
+        pairs.met |= met;
+        let mut alone = unsure | crowded;
+        while alone != 0 {
+            let ray = alone.trailing_zeros() as usize % RAYS;
+            alone &= alone.wrapping_sub(1);
+            let from = if unsure >> ray & 1 == 1 { self.pairs.at[ray] } else { 0 };
+            let boxes = self.pairs.boxes[ray] & u64::MAX.wrapping_shl(u32::from(from));
+            self.pairs.planes[ray] = 0;
+            met |= u64::from(self.box_by_box(beam, brick, (first, low), (ray, boxes), 0)) << ray;
+        }
+        *live &= !met;
+    }
+
+    /// Lists the pairs of the rays `near` a brick: how many there are, and rays of too many boxes, which are left out.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "rays are below 64")]
+    fn list<L: Lanes>(&mut self, beam: &Beam<L>, brick: &Brick, low: [u32; 3], near: u64) -> (usize, u64) {
+        let pairs = &mut *self.pairs;
+        let (mut near, mut listed, mut crowded) = (near, 0, 0);
+        while near != 0 {
+            let ray = near.trailing_zeros() as usize % RAYS;
+            near &= near.wrapping_sub(1);
+            self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
+            let boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, false);
+            pairs.boxes[ray] = boxes;
+            let count = boxes.count_ones() as usize;
+            let places = pairs.places.get_mut(listed..).and_then(<[u8]>::first_chunk_mut);
+            let rays = pairs.rays.get_mut(listed..).and_then(<[u8]>::first_chunk_mut);
+            if let (true, Some(places), Some(rays)) = (count <= LISTED, places, rays) {
+                beam.lanes.list(boxes, places);
+                *rays = [ray as u8; LISTED];
+                listed = listed.wrapping_add(count);
+            } else {
+                crowded |= 1 << ray;
+            }
+        }
+        (listed, crowded)
+    }
+
+    /// Works out where the rays meet the planes that are listed; returns those of which the exact ray is not known.
+    #[inline(always)]
+    pub(super) fn planes_met<L: Lanes>(&mut self, l: L, mirror: u32, depth: u32) -> u64 {
+        let met = self.pairs.met;
+        for row in (0..TILE).filter(|row| met >> (TILE * row) & 0xff != 0) {
+            self.exact.prepare(l, &self.source, self.tile.corner, mirror, depth, row * TILE);
+            let (planes, lows) = (&self.pairs.planes.as_chunks().0[row], &self.pairs.lows.as_chunks().0[row]);
+            self.exact.meet_planes(l, row, (planes, lows), self.hits);
+        }
+        let valid = met & self.exact.valid();
+        self.hits.hits |= valid;
+        met & !valid
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::render::occupancy::place;
+
+    #[test]
+    fn packed_places_are_places() {
+        for v in 0..64 {
+            assert_eq!(PLACES[v as usize], packed(place(v)));
+        }
+    }
+}
