@@ -30,7 +30,7 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
 ///
 /// # Errors
 /// The packed file is damaged, or there is no room.
-pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+pub(crate) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
     let scratch =
         scratch_beside(path).map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
     unpack_to(file, &scratch).map_err(|stop| match stop {
