@@ -15,6 +15,8 @@ from maturin import (  # noqa: F401
 
 TOP = pathlib.Path(__file__).resolve().parents[2]
 PROGRAM = TOP / "src/python/infobyte.data/scripts/oct"
+# Maturin insists on the folder, for source distributions, too.
+PROGRAM.parent.mkdir(parents=True, exist_ok=True)
 
 
 def build_program(*arguments: str) -> None:
@@ -22,7 +24,6 @@ def build_program(*arguments: str) -> None:
 
     `INFOBYTE_OCT` names one that is built already.
     """
-    PROGRAM.parent.mkdir(parents=True, exist_ok=True)
     built = os.environ.get("INFOBYTE_OCT")
     if not built:
         command = ["cargo", "build", "--locked", "--profile", "wheel", "--bin", "oct", *arguments]
