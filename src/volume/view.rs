@@ -50,6 +50,9 @@ const AHEAD_BYTES: usize = 512 << 10;
 /// Bytes that come from memory together.
 const LINE: usize = 64;
 
+/// Samples along a side of the squares that are turned at once.
+const SIDE: usize = 8;
+
 /// A part of some slices, which a thread has read together: the samples of one line of memory lie in them all, and one
 /// slice after the other would fetch every line again for each.
 #[derive(Default)]
@@ -229,15 +232,32 @@ impl<'a> Block<'a> {
         let row_bytes = ahead.cols.len() * SIZE;
         ahead.pitch = (ahead.rows.len() * row_bytes).next_multiple_of(LINE) + LINE;
         ahead.samples.resize(ahead.z.len() * ahead.pitch, 0);
+        let (columns, slices) = (ahead.cols.len(), ahead.z.len());
         for row in 0..ahead.rows.len() {
-            let mut from_column = start.wrapping_add(row.wrapping_mul(sy));
-            for to_column in (row * row_bytes..(row + 1) * row_bytes).step_by(SIZE) {
-                let (mut from, mut to) = (from_column, to_column);
-                for _ in 0..ahead.z.len() {
-                    ahead.samples[to..to + SIZE].copy_from_slice(&self.bytes[from..from + SIZE]);
-                    (from, to) = (from.wrapping_add(sz), to + ahead.pitch);
+            let from_row = start.wrapping_add(row.wrapping_mul(sy));
+            let at = |x: usize, z: usize| {
+                from_row.wrapping_add(x.wrapping_mul(sx)).wrapping_add(z.wrapping_mul(sz))
+            };
+            let to = |x: usize, z: usize| z * ahead.pitch + row * row_bytes + x * SIZE;
+            // Squares that stay in registers, where samples follow each other; single ones at their sides.
+            let squares = if sz == SIZE { [columns, slices].map(|side| side - side % SIDE) } else { [0; 2] };
+            for x in (0..squares[0]).step_by(SIDE) {
+                for z in (0..squares[1]).step_by(SIDE) {
+                    let mut square = [[[0_u8; SIZE]; SIDE]; SIDE];
+                    for (i, run) in square.iter_mut().enumerate() {
+                        run.as_flattened_mut().copy_from_slice(&self.bytes[at(x + i, z)..][..SIDE * SIZE]);
+                    }
+                    for k in 0..SIDE {
+                        let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
+                        ahead.samples[to(x, z + k)..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
+                    }
                 }
-                from_column = from_column.wrapping_add(sx);
+            }
+            for x in 0..columns {
+                for z in if x < squares[0] { squares[1]..slices } else { 0..slices } {
+                    let sample = &self.bytes[at(x, z)..][..SIZE];
+                    ahead.samples[to(x, z)..][..SIZE].copy_from_slice(sample);
+                }
             }
         }
     }
