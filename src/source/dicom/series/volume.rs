@@ -81,6 +81,9 @@ struct ImageSource {
     padding: u32,
 }
 
+/// Images, the paddings that they refer to, and how many slices must be decoded first.
+type PlacedImages = (Vec<ImageSource>, Vec<Option<Padding>>, u32);
+
 #[derive(Clone, Copy, Debug)]
 enum At {
     /// Offset in the file.
@@ -263,7 +266,7 @@ fn place_images(
     files: &[u32],
     tiles: u32,
     background: f64,
-) -> Result<(Vec<ImageSource>, Vec<Option<Padding>>, u32), SeriesFault> {
+) -> Result<PlacedImages, SeriesFault> {
     let mut paddings: Vec<Option<Padding>> = Vec::new();
     let mut places = Vec::with_capacity(slices.len());
     let mut coded = 0;
