@@ -43,6 +43,7 @@ COMPARE
 
 step "format" cargo fmt --all -- --check
 step "lints, warnings are errors" cargo clippy --locked --all-targets -- -D warnings
+step "lints of the Python module" cargo clippy --locked --lib --no-default-features --features python -- -D warnings
 step "documentation, warnings are errors" env RUSTDOCFLAGS="-D warnings" cargo doc --locked --no-deps --document-private-items
 step "public items, as docs/PUBLIC.txt lists them" python3 scripts/public_items.py --check
 if [ "$tests" = yes ]; then

@@ -138,6 +138,8 @@ mod mark;
 pub mod mesh;
 mod platform;
 pub mod progress;
+#[cfg(feature = "python")]
+mod python;
 #[cfg(test)]
 #[path = "../tests/it/common/random.rs"]
 mod random;

@@ -180,6 +180,8 @@ impl Job<'_> {
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
         solid.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
+        // What takes time of the commit comes before the last moment to stop.
+        atomic.file().sync_all().map_err(|e| self.output_error(e))?;
         self.progress.check()?;
         atomic.commit().map_err(|e| self.output_error(e))?;
         seconds.commit = started.elapsed().as_secs_f64();

@@ -102,7 +102,7 @@ pub fn convert(
     job: &BuildJob<'_>,
 ) -> Result<BuildSummary, Error> {
     let started = Instant::now();
-    give_back();
+    job.give_back();
     let subject = job.open(kind, inputs, how)?;
     refuse_own_input(inputs, job.output)?;
     let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
@@ -177,7 +177,18 @@ fn hints(
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
+/// Gives memory back where the cap counts all of the process: another process keeps the pages of its libraries.
+fn give_back_within(cap: MemoryCap) {
+    if let MemoryCap::Process(_) = cap {
+        give_back();
+    }
+}
+
 impl BuildJob<'_> {
+    fn give_back(&self) {
+        give_back_within(self.options.memory);
+    }
+
     /// Opens what lies at the inputs, within what the cap leaves for that.
     fn open(&self, kind: SubjectKind, inputs: &[PathBuf], how: &OpenOptions) -> Result<Subject, Error> {
         // If less than this is left, the builder refuses, with the smallest cap that works.
@@ -219,7 +230,7 @@ impl BuildJob<'_> {
             Subject::Tree(path) => self.tree(&path)?,
         };
         // What is told of the model runs beside the last stage's code otherwise.
-        give_back();
+        self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         Ok(BuildSummary {
             input,
@@ -239,11 +250,11 @@ impl BuildJob<'_> {
         let threshold = clean.preset.map_or(self.options.threshold, |preset| preset.threshold());
         let mut options = BuildOptions { threshold, ..self.options.clone() };
         prepare(&mut *source, clean, &options, output, progress)?;
-        give_back();
+        self.give_back();
         let cleaned = clean.clean(&*source, &options, output, progress)?;
         let report = match &cleaned {
             Some(cleaned) => {
-                give_back();
+                self.give_back();
                 options.threshold = Threshold::Chosen(cleaned.selection);
                 builder::build_volume(cleaned.source(), &options, output, progress)?
             }
@@ -287,7 +298,7 @@ impl BuildJob<'_> {
             check_links(&tree, path)?;
         }
         let volumes = self.open_volumes(&tree)?;
-        give_back();
+        self.give_back();
         let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();
         let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };
         let made = build_csg(input, &self.grid.tree(), self.options, self.output, self.progress)?;
@@ -331,7 +342,7 @@ fn prepare(
     if needs == Preparation::default() {
         return Ok(());
     }
-    give_back();
+    give_back_within(options.memory);
     let scratch = options.scratch_folder(output);
     let cap = options.memory;
     // What unrolling is said to need is the most it can be; it refuses for itself.

@@ -53,7 +53,7 @@ pub(super) fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Erro
 ///
 /// # Errors
 /// The packed file is damaged, or is written to meanwhile, or there is no room.
-pub(super) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+pub(crate) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
     let then = FileIdentity::of(file)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let scratch =

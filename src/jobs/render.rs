@@ -233,6 +233,21 @@ pub(super) fn render_view_parts(
     Ok(scene.report(request, &counts))
 }
 
+/// The camera of a picture, and the place of the model before it.
+///
+/// # Errors
+/// As [`render_view`].
+#[cfg(feature = "python")]
+pub(crate) fn camera(
+    view: &ModelView<'_>,
+    dims: Dims,
+    affine: &Affine,
+    request: &RenderRequest,
+) -> Result<(GridSpace, Camera), RenderError> {
+    let prepared = Prepared::new(view, dims, affine, request, &Relief::new(None, 1, 0, (0, &|| {})))?;
+    Ok((prepared.space, prepared.camera))
+}
+
 /// A model in its place before its camera.
 struct Prepared {
     start: Instant,

@@ -1,7 +1,9 @@
 //! A volume of borrowed samples.
 
+use std::cell::RefCell;
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Rescale, Result, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, check_request};
 use crate::facts::SourceFault;
@@ -9,9 +11,9 @@ use crate::geom::{Affine, Dims};
 
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
 ///
-/// Strides may be negative, or 0 for an axis along which all samples are one. Memory: none beyond the samples. Cost:
-/// rows along which samples follow each other are copied whole; any other row sample by sample, which took 2.8 times
-/// as long for a whole build of an array in Fortran order.
+/// Strides may be negative, or 0 for an axis along which all samples are one. Memory: none beyond the samples, but where
+/// they follow each other along z (Fortran order) 512 KiB for each thread, which reads some slices ahead. Cost: rows along
+/// which samples follow each other are copied whole, any other row sample by sample.
 ///
 /// ```
 /// use infobyte::{Dims, VolumeSource, VolumeView};
@@ -38,6 +40,35 @@ pub(super) struct Block<'a> {
     first: usize,
     /// Bytes from a voxel to the next one along x, y, z; negative ones wrap.
     strides: [usize; 3],
+    /// Tells views apart; 0 for one that is not read ahead.
+    number: u64,
+}
+
+/// Bytes of slices that a thread reads ahead, where samples follow each other along z.
+const AHEAD_BYTES: usize = 512 << 10;
+
+/// Bytes that come from memory together.
+const LINE: usize = 64;
+
+/// Samples along a side of the squares that are turned at once.
+const SIDE: usize = 8;
+
+/// A part of some slices, which a thread has read together: the samples of one line of memory lie in them all, and one
+/// slice after the other would fetch every line again for each.
+#[derive(Default)]
+struct Ahead {
+    number: u64,
+    rows: Range<u32>,
+    cols: Range<u32>,
+    z: Range<u32>,
+    /// Bytes from a slice to the next; a line more than a slice, so that slices do not compete for the same places of
+    /// the cache.
+    pitch: usize,
+    samples: Vec<u8>,
+}
+
+thread_local! {
+    static AHEAD: RefCell<Ahead> = RefCell::default();
 }
 
 impl<'a> VolumeView<'a> {
@@ -77,7 +108,9 @@ impl<'a> VolumeView<'a> {
             reaches.fold((0, 0), |(low, high), reach| (low + reach.min(0), high + reach.max(0)));
         let is_within =
             first as i128 + low >= 0 && first as i128 + high + scalar.bytes() as i128 <= bytes.len() as i128;
-        let samples = Block { bytes, first, strides: strides.map(isize::cast_unsigned) };
+        static VIEWS: AtomicU64 = AtomicU64::new(1);
+        let number = VIEWS.fetch_add(1, Ordering::Relaxed);
+        let samples = Block { bytes, first, strides: strides.map(isize::cast_unsigned), number };
         is_within.then(|| Self { info: VolumeInfo::in_memory(dims, scalar), samples })
     }
 
@@ -104,7 +137,7 @@ impl<'a> Block<'a> {
         let size = size_of::<T>();
         let strides = [size, nx * size, nx * ny * size];
         let is_whole = samples.len() as u64 == dims.voxels();
-        is_whole.then(|| Self { bytes: bytemuck::cast_slice(samples), first: 0, strides })
+        is_whole.then(|| Self { bytes: bytemuck::cast_slice(samples), first: 0, strides, number: 0 })
     }
 
     /// [`VolumeSource::read_pitched`].
@@ -150,6 +183,27 @@ impl<'a> Block<'a> {
             }
             return Ok(());
         }
+        let count = self.slices_ahead(rows.len() * row_bytes).min((info.dims.nz() - z) as usize);
+        if count > 1 {
+            AHEAD.with_borrow_mut(|ahead| {
+                let is_there = ahead.number == self.number && ahead.rows == rows && ahead.cols == cols;
+                if !(is_there && ahead.z.contains(&z)) {
+                    let end = z + u32::try_from(count).unwrap_or(1);
+                    *ahead = Ahead { number: self.number, rows, cols, z: z..end, ..std::mem::take(ahead) };
+                    match size {
+                        1 => self.read_ahead::<1>(start, ahead),
+                        2 => self.read_ahead::<2>(start, ahead),
+                        4 => self.read_ahead::<4>(start, ahead),
+                        _ => self.read_ahead::<8>(start, ahead),
+                    }
+                }
+                let slice = &ahead.samples[(z - ahead.z.start) as usize * ahead.pitch..];
+                for (row, out) in slice.chunks_exact(row_bytes).zip(out.chunks_mut(pitch)) {
+                    out[..row_bytes].copy_from_slice(row);
+                }
+            });
+            return Ok(());
+        }
         let sides = [cols.len(), rows.len()];
         match size {
             1 => self.gather::<1>(start, sides, pitch, out),
@@ -158,6 +212,54 @@ impl<'a> Block<'a> {
             _ => self.gather::<8>(start, sides, pitch, out),
         }
         Ok(())
+    }
+
+    /// Do samples follow each other along z, nearer than along the other axes?
+    fn is_along_z(&self) -> bool {
+        let [x, y, z] = self.strides.map(|stride| stride.cast_signed().unsigned_abs());
+        self.number > 0 && (1..x.min(y)).contains(&z)
+    }
+
+    /// Slices to be read together, of which a part has so many bytes.
+    fn slices_ahead(&self, part_bytes: usize) -> usize {
+        let stride = self.strides[2].cast_signed().unsigned_abs();
+        if self.is_along_z() { (LINE / stride).min(AHEAD_BYTES / (part_bytes + 2 * LINE)) } else { 0 }
+    }
+
+    /// Fills `ahead`; `start` is where its first sample is.
+    fn read_ahead<const SIZE: usize>(&self, start: usize, ahead: &mut Ahead) {
+        let [sx, sy, sz] = self.strides;
+        let row_bytes = ahead.cols.len() * SIZE;
+        ahead.pitch = (ahead.rows.len() * row_bytes).next_multiple_of(LINE) + LINE;
+        ahead.samples.resize(ahead.z.len() * ahead.pitch, 0);
+        let (columns, slices) = (ahead.cols.len(), ahead.z.len());
+        for row in 0..ahead.rows.len() {
+            let from_row = start.wrapping_add(row.wrapping_mul(sy));
+            let at = |x: usize, z: usize| {
+                from_row.wrapping_add(x.wrapping_mul(sx)).wrapping_add(z.wrapping_mul(sz))
+            };
+            let to = |x: usize, z: usize| z * ahead.pitch + row * row_bytes + x * SIZE;
+            // Squares that stay in registers, where samples follow each other; single ones at their sides.
+            let squares = if sz == SIZE { [columns, slices].map(|side| side - side % SIDE) } else { [0; 2] };
+            for x in (0..squares[0]).step_by(SIDE) {
+                for z in (0..squares[1]).step_by(SIDE) {
+                    let mut square = [[[0_u8; SIZE]; SIDE]; SIDE];
+                    for (i, run) in square.iter_mut().enumerate() {
+                        run.as_flattened_mut().copy_from_slice(&self.bytes[at(x + i, z)..][..SIDE * SIZE]);
+                    }
+                    for k in 0..SIDE {
+                        let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
+                        ahead.samples[to(x, z + k)..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
+                    }
+                }
+            }
+            for x in 0..columns {
+                for z in if x < squares[0] { squares[1]..slices } else { 0..slices } {
+                    let sample = &self.bytes[at(x, z)..][..SIZE];
+                    ahead.samples[to(x, z)..][..SIZE].copy_from_slice(sample);
+                }
+            }
+        }
     }
 
     /// Reads a part of a slice sample by sample, along the axis whose samples are nearer to each other.
@@ -197,6 +299,10 @@ impl VolumeSource for VolumeView<'_> {
         out: &mut [u8],
     ) -> Result {
         self.samples.read(&self.info, z, (rows, cols), pitch, out)
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        if self.samples.is_along_z() { AHEAD_BYTES as u64 } else { 0 }
     }
 }
 

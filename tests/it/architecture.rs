@@ -42,6 +42,11 @@ const MAY_SEE: &[(&str, &str)] = &[
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
          format geom load mesh progress render scene scratch source synthetic text volume",
     ),
+    (
+        "python",
+        "budget builder clean clean_and_build error exit export facts format geom jobs load mesh progress render \
+         source text volume",
+    ),
     ("error", "builder clean exit export facts format load progress render scene text"),
 ];
 

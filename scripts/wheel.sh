@@ -1,0 +1,55 @@
+#!/usr/bin/env bash
+# Builds the wheel of the Python package, and tests it in a fresh virtual environment.
+#
+#   scripts/wheel.sh             a wheel for this machine's C library
+#   scripts/wheel.sh --portable  a wheel for Linux of 2018 and newer (manylinux_2_28), linked by the zig of the index
+#   PYTHON=python3.12 EXTRAS="trimesh nibabel" scripts/wheel.sh
+#
+# What is skipped is said by name. Without a package index nothing is built, and nothing fails.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+
+python=${PYTHON:-python3}
+work=$(mktemp -d)
+trap 'rm -rf "$work"' EXIT
+
+if ! "$python" -c 'import sys; sys.exit(sys.version_info < (3, 11))' 2>/dev/null; then
+    echo "wheel: skipped: Python 3.11 or newer is missing"
+    exit 0
+fi
+if ! "$python" -m venv "$work/venv" >/dev/null 2>&1; then
+    echo "wheel: skipped: $python has no venv with pip"
+    exit 0
+fi
+bin=$work/venv/bin
+wanted=("maturin>=1.9,<2" numpy pytest)
+[ "${1:-}" != --portable ] || wanted+=(ziglang)
+if ! "$bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 20 "${wanted[@]}" >"$work/pip.log" 2>&1; then
+    echo "wheel: skipped: no package index can be reached for ${wanted[*]}"
+    tail -n 2 "$work/pip.log"
+    exit 0
+fi
+export PATH=$bin:$PATH
+
+mkdir -p dist
+if [ "${1:-}" = --portable ]; then
+    triple=$(rustc -vV | sed -n 's/^host: //p')
+    # `oct` is linked against the same old C library as the module.
+    printf '#!/bin/sh\nexec "%s" -m ziglang cc -target x86_64-linux-gnu.2.28 "$@"\n' "$bin/python" >"$work/zigcc"
+    chmod +x "$work/zigcc"
+    CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER=$work/zigcc CC_x86_64_unknown_linux_gnu=$work/zigcc \
+        "$bin/python" src/python/backend.py --target "$triple"
+    "$bin/maturin" build --quiet --zig --compatibility manylinux_2_28 --target "$triple" --out dist
+else
+    "$bin/python" src/python/backend.py
+    "$bin/maturin" build --quiet --out dist
+fi
+wheel=$(ls -t dist/*.whl | head -n 1)
+echo "wheel: $wheel, $(stat -c %s "$wheel") bytes"
+
+"$bin/pip" install --quiet --disable-pip-version-check "$wheel"
+for extra in ${EXTRAS:-}; do
+    "$bin/pip" install --quiet --disable-pip-version-check "$extra" || echo "wheel: without $extra, which cannot be installed"
+done
+"$bin/python" -m pytest -rs -p no:cacheprovider
+"$bin/oct" --version

@@ -1,0 +1,76 @@
+//! Errors of the library as exceptions, whose classes are in `infobyte/_errors.py`.
+
+use std::error::Error as _;
+use std::io;
+use std::path::Path;
+
+use pyo3::prelude::*;
+
+use crate::error::Error;
+use crate::exit::ExitKind;
+
+/// Makes the exception of an error.
+pub(super) fn raised(py: Python<'_>, error: &Error) -> PyErr {
+    let (path, minimum_bytes) = match error {
+        Error::Source(e) => (e.path(), e.minimum_bytes()),
+        Error::Build(e) => (e.path(), e.minimum_bytes()),
+        Error::Clean(e) => (e.path(), e.minimum_bytes()),
+        Error::Load(e) => (e.path(), None),
+        Error::Render(e) => (e.path(), None),
+        Error::Output { path, .. } | Error::Busy { path } => (Some(path.as_path()), None),
+        _ => (None, None),
+    };
+    exception(py, error.kind(), &error.to_string(), errno(error), path, minimum_bytes)
+}
+
+/// The number of the system's refusal, if that is at the bottom of it.
+fn errno(error: &Error) -> Option<i32> {
+    let of = |cause: &(dyn std::error::Error + 'static)| {
+        cause.downcast_ref::<io::Error>().and_then(io::Error::raw_os_error)
+    };
+    let mut cause = match error {
+        Error::Source(e) => e.source(),
+        Error::Build(e) => e.source(),
+        Error::Clean(e) => e.source(),
+        Error::Load(e) => e.source(),
+        Error::Render(e) => e.source(),
+        other => other.source(),
+    };
+    while let Some(inner) = cause {
+        if let Some(number) = of(inner) {
+            return Some(number);
+        }
+        cause = inner.source();
+    }
+    None
+}
+
+/// What the caller asked for makes no sense.
+pub(super) fn usage(py: Python<'_>, sentence: &str) -> PyErr {
+    exception(py, ExitKind::Usage, sentence, None, None, None)
+}
+
+fn exception(
+    py: Python<'_>,
+    kind: ExitKind,
+    sentence: &str,
+    errno: Option<i32>,
+    path: Option<&Path>,
+    minimum_bytes: Option<u64>,
+) -> PyErr {
+    let kind = match kind {
+        ExitKind::Usage => "usage",
+        ExitKind::Input => "input",
+        ExitKind::Budget => "budget",
+        ExitKind::Io | ExitKind::Partial => "system",
+        ExitKind::Stopped => "stopped",
+    };
+    let made = py
+        .import("infobyte._errors")
+        .and_then(|module| module.getattr("make"))
+        .and_then(|make| make.call1((kind, sentence, errno, path, minimum_bytes)));
+    match made {
+        Ok(exception) => PyErr::from_value(exception),
+        Err(error) => error,
+    }
+}

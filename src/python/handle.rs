@@ -1,0 +1,333 @@
+//! An open model: what `infobyte.Model` calls.
+
+use std::fs::File;
+use std::io::{self, Read, Seek};
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use numpy::{PyArray1, PyReadonlyArray1};
+use pyo3::prelude::*;
+use pyo3::types::{PyBytes, PyDict};
+
+use super::failure::{raised, usage};
+use super::options::{PictureAsked, read};
+use super::rays::{self, Found, Given, Rays};
+use super::watch::watched;
+use crate::error::Error;
+use crate::format::{Encoding, SurfaceKind};
+use crate::geom::Affine;
+use crate::jobs::export::triangles;
+use crate::jobs::info::{Info, Measured};
+use crate::jobs::measure::measure;
+use crate::jobs::opened::unpacked;
+use crate::jobs::render::{camera, render_view_watched};
+use crate::load::{Fault, Frame, LoadError, LoadFault, Mapping, Model, open_regular};
+use crate::render::sight::Sight;
+use crate::render::{Image, RayCaster};
+use crate::text::data;
+
+/// The bytes of a model.
+#[derive(Debug)]
+enum Store {
+    Mapped(Mapping),
+    Read(Vec<u8>),
+}
+
+/// Shared by the model and what looks after its file.
+#[derive(Clone, Debug)]
+struct Bytes(Arc<Store>);
+
+impl AsRef<[u8]> for Bytes {
+    #[inline]
+    fn as_ref(&self) -> &[u8] {
+        match &*self.0 {
+            Store::Mapped(mapping) => mapping.as_ref(),
+            Store::Read(bytes) => bytes,
+        }
+    }
+}
+
+/// An open model.
+#[pyclass(frozen, module = "infobyte._infobyte")]
+#[derive(Debug)]
+pub(super) struct Handle {
+    path: PathBuf,
+    bytes: Bytes,
+    model: Model<Bytes>,
+}
+
+impl Handle {
+    fn load(path: PathBuf, mmap: bool) -> Result<Self, Error> {
+        let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.clone(), cause });
+        let mut file = open_regular(&path).map_err(unreadable)?;
+        if Frame::read(&file).map_err(|fault| fault.at(&path))?.header.encoding == Encoding::Packed {
+            file = unpacked(&file, &path)?;
+        }
+        let mapping = Mapping::of(&file).map_err(unreadable)?;
+        let store = if mmap {
+            Store::Mapped(mapping)
+        } else {
+            let bytes = read_whole(&file, mapping.as_ref().len()).map_err(unreadable)?;
+            check(&Store::Mapped(mapping), &path)?;
+            Store::Read(bytes)
+        };
+        let bytes = Bytes(Arc::new(store));
+        let model = Model::from_bytes(bytes.clone()).map_err(|cause| Fault::Format(cause).at(&path))?;
+        Ok(Self { path, bytes, model })
+    }
+
+    /// Does something with the model without the interpreter's lock: an exception if its file was changed before or
+    /// meanwhile, when the model is neither the one nor the other.
+    fn with<T: Send>(
+        &self,
+        py: Python<'_>,
+        job: impl FnOnce(&Model<Bytes>) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        let checked = || {
+            check(&self.bytes.0, &self.path)?;
+            let made = job(&self.model);
+            check(&self.bytes.0, &self.path)?;
+            made
+        };
+        py.detach(checked).map_err(|error| raised(py, &error))
+    }
+
+    fn paint(
+        &self,
+        py: Python<'_>,
+        asked: &PictureAsked,
+        progress: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Image> {
+        let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
+        watched(py, progress, |progress| {
+            check(&self.bytes.0, &self.path)?;
+            let model = &self.model;
+            let made = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress);
+            check(&self.bytes.0, &self.path)?;
+            Ok(made?.0)
+        })
+    }
+}
+
+fn read_whole(mut file: &File, bytes: usize) -> io::Result<Vec<u8>> {
+    let mut whole = Vec::new();
+    whole.try_reserve_exact(bytes)?;
+    file.rewind()?;
+    file.take(bytes as u64).read_to_end(&mut whole)?;
+    Ok(whole)
+}
+
+fn check(store: &Store, path: &Path) -> Result<(), Error> {
+    let Store::Mapped(mapping) = store else { return Ok(()) };
+    match mapping.is_unchanged() {
+        Ok(true) => Ok(()),
+        Ok(false) => Err(LoadError::from(LoadFault::Changed { path: path.to_path_buf() }).into()),
+        Err(cause) => Err(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }).into()),
+    }
+}
+
+/// Numbers one after the other as triples.
+fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [[f64; 3]]> {
+    match array.as_slice()?.as_chunks::<3>() {
+        (triples, []) => Ok(triples),
+        _ => Err(usage(py, "rays have three coordinates each")),
+    }
+}
+
+/// Lines of sight through the middles of pixels, row by row.
+struct Pixels<'a> {
+    sight: Sight<'a>,
+    width: usize,
+}
+
+impl Rays for Pixels<'_> {
+    #[expect(clippy::cast_precision_loss, reason = "at most 32768 pixels a side")]
+    fn of(&self, first: usize, origins: &mut Vec<[f64; 3]>, directions: &mut Vec<[f64; 3]>, count: usize) {
+        for pixel in first..first + count {
+            let (x, y) = (pixel % self.width, pixel / self.width);
+            let (origin, direction) = self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
+            origins.push(origin);
+            directions.push(direction);
+        }
+    }
+}
+
+type Arrays<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i64>>,
+);
+
+fn arrays(py: Python<'_>, found: Found) -> Arrays<'_> {
+    (
+        PyArray1::from_vec(py, found.t),
+        PyArray1::from_vec(py, found.position.into_flattened()),
+        PyArray1::from_vec(py, found.normal.into_flattened()),
+        PyArray1::from_vec(py, found.voxel),
+    )
+}
+
+#[pymethods]
+impl Handle {
+    #[new]
+    fn new(py: Python<'_>, path: PathBuf, mmap: bool) -> PyResult<Self> {
+        py.detach(|| Self::load(path, mmap)).map_err(|error| raised(py, &error))
+    }
+
+    fn __len__(&self) -> usize {
+        usize::try_from(self.model.header().voxels).unwrap_or(usize::MAX)
+    }
+
+    #[getter]
+    fn path(&self) -> PathBuf {
+        self.path.clone()
+    }
+
+    /// Sides of the volume, x, y, z.
+    #[getter]
+    fn dims(&self) -> [u32; 3] {
+        self.model.metadata().dims
+    }
+
+    #[getter]
+    fn is_cells(&self) -> bool {
+        self.model.frame().surface() == SurfaceKind::Cells
+    }
+
+    /// Index (x, y, z) of a sample to LPS mm.
+    #[getter]
+    fn affine(&self) -> [[f64; 4]; 3] {
+        self.model.metadata().affine
+    }
+
+    fn info(&self, py: Python<'_>, measured: bool) -> PyResult<String> {
+        self.with(py, |model| {
+            let is_part = model.metadata().seen_from().is_some();
+            let of = || measure(&model.view(), model.dims(), &model.affine(), is_part);
+            let measured = measured.then(|| of().map_or(Measured::Impossible, Measured::Done));
+            let info = Info { input: data(&self.path), frame: model.frame().clone(), measured };
+            serde_json::to_string(&info.json()).map_err(|_| Error::Internal)
+        })
+    }
+
+    /// Width, height, and RGBA of every pixel.
+    fn render<'py>(
+        &self,
+        py: Python<'py>,
+        asked: &str,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray1<u8>>> {
+        Ok(PyArray1::from_vec(py, self.paint(py, &read(py, asked)?, progress)?.rgba))
+    }
+
+    fn png<'py>(&self, py: Python<'py>, asked: &str) -> PyResult<Bound<'py, PyBytes>> {
+        let image = self.paint(py, &read(py, asked)?, None)?;
+        let mut png = Vec::new();
+        py.detach(|| image.write_png_to(&mut png))?;
+        Ok(PyBytes::new(py, &png))
+    }
+
+    /// What lies behind each pixel: depth, position, normal, voxel.
+    fn cast<'py>(&self, py: Python<'py>, asked: &str) -> PyResult<Arrays<'py>> {
+        let asked: PictureAsked = read(py, asked)?;
+        let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
+        let found = self.with(py, |model| {
+            let (space, camera) = camera(&model.view(), model.dims(), &model.affine(), &request)?;
+            let sight = Sight::new(&space, &camera, request.width, request.height);
+            let width = request.width as usize;
+            let pixels = width * request.height as usize;
+            rays::first_hits(&RayCaster::new(model)?, &Pixels { sight, width }, pixels, request.threads)
+        })?;
+        Ok(arrays(py, found))
+    }
+
+    fn first_hits<'py>(
+        &self,
+        py: Python<'py>,
+        origins: PyReadonlyArray1<'py, f64>,
+        directions: PyReadonlyArray1<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Arrays<'py>> {
+        let given = Given(triples(py, &origins)?, triples(py, &directions)?);
+        if given.0.len() != given.1.len() {
+            return Err(usage(py, "there are not as many directions as origins"));
+        }
+        let found =
+            self.with(py, |model| rays::first_hits(&RayCaster::new(model)?, &given, given.0.len(), threads))?;
+        Ok(arrays(py, found))
+    }
+
+    fn any_hit<'py>(
+        &self,
+        py: Python<'py>,
+        origins: PyReadonlyArray1<'py, f64>,
+        directions: PyReadonlyArray1<'py, f64>,
+        t_max: f64,
+        threads: usize,
+    ) -> PyResult<Bound<'py, PyArray1<bool>>> {
+        let given = (triples(py, &origins)?, triples(py, &directions)?);
+        if given.0.len() != given.1.len() {
+            return Err(usage(py, "there are not as many directions as origins"));
+        }
+        let met = self.with(py, |model| rays::any_hit(&RayCaster::new(model)?, given, t_max, threads))?;
+        Ok(PyArray1::from_vec(py, met))
+    }
+
+    /// Corners, triangles, normals, colours.
+    fn triangles<'py>(
+        &self,
+        py: Python<'py>,
+        simplify: u32,
+        progress: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let mesh = watched(py, progress, |progress| {
+            check(&self.bytes.0, &self.path)?;
+            let mesh = triangles(&self.model, simplify, progress);
+            check(&self.bytes.0, &self.path)?;
+            mesh
+        })?;
+        let arrays = PyDict::new(py);
+        arrays.set_item("vertices", PyArray1::from_vec(py, mesh.vertices.into_flattened()))?;
+        arrays.set_item("faces", PyArray1::from_vec(py, mesh.faces.into_flattened()))?;
+        arrays.set_item("normals", PyArray1::from_vec(py, mesh.normals.into_flattened()))?;
+        arrays.set_item("colors", PyArray1::from_vec(py, mesh.colors.into_flattened()))?;
+        Ok(arrays)
+    }
+
+    /// Indices (x, y, z), centres in LPS mm, normals, values or colours of all voxels, in the order of the file.
+    fn stored<'py>(&self, py: Python<'py>, what: &str) -> PyResult<Bound<'py, PyAny>> {
+        const NONE: [f64; 3] = [f64::NAN; 3];
+        Ok(match what {
+            "index" => {
+                let all = self.with(py, |model| Ok(model.voxels().map(|v| v.voxel).collect::<Vec<_>>()))?;
+                PyArray1::from_vec(py, all.into_flattened()).into_any()
+            }
+            "center" => {
+                let all = self.with(py, |model| {
+                    let affine: Affine = model.affine();
+                    Ok(model.voxels().map(|v| affine.apply(v.voxel.map(f64::from))).collect::<Vec<_>>())
+                })?;
+                PyArray1::from_vec(py, all.into_flattened()).into_any()
+            }
+            "normal" => {
+                let all = self.with(py, |model| {
+                    Ok(model.voxels().map(|v| v.normal.unwrap_or(NONE)).collect::<Vec<_>>())
+                })?;
+                PyArray1::from_vec(py, all.into_flattened()).into_any()
+            }
+            "color" => {
+                let all = self.with(py, |model| {
+                    Ok(model.voxels().map(|v| v.color.unwrap_or([0; 3])).collect::<Vec<_>>())
+                })?;
+                PyArray1::from_vec(py, all.into_flattened()).into_any()
+            }
+            _ => {
+                let all = self.with(py, |model| {
+                    Ok(model.voxels().map(|v| v.value.unwrap_or(f64::NAN)).collect::<Vec<_>>())
+                })?;
+                PyArray1::from_vec(py, all).into_any()
+            }
+        })
+    }
+}

@@ -1,0 +1,94 @@
+"""Volumes, meshes and solids as surface octrees in fixed memory, shown by exact rays.
+
+>>> model = infobyte.build(ball, 'ball.oct', iso=0)       # a numpy array, or a path
+>>> picture = model.render(64, view='iso')                # H x W x 4; a notebook shows `model` itself
+>>> hits = model.first_hits([0, 23.5, 23.5], [1, 0, 0])   # exact rays, in mm
+>>> mesh = model.to_mesh()                                # closed triangles
+
+Arrays are indexed z, y, x; `spacing` follows their axes. Coordinates that come out are x, y, z in LPS mm: x to the left
+hand of a patient, y to the back, z to the head. Without a place, voxels are of 1 mm and the middle of the first is 0, 0, 0.
+"""
+
+from __future__ import annotations
+
+import os as _os
+from typing import Any as _Any
+
+from . import _infobyte
+from ._build import _bar, build
+from ._errors import BudgetError, InfobyteError, InputError, UsageError
+from ._model import Hits, Mesh, Model
+from ._model import loads as _loads
+
+__version__ = _infobyte.__version__
+__all__ = [
+    "BudgetError", "Hits", "InfobyteError", "InputError", "Mesh", "Model", "UsageError", "build", "open", "pack",
+    "render_scene", "unpack", "verify",
+]  # fmt: skip
+
+for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, UsageError, build):
+    _public.__module__ = "infobyte"
+del _public
+
+
+def open(path: str | _os.PathLike[str], *, mmap: bool = True) -> Model:
+    """Opens a model, `.oct`, packed or not. Costs some microseconds whatever its size; a packed one is unpacked first.
+
+    `mmap=False` reads the whole file, so that the model does not depend on it any more.
+
+    Raises `InputError` for a file that is not a model, or damaged; `OSError` of its kind if it cannot be read.
+
+    >>> infobyte.open('ball.oct').shape
+    (48, 48, 48)
+    """
+    return Model(path, mmap=mmap)
+
+
+def pack(model: Model | str | _os.PathLike[str], output: str | _os.PathLike[str], *, progress: _Any = False) -> dict[str, _Any]:
+    """Writes a model in its smallest form, for archives; the keys of `oct pack`. `progress` as that of `build`.
+
+    >>> report = infobyte.pack('ball.oct', 'small.oct')
+    >>> report['bytes'] < report['bytes_in']
+    True
+    """
+    with _bar(progress) as told:
+        return _loads(_infobyte.pack(_path(model), _os.fspath(output), told))
+
+
+def unpack(model: Model | str | _os.PathLike[str], output: str | _os.PathLike[str], *, progress: _Any = False) -> dict[str, _Any]:
+    """Writes the mapped form of a packed model, byte for byte what it was made from; the keys of `oct unpack`."""
+    with _bar(progress) as told:
+        return _loads(_infobyte.unpack(_path(model), _os.fspath(output), told))
+
+
+def verify(model: Model | str | _os.PathLike[str]) -> dict[str, _Any]:
+    """Checks every byte of a model; the keys of `oct verify`. Raises `InputError` with the first rule that is broken.
+
+    >>> infobyte.verify('ball.oct')['ok']
+    True
+    """
+    return _loads(_infobyte.verify(_path(model)))
+
+
+def render_scene(
+    scene: str | _os.PathLike[str],
+    output: str | _os.PathLike[str],
+    *,
+    size: tuple[int, int] | None = None,
+    threads: int | None = None,
+    progress: _Any = False,
+) -> dict[str, _Any]:
+    """Makes the picture of a scene, a `.toml` file of models, lights and materials, into a PNG.
+
+    `size`: (width, height) in pixels, instead of the scene's. Returns the keys of `oct render`.
+
+    Raises `InputError` with the line of what is wrong in the scene.
+    """
+    sides = None if size is None else [int(side) for side in size]
+    workers = threads or len(_os.sched_getaffinity(0))
+    with _bar(progress) as told:
+        return _loads(_infobyte.render_scene(_os.fspath(scene), _os.fspath(output), sides, workers, told))
+
+
+def _path(model: Model | str | _os.PathLike[str]) -> str:
+    return model.path if isinstance(model, Model) else _os.fspath(model)

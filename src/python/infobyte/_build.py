@@ -1,0 +1,341 @@
+"""Building models."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import os
+import sys
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from . import _infobyte, _sources
+from ._errors import UsageError
+from ._model import Model
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike
+
+    Path = str | os.PathLike[str]
+    Progress = Callable[[str, int, int], object] | bool | None
+
+#: Millimetres of a unit.
+UNITS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
+
+
+def build(
+    source: Any,
+    output: Path,
+    *,
+    iso: float | None = None,
+    range: tuple[float, float] | None = None,
+    preset: str | None = None,
+    surface: str = "skin",
+    spacing: float | Sequence[float] | None = None,
+    origin: Sequence[float] | None = None,
+    affine: ArrayLike | None = None,
+    axes: str = "zyx",
+    memory: int | str = "64MiB",
+    threads: int | None = None,
+    channels: Sequence[str] | None = None,
+    gradient: str | None = None,
+    normal_bits: int | None = None,
+    connectivity: int | None = None,
+    visible_from: Sequence[Any] = (),
+    lod: bool = True,
+    roi: Sequence[tuple[int, int]] | None = None,
+    downsample: int | None = None,
+    close: int = 0,
+    fill_cavities: bool = False,
+    keep_largest: int | None = None,
+    drop_below: int | str | None = None,
+    component_connectivity: int | None = None,
+    grid: int | None = None,
+    voxel: float | None = None,
+    margin: int = 1,
+    unit: str = "mm",
+    fill: str | None = None,
+    keep_thin: bool = False,
+    volume: int | None = None,
+    gaps: str = "error",
+    follow_links: bool = False,
+    orientation: str | None = None,
+    dims: Sequence[int] | None = None,
+    dtype: str | None = None,
+    skip: int | None = None,
+    scratch: Path | None = None,
+    progress: Progress = None,
+) -> Model:
+    """Builds the surface octree of a volume, a mesh or a tree of solids into the file `output`.
+
+    `source` is one of
+    - a path or a list of paths, of any format of `oct build`: DICOM, NIfTI, NRRD, MetaImage, TIFF, raw, STL, PLY, OBJ,
+      OFF, glTF, 3MF, `.csg`, ...;
+    - a numpy array of three dimensions, read in place whatever its strides. A contiguous memory map is read from its
+      file. Types besides 8 to 32 bit integers and 32 and 64 bit floats are converted through a scratch file;
+    - what has `shape`, `dtype` and slices, such as arrays of dask, zarr and h5py, or an iterator of slices or slabs:
+      written to a scratch file first, slab by slab;
+    - an image of SimpleITK, ITK or nibabel, an array of xarray, a grid of pyvista, with its place;
+    - a mesh of trimesh, pyvista or Open3D, in mm; needs `grid` or `voxel`.
+
+    What is inside
+    - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
+      `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
+    - `surface`: `'skin'`, voxels; or `'cells'`, the surface between samples, true to a few hundredths of a voxel.
+
+    Place
+    - `spacing`: distance of samples in mm, one number or three **in the order of the array's axes** (z, y, x); for paths
+      x, y, z. `origin`: place of the first sample, x, y, z in LPS mm. `affine`: 3 x 4 or 4 x 4, from an index (x, y, z) to
+      LPS mm, instead of both. They come before what the source states.
+    - `axes`: `'zyx'` (an array is indexed `[z, y, x]`), or `'xyz'`.
+
+    Means
+    - `memory`: what the build may add to the process, in bytes or as `'8MiB'`. `threads`: all cores by default.
+      `scratch`: folder of the scratch files; that of `output` by default.
+    - `progress`: called as `progress(stage, done, total)` from the calling thread, when a stage begins and every 50 ms; an
+      exception in it stops the build, as Ctrl-C does, and leaves nothing behind, unless the whole model has just got its
+      name. `True` shows a bar of tqdm, `None` shows it on a
+      terminal or in a notebook where tqdm is installed, `False` shows nothing.
+
+    Stored
+    - `channels` (`'normal'`, `'value'`, `'color'`, `'material'`), `gradient`, `normal_bits`, `connectivity`, `visible_from`
+      (`'outside'`, names of views, or points in mm), `lod`: as the flags of `oct build`.
+
+    Cleaning
+    - `roi`: (start, end) for each axis of the array (z, y, x); `downsample`, `close`, `fill_cavities`, `keep_largest`,
+      `drop_below` (voxels, or `'5%'`), `component_connectivity`: as the flags.
+
+    Meshes and trees
+    - `grid`: voxels along the longest side; or `voxel`: their edge in mm. `margin`, `unit`, `fill`, `keep_thin`; `origin`
+      with `voxel` and `dims` gives the grid in full.
+
+    Files
+    - `volume`, `gaps`, `follow_links`, `orientation`; `dims` (x, y, z), `dtype` and `skip` of headerless files.
+
+    Returns the open model; its `report` has the figures of the build.
+
+    Raises `UsageError` for options that make no sense, `InputError` for a source that cannot be used, `BudgetError` with
+    `minimum_bytes` if `memory` is too small, and `OSError` of its kind for what the system refuses. An old file `output` is
+    untouched then.
+
+    >>> model = infobyte.build(ball, 'ball.oct', iso=0, spacing=0.5)
+    >>> model.shape
+    (48, 48, 48)
+    """
+    kind = axes
+    if kind not in ("zyx", "xyz"):
+        raise UsageError(f"axes={axes!r} is not an order of axes; choose 'zyx' or 'xyz'")
+    if sum(given is not None for given in (iso, range, preset)) > 1:
+        raise UsageError("iso, range and preset exclude each other; give one")
+    if unit not in UNITS:
+        raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
+    share = memory if isinstance(memory, int) else _infobyte.size(memory)
+    asked = {
+        "iso": _finite("iso", iso), "range": None, "preset": preset, "surface": surface,
+        "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
+        "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),
+        "memory": share, "threads": threads, "scratch": None if scratch is None else os.fspath(scratch),
+        "roi": None if roi is None else [[int(a), int(b)] for a, b in _turned(roi, axes)],
+        "downsample": downsample, "close": close, "fill_cavities": bool(fill_cavities), "keep_largest": keep_largest,
+        "drop_below": _limit(drop_below), "component_connectivity": component_connectivity, "grid": grid,
+        "voxel": voxel, "origin": None, "margin": margin, "unit": UNITS[unit], "fill": fill,
+        "keep_thin": bool(keep_thin), "volume": volume, "gaps": gaps, "follow_links": bool(follow_links),
+        "spacing": None, "orientation": orientation, "dims": None if dims is None else [int(side) for side in dims],
+        "dtype": dtype, "skip": skip, "affine": None, "rescale": None,
+    }
+    if range is not None:
+        low, high = (float(end) for end in range)
+        if not low <= high:
+            raise UsageError(f"the range {low}..{high} is empty; give the lower value first")
+        end = sys.float_info.max
+        asked["range"] = [max(low, -end), min(high, end)]
+
+    target = os.fspath(output)
+    with _bar(progress) as told:
+        paths = _sources.paths_of(source)
+        if paths is not None:
+            if affine is not None:
+                raise UsageError("files state their place; give spacing and orientation instead of affine")
+            asked["spacing"] = None if spacing is None else _three(spacing)
+            asked["origin"] = None if origin is None else [float(at) for at in origin]
+            report = _infobyte.build_files(paths, target, _json(asked), told)
+        else:
+            report = _build_object(source, target, asked, (spacing, origin, affine, axes), told)
+    return Model._built(target, report)
+
+
+def _build_object(source: Any, target: str, asked: dict[str, Any], place: Any, told: Any) -> str:
+    known = _sources.recognised(source)
+    spacing, origin, affine, axes = place
+    if isinstance(known, _sources.Triangles):
+        import tempfile
+
+        asked["origin"] = None if origin is None else [float(at) for at in origin]
+        with tempfile.NamedTemporaryFile(suffix=".stl", dir=_folder(asked, target)) as file:
+            known.write_stl(file)
+            file.flush()
+            return _infobyte.build_files([file.name], target, _json(asked), told)
+    samples, stated = source, None
+    if known is not None:
+        samples, stated, axes = known.samples, known.affine, "zyx"
+        asked["rescale"] = None if known.rescale is None else list(known.rescale)
+    asked["affine"] = _placement(spacing, origin, affine, stated, axes).tolist()
+    if isinstance(samples, np.ndarray) and _sources.is_in_place(samples):
+        array = _sources.three_axes(samples, axes)
+        if array.size == 0:
+            raise UsageError("the array is empty")
+        layout = list(array.shape[::-1]), _sources.NATIVE[_sources.kept_type(array.dtype).str[1:]]
+        stored = _sources.mapped_file(array)
+        if stored is not None:
+            return _infobyte.build_stored(stored, layout, target, _json(asked), told)
+        return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
+    return _build_slabs(samples, target, asked, axes, told)
+
+
+def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, told: Any) -> str:
+    """Builds what comes slab by slab through a scratch file without a name."""
+    import tempfile
+
+    if all(hasattr(source, name) for name in ("shape", "dtype", "__getitem__")):
+        shape, dtype, parts = _sources.slabs(source, axes, asked["memory"] // 2)
+    elif isinstance(source, Iterable):
+        if axes != "zyx":
+            raise UsageError("slices come along the first axis; axes='xyz' is for whole arrays")
+        shape, dtype, parts = None, None, _slices(source)
+    else:
+        raise UsageError(f"{type(source).__name__} is not a source; see the documentation of infobyte.build")
+    with tempfile.TemporaryFile(dir=_folder(asked, target)) as file:
+        side, depth = None, 0
+        for part in parts:
+            if side is None:
+                side = part.shape[1:]
+                dtype = _sources.kept_type(part.dtype if dtype is None else dtype)
+            if part.shape[1:] != side:
+                raise UsageError(f"slice {depth} is of {part.shape[1:]}, those before it of {side}")
+            file.write(np.ascontiguousarray(part, dtype).data)
+            depth += len(part)
+            if told is not None:
+                told("unroll", depth, depth if shape is None else shape[0])
+        if side is None or 0 in (depth, *side):
+            raise UsageError("there are no slices")
+        file.flush()
+        # Read through the descriptor: the file has no name.
+        stored = f"/proc/self/fd/{file.fileno()}", 0
+        layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
+        return _infobyte.build_stored(stored, layout, target, _json(asked), told)
+
+
+def _slices(source: Iterable[Any]) -> Iterator[np.ndarray]:
+    for part in source:
+        array = np.asarray(part)
+        if array.ndim not in (2, 3):
+            raise UsageError(f"a slice has two dimensions, a slab three, not {array.ndim}")
+        yield array[None] if array.ndim == 2 else array
+
+
+def _folder(asked: dict[str, Any], target: str) -> str:
+    return asked["scratch"] or os.path.dirname(os.path.abspath(target))
+
+
+def _json(asked: dict[str, Any]) -> str:
+    import json
+
+    try:
+        return json.dumps(asked, allow_nan=False)
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"an option is wrong: {error}") from None
+
+
+def _finite(name: str, value: float | None) -> float | None:
+    if value is not None and not math.isfinite(float(value)):
+        raise UsageError(f"{name}={value} is not a finite number")
+    return None if value is None else float(value)
+
+
+def _three(value: Any) -> list[float]:
+    numbers = np.broadcast_to(np.asarray(value, float), 3) if np.ndim(value) == 0 else np.asarray(value, float)
+    if numbers.shape != (3,) or not (np.isfinite(numbers).all() and (numbers > 0).all()):
+        raise UsageError(f"spacing={value!r} is not one distance in mm, or three, each above 0")
+    return [float(number) for number in numbers]
+
+
+def _turned(value: Sequence[Any], axes: str) -> list[Any]:
+    """What is in the order of an array's axes, as x, y, z."""
+    parts = list(value)
+    if len(parts) != 3:
+        raise UsageError("there are three axes")
+    return parts[::-1] if axes == "zyx" else parts
+
+
+def _placement(spacing: Any, origin: Any, affine: Any, stated: Any, axes: str) -> np.ndarray:
+    if affine is not None:
+        if spacing is not None or origin is not None:
+            raise UsageError("affine says where the voxels are; leave out spacing and origin")
+        matrix = np.asarray(affine, float)
+        if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
+            raise UsageError("an affine has 3 x 4 or 4 x 4 finite numbers")
+        return matrix[:3]
+    if stated is None:
+        stated = np.eye(3, 4)
+    placed = np.array(stated, float)
+    if spacing is not None:
+        lengths = np.linalg.norm(placed[:, :3], axis=0)
+        placed[:, :3] *= np.array(_turned(_three(spacing), axes)) / lengths
+    if origin is not None:
+        placed[:, 3] = [float(at) for at in origin]
+    return placed
+
+
+def _limit(value: int | str | None) -> int | float | None:
+    """Voxels as a whole number, a percentage as a float."""
+    if isinstance(value, str):
+        number = value.strip().removesuffix("%")
+        try:
+            return float(number) if value.strip().endswith("%") else int(number)
+        except ValueError:
+            raise UsageError(f"drop_below={value!r} is not a size; give voxels, or a percentage such as '5%'") from None
+    return None if value is None else int(value)
+
+
+def _place(value: Any) -> Any:
+    return value if isinstance(value, str) else [float(at) for at in value]
+
+
+@contextlib.contextmanager
+def _bar(progress: Progress) -> Iterator[Any]:
+    """The function that is told how far a job is, or `None`."""
+    if callable(progress):
+        yield progress
+        return
+    bars = _tqdm() if progress or (progress is None and _is_shown()) else None
+    if bars is None:
+        yield None
+        return
+    bar = bars(total=1, leave=False)
+    try:
+
+        def tell(stage: str, done: int, total: int) -> None:
+            if bar.desc != f"{stage}: ":
+                bar.reset(total=total)
+                bar.set_description(stage)
+            bar.update(done - bar.n)
+
+        yield tell
+    finally:
+        bar.close()
+
+
+def _is_shown() -> bool:
+    kernel = sys.modules.get("IPython")
+    shell = kernel.get_ipython() if kernel else None
+    return sys.stderr.isatty() or type(shell).__name__ == "ZMQInteractiveShell"
+
+
+def _tqdm() -> Any:
+    try:
+        from tqdm.auto import tqdm
+    except ImportError:
+        return None
+    return tqdm

@@ -1,0 +1,407 @@
+"""Open models: pictures, rays, voxels, triangles."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator, Sequence
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+
+from . import _infobyte
+from ._errors import UsageError
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike, NDArray
+
+    Path = str | os.PathLike[str]
+
+
+class Hits(NamedTuple):
+    """First hits of rays: arrays whose shape is that of the rays, `S`, with three numbers more where these are a place.
+
+    >>> hits = model.first_hits([11.75, 11.75, -50], [0, 0, 1])
+    >>> hits.is_hit.item(), round(hits.t.item(), 1)
+    (True, 51.8)
+    """
+
+    t: NDArray[np.float64]
+    """`S`: the place of the hit as a multiple of the direction; infinity where nothing is met."""
+    position: NDArray[np.float64]
+    """`S` x 3: x, y, z in LPS mm; NaN where nothing is met."""
+    normal: NDArray[np.float64]
+    """`S` x 3: unit vector out of the surface, in LPS; NaN where nothing is met, or the model has no normals."""
+    voxel: NDArray[np.int64]
+    """`S`: the number of the voxel or cell, its row in `Model.voxels()`; -1 where nothing is met."""
+
+    @property
+    def is_hit(self) -> NDArray[np.bool_]:
+        """`S`: does the ray meet the model?"""
+        return self.voxel >= 0
+
+
+class Mesh(NamedTuple):
+    """A closed surface as triangles, in LPS mm.
+
+    >>> mesh = model.to_mesh()
+    >>> mesh.vertices.dtype, mesh.faces.dtype, mesh.vertices.shape == mesh.vertex_normals.shape
+    (dtype('float32'), dtype('uint32'), True)
+    """
+
+    vertices: NDArray[np.float32]
+    """N x 3: corners, x, y, z in mm."""
+    faces: NDArray[np.uint32]
+    """M x 3: rows of `vertices`, anticlockwise as seen from outside."""
+    vertex_normals: NDArray[np.float32] | None
+    """N x 3: unit vectors out of the surface; `None` for a model without normals."""
+    vertex_colors: NDArray[np.uint8] | None
+    """N x 3: sRGB; `None` for a model without colours."""
+
+    def to_trimesh(self) -> Any:
+        """A `trimesh.Trimesh` of the same corners and faces. Needs trimesh."""
+        import trimesh
+
+        return trimesh.Trimesh(
+            self.vertices, self.faces, vertex_normals=self.vertex_normals, vertex_colors=self.vertex_colors, process=False
+        )
+
+    def to_pyvista(self) -> Any:
+        """A `pyvista.PolyData`, with the arrays `Normals` and `Colors` where the model has them. Needs pyvista."""
+        import pyvista
+
+        faces = np.empty((len(self.faces), 4), np.int64)
+        faces[:, 0], faces[:, 1:] = 3, self.faces
+        mesh = pyvista.PolyData(self.vertices, faces.ravel())
+        if self.vertex_normals is not None:
+            mesh.point_data["Normals"] = self.vertex_normals
+        if self.vertex_colors is not None:
+            mesh.point_data["Colors"] = self.vertex_colors
+        return mesh
+
+
+class Model:
+    """An open model. Every method may be called from several threads at a time.
+
+    A mapped file (the default of `open`) that was changed after it was opened gives an `InputError`, not a wrong picture;
+    changed *while* a call reads it, it gives one at the end of the call, but if it is cut short in that moment the system
+    ends the process: open with `mmap=False` what other programs write to.
+    """
+
+    __slots__ = ("_handle", "_report", "_args")
+
+    def __init__(self, path: Path, *, mmap: bool = True) -> None:
+        self._args = (os.fspath(path), bool(mmap))
+        self._handle = _infobyte.Handle(*self._args)
+        self._report: dict[str, Any] | None = None
+
+    @classmethod
+    def _built(cls, path: str, report: str) -> Model:
+        model = cls(path)
+        model._report = loads(report)
+        return model
+
+    def __reduce__(self) -> Any:
+        return (_opened, self._args)
+
+    def __repr__(self) -> str:
+        kind = "cells" if self._handle.is_cells else "skin voxels"
+        z, y, x = self.shape
+        return f"<infobyte.Model {os.path.basename(self._args[0])}: {len(self)} {kind} of {z} x {y} x {x}>"
+
+    def __len__(self) -> int:
+        """Voxels, or cells, of the surface."""
+        return len(self._handle)
+
+    def __bool__(self) -> bool:
+        return True
+
+    @property
+    def path(self) -> str:
+        """The file that the model was opened from."""
+        return self._args[0]
+
+    @property
+    def shape(self) -> tuple[int, int, int]:
+        """Sides of the volume in voxels, in the order of an array's axes: z, y, x."""
+        x, y, z = self._handle.dims
+        return z, y, x
+
+    @property
+    def affine(self) -> NDArray[np.float64]:
+        """4 x 4: from the index (x, y, z) of a sample to x, y, z in LPS mm."""
+        return np.array([*self._handle.affine, [0.0, 0.0, 0.0, 1.0]])
+
+    @property
+    def info(self) -> dict[str, Any]:
+        """What the file says of itself: the keys of `oct info`. Costs one small read."""
+        return loads(self._handle.info(False))
+
+    def measure(self) -> dict[str, Any]:
+        """`info` with area in mm2, volume in mm3 and extents of the surface. Costs one pass over the model."""
+        return loads(self._handle.info(True))
+
+    @property
+    def report(self) -> dict[str, Any] | None:
+        """Figures of the build (the keys of `oct build`), if this model comes from `build`; otherwise `None`."""
+        return self._report
+
+    def render(
+        self,
+        size: int | tuple[int, int] = 512,
+        *,
+        view: str | None = None,
+        eye: Sequence[float] | None = None,
+        look_at: Sequence[float] | None = None,
+        up: Sequence[float] | None = None,
+        turned: float | None = None,
+        projection: str = "parallel",
+        fov: float = 35.0,
+        shading: str = "stored",
+        ao_rays: int = 32,
+        lod: bool = False,
+        smooth_edges: bool = False,
+        annotate: bool = False,
+        background: Sequence[int] | None = None,
+        layers: Sequence[str] = (),
+        threads: int | None = None,
+    ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
+        """A picture as an array of H x W x 4: sRGB and alpha, rows from the top.
+
+        `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
+        or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
+        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `shading`: `stored` normals,
+        `blended` ones for close-ups, or `ao`, ambient occlusion with `ao_rays` rays a pixel. `lod`: boxes about as small as a
+        pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
+
+        `layers`: any of `depth`, `position`, `normals`, `ids`. The result is a dict then, with the picture as `color`, and
+        `depth`: H x W float64, mm along the line of sight, infinity where nothing is hit; `position`, `normals`: H x W x 3
+        float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, or -1. They are of
+        exact voxels through the middle of each pixel, whatever `lod` says.
+
+        Raises `UsageError` for a camera that makes no sense, `InputError` if the file was changed.
+
+        >>> model.render(64, view='iso').shape
+        (64, 64, 4)
+        >>> layers = model.render((60, 40), layers=['depth', 'ids'])
+        >>> layers['depth'].shape, bool((layers['ids'] >= 0).any())
+        ((40, 60), True)
+        """
+        names = ("depth", "position", "normal", "voxel")
+        wanted = {"depth": "depth", "position": "position", "normals": "normal", "ids": "voxel"}
+        for layer in layers:
+            if layer not in wanted:
+                raise UsageError(f"layer {layer!r} is not known; choose from {', '.join(wanted)}")
+        asked, (width, height) = _asked(
+            size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
+            shading=shading, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges, annotate=annotate, threads=threads,
+        )
+        color = self._handle.render(asked, None).reshape(height, width, 4)
+        if background is not None:
+            color = _over(color, background)
+        if not layers:
+            return color
+        found = dict(zip(names, self._handle.cast(asked)))
+        made: dict[str, NDArray[Any]] = {"color": color}
+        for layer in layers:
+            array = found[wanted[layer]]
+            made[layer] = array.reshape(height, width, *((3,) if array.size == 3 * height * width else ()))
+        return made
+
+    def png(self, size: int | tuple[int, int] = 512, **options: Any) -> bytes:
+        """The picture of `render` as the bytes of a PNG; options as there, without `background` and `layers`."""
+        return self._handle.png(_asked(size, **options)[0])
+
+    def _repr_png_(self) -> bytes:
+        """The model in a cell of a notebook."""
+        return self.png(384, view="iso", smooth_edges=True)
+
+    def turntable(
+        self,
+        frames: int = 36,
+        size: int | tuple[int, int] = 384,
+        *,
+        output: Path | None = None,
+        fps: float = 18.0,
+        **options: Any,
+    ) -> Iterator[NDArray[np.uint8]] | None:
+        """Pictures all around the model: an iterator of H x W x 4 arrays, for encoders of MP4 and others.
+
+        With `output`, `.gif` or `.png` (animated), it writes them at `fps` frames a second instead; needs Pillow. Options
+        as those of `render`; GIFs have a white background unless another one is given.
+
+        >>> [frame.shape for frame in model.turntable(2, 16)]
+        [(16, 16, 4), (16, 16, 4)]
+        """
+        if frames < 1:
+            raise UsageError(f"frames={frames} is not a number of pictures; choose 1 or more")
+        if output is None:
+            return self._turn(frames, size, options)
+        from PIL import Image
+
+        target = os.fspath(output)
+        if target.lower().endswith(".gif"):
+            options.setdefault("background", (255, 255, 255))
+        pictures = [Image.fromarray(frame) for frame in self._turn(frames, size, options)]
+        if target.lower().endswith(".gif"):
+            pictures = [picture.convert("RGB") for picture in pictures]
+        pictures[0].save(target, save_all=True, append_images=pictures[1:], duration=1000 / fps, loop=0)
+        return None
+
+    def _turn(self, frames: int, size: Any, options: dict[str, Any]) -> Iterator[NDArray[np.uint8]]:
+        for frame in range(frames):
+            yield self.render(size, turned=360.0 * frame / frames, **options)
+
+    def first_hits(self, origins: ArrayLike, directions: ArrayLike, *, threads: int | None = None) -> Hits:
+        """The first hits of rays, exactly: no ray slips between voxels that touch.
+
+        `origins` and `directions`: ... x 3, x, y, z in LPS mm, broadcast against each other; directions of any length.
+        `threads`: all cores by default; the hits do not depend on it.
+
+        Raises `UsageError` for a ray that is not finite or has no direction, with its number.
+
+        >>> rays = np.zeros((4, 1, 3)), [[0, 0, 1], [0, 0, -1]]
+        >>> model.first_hits(*rays).t.shape
+        (4, 2)
+        """
+        origins, directions, shape = _rays(origins, directions)
+        t, position, normal, voxel = self._handle.first_hits(origins, directions, _threads(threads))
+        places = (*shape, 3)
+        return Hits(t.reshape(shape), position.reshape(places), normal.reshape(places), voxel.reshape(shape))
+
+    def any_hit(
+        self,
+        origins: ArrayLike,
+        directions: ArrayLike,
+        *,
+        t_max: float = float("inf"),
+        threads: int | None = None,
+    ) -> NDArray[np.bool_]:
+        """Do rays meet anything at `t` of at most `t_max`, a multiple of the direction? Otherwise as `first_hits`.
+
+        >>> bool(model.any_hit([11.75, 11.75, -50], [0, 0, 1], t_max=10))
+        False
+        """
+        origins, directions, shape = _rays(origins, directions)
+        return self._handle.any_hit(origins, directions, float(t_max), _threads(threads)).reshape(shape)
+
+    def to_mesh(self, simplify: int = 0, *, progress: Callable[[str, int, int], object] | None = None) -> Mesh:
+        """The surface as triangles: closed, no edge of more than two.
+
+        Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `simplify`: 4 ** `simplify`
+        times fewer triangles, 0 to 6. `progress` as that of `build`.
+
+        Raises `UsageError` for a model that keeps only what can be seen.
+        """
+        if not 0 <= simplify <= 6:
+            raise UsageError(f"simplify={simplify} is not a step; choose 0 to 6")
+        arrays = self._handle.triangles(simplify, progress)
+        three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
+        optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
+        return Mesh(three["vertices"], three["faces"], *optional)
+
+    def to_trimesh(self, simplify: int = 0) -> Any:
+        """`to_mesh` as a `trimesh.Trimesh`, in LPS mm."""
+        return self.to_mesh(simplify).to_trimesh()
+
+    def to_pyvista(self, simplify: int = 0) -> Any:
+        """`to_mesh` as a `pyvista.PolyData`, in LPS mm."""
+        return self.to_mesh(simplify).to_pyvista()
+
+    def voxels(self) -> NDArray[np.uint32]:
+        """N x 3: indices (z, y, x) of the voxels of the surface, so that `array[tuple(model.voxels().T)]` are their samples.
+
+        Row i is voxel i of `Hits.voxel`. Of cells: cell i lies between samples i - 1 and i.
+
+        >>> skin = infobyte.build(ball, 'skin.oct', iso=0)
+        >>> bool((ball[tuple(skin.voxels().T)] >= 0).all())
+        True
+        """
+        return self._handle.stored("index").reshape(-1, 3)[:, ::-1]
+
+    def centers(self) -> NDArray[np.float64]:
+        """N x 3: middles of the voxels or cells, x, y, z in LPS mm; rows as those of `voxels`."""
+        return self._handle.stored("center").reshape(-1, 3)
+
+    def normals(self) -> NDArray[np.float64]:
+        """N x 3: unit vectors out of the surface, in LPS; NaN without normals; rows as those of `voxels`."""
+        return self._handle.stored("normal").reshape(-1, 3)
+
+    def values(self) -> NDArray[np.float64]:
+        """N: physical values of the voxels, of models with the channel `value`, otherwise NaN; rows as those of `voxels`."""
+        return self._handle.stored("value")
+
+    def colors(self) -> NDArray[np.uint8]:
+        """N x 3: sRGB of the voxels, of models with the channel `color`, otherwise 0; rows as those of `voxels`."""
+        return self._handle.stored("color").reshape(-1, 3)
+
+    def export(self, output: Path, form: str | None = None, *, simplify: int = 0) -> dict[str, Any]:
+        """Writes triangles, points or a mask to a file, as `oct export`: `form` by the name of the file, or as given."""
+        return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, None))
+
+    def verify(self) -> dict[str, Any]:
+        """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""
+        return loads(_infobyte.verify(self.path))
+
+
+def loads(text: str) -> dict[str, Any]:
+    """The keys of a report."""
+    import json  # 2 ms, for those who need it
+
+    return json.loads(text)
+
+
+def _opened(path: str, mmap: bool) -> Model:
+    return Model(path, mmap=mmap)
+
+
+def _threads(threads: int | None) -> int:
+    if threads is not None and not 1 <= threads <= 1024:
+        raise UsageError(f"threads={threads} makes no sense; choose 1 to 1024")
+    return threads or len(os.sched_getaffinity(0))
+
+
+def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Any, Any, tuple[int, ...]]:
+    both = [np.asarray(rays, np.float64) for rays in (origins, directions)]
+    if any(rays.ndim == 0 or rays.shape[-1] != 3 for rays in both):
+        raise UsageError("origins and directions have three coordinates each: their last axis is x, y, z")
+    try:
+        shape = np.broadcast_shapes(*(rays.shape for rays in both))
+    except ValueError:
+        shapes = " and ".join(str(rays.shape) for rays in both)
+        raise UsageError(f"origins and directions of {shapes} cannot be broadcast against each other") from None
+    flat = [np.ascontiguousarray(np.broadcast_to(rays, shape)).reshape(-1) for rays in both]
+    return flat[0], flat[1], shape[:-1]
+
+
+def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int, int]]:
+    """The request of a picture, and its sides."""
+    width, height = (size, size) if isinstance(size, int) else size
+    usual = {
+        "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": 35.0,
+        "shading": "stored", "ao_rays": 32, "lod": False, "smooth_edges": False, "annotate": False, "threads": None,
+    }
+    unknown = options.keys() - usual.keys()
+    if unknown:
+        raise TypeError(f"unexpected option of a picture: {', '.join(sorted(unknown))}")
+    asked = {**usual, **options, "size": [int(width), int(height)]}
+    for name in ("eye", "look_at", "up"):
+        if asked[name] is not None:
+            asked[name] = [float(at) for at in asked[name]]
+    import json
+
+    try:
+        return json.dumps(asked, allow_nan=False), (int(width), int(height))
+    except (TypeError, ValueError) as error:
+        raise UsageError(f"an option is wrong: {error}") from None
+
+
+def _over(color: NDArray[np.uint8], background: Sequence[int]) -> NDArray[np.uint8]:
+    """The picture before a background."""
+    behind = np.asarray(background, np.float32)
+    if behind.shape != (3,):
+        raise UsageError("a background has three numbers, red, green and blue, from 0 to 255")
+    alpha = color[..., 3:].astype(np.float32) / 255
+    mixed = np.empty_like(color)
+    mixed[..., :3] = np.rint(color[..., :3] * alpha + behind * (1 - alpha))
+    mixed[..., 3] = 255
+    return mixed

@@ -1,0 +1,209 @@
+//! Builds, packing, checking and exports.
+
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use numpy::PyReadonlyArray1;
+use pyo3::prelude::*;
+use serde::Serialize;
+
+use super::failure::{raised, usage};
+use super::options::{BuildAsked, read};
+use super::samples::StoredSamples;
+use super::watch::watched;
+use crate::error::Error;
+use crate::export::ExportForm;
+use crate::geom::Dims;
+use crate::jobs::build::{BuildJob, BuildSummary, convert};
+use crate::jobs::export::ExportRequest;
+use crate::jobs::info::read_info;
+use crate::jobs::picture::Outputs;
+use crate::jobs::scene::SceneRequest;
+use crate::jobs::shots::Shots;
+use crate::progress::Progress;
+use crate::source::SubjectKind;
+use crate::volume::sentences;
+use crate::volume::{ScalarType, SourceError, VolumeSource, VolumeView};
+
+type Watcher<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
+
+fn json(py: Python<'_>, report: &impl Serialize) -> PyResult<String> {
+    serde_json::to_string(report).map_err(|error| usage(py, &error.to_string()))
+}
+
+/// Builds what lies at some paths.
+#[pyfunction]
+#[pyo3(signature = (paths, output, asked, progress))]
+pub(super) fn build_files(
+    py: Python<'_>,
+    paths: Vec<PathBuf>,
+    output: PathBuf,
+    asked: &str,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let asked: BuildAsked = read(py, asked)?;
+    let wrong = |sentence: String| usage(py, &sentence);
+    let how = asked.opening().map_err(wrong)?;
+    let kind = if how.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(&paths) };
+    let options = asked.options(kind).map_err(wrong)?;
+    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
+    let summary = watched(py, progress, |progress| {
+        let job = BuildJob { clean: &clean, grid: &grid, options: &options, output: &output, progress };
+        convert(kind, &paths, &how, &job)
+    })?;
+    json(py, &summary.json())
+}
+
+/// Sides, and the type of the samples.
+type Layout = ([u32; 3], String);
+
+fn layout(py: Python<'_>, ([x, y, z], dtype): &Layout) -> PyResult<(Dims, ScalarType)> {
+    let dims = Dims::new(*x, *y, *z).ok_or_else(|| {
+        usage(py, &format!("an array of {z} x {y} x {x} cannot be built; each side is 1 to 65536"))
+    })?;
+    let scalar =
+        ScalarType::parse(dtype).ok_or_else(|| usage(py, &format!("{dtype} is not a sample type")))?;
+    Ok((dims, scalar.0))
+}
+
+/// Builds samples in memory: bytes, the byte of voxel (0, 0, 0), bytes from a voxel to the next along x, y, z.
+#[pyfunction]
+#[pyo3(signature = (bytes, strides, of, output, asked, progress))]
+pub(super) fn build_array(
+    py: Python<'_>,
+    bytes: PyReadonlyArray1<'_, u8>,
+    strides: (usize, [isize; 3]),
+    of: Layout,
+    output: PathBuf,
+    asked: &str,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let asked: BuildAsked = read(py, asked)?;
+    let (dims, scalar) = layout(py, &of)?;
+    let (affine, rescale) = asked.place();
+    let view = VolumeView::from_bytes(dims, scalar, bytes.as_slice()?, strides.0, strides.1)
+        .ok_or_else(|| usage(py, "the strides lead out of the array"))?;
+    build_volume(py, &mut view.placed(affine).rescaled(rescale), &output, &asked, progress)
+}
+
+/// Builds samples in a file, one after the other from a byte on.
+#[pyfunction]
+#[pyo3(signature = (stored, of, output, asked, progress))]
+pub(super) fn build_stored(
+    py: Python<'_>,
+    stored: (PathBuf, u64),
+    of: Layout,
+    output: PathBuf,
+    asked: &str,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let asked: BuildAsked = read(py, asked)?;
+    let (dims, scalar) = layout(py, &of)?;
+    let (affine, rescale) = asked.place();
+    let samples = StoredSamples::open(&stored.0, stored.1, dims, scalar)
+        .map_err(|cause| raised(py, &Error::from(SourceError::unreadable(&stored.0, cause))))?;
+    build_volume(py, &mut samples.placed(affine).rescaled(rescale), &output, &asked, progress)
+}
+
+fn build_volume(
+    py: Python<'_>,
+    volume: &mut dyn VolumeSource,
+    output: &Path,
+    asked: &BuildAsked,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let started = Instant::now();
+    let wrong = |sentence: String| usage(py, &sentence);
+    let options = asked.options(SubjectKind::Volume).map_err(wrong)?;
+    let clean = asked.cleaning().map_err(wrong)?;
+    let mut warnings = sentences(&volume.info().notes);
+    let input = volume.info().description.name.clone();
+    let summary = watched(py, progress, move |progress: &dyn Progress| {
+        let (report, cleaned) = crate::clean_and_build(volume, &clean, &options, output, progress)?;
+        warnings.extend(report.notes.iter().map(ToString::to_string));
+        let note = cleaned.as_ref().and_then(|cleaned| cleaned.note);
+        warnings.extend(note.map(|note| note.to_string()));
+        Ok(BuildSummary {
+            input,
+            output: output.to_path_buf(),
+            memory_bytes: options.memory.bytes(),
+            report,
+            info: read_info(output)?,
+            cleaning: (!clean.is_empty()).then(|| (clean.operations(), cleaned)),
+            warnings,
+            hints: Vec::new(),
+            wall_s: started.elapsed().as_secs_f64(),
+        })
+    })?;
+    json(py, &summary.json())
+}
+
+#[pyfunction]
+pub(super) fn pack(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let report = watched(py, progress, |progress| crate::jobs::pack::pack_with(&input, &output, progress))?;
+    json(py, &report)
+}
+
+#[pyfunction]
+pub(super) fn unpack(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let report = watched(py, progress, |progress| crate::jobs::pack::unpack_with(&input, &output, progress))?;
+    json(py, &report)
+}
+
+#[pyfunction]
+pub(super) fn verify(py: Python<'_>, path: PathBuf) -> PyResult<String> {
+    let report = py.detach(|| crate::jobs::verify::verify_file(&path)).map_err(|error| raised(py, &error))?;
+    json(py, &report)
+}
+
+#[pyfunction]
+pub(super) fn export(
+    py: Python<'_>,
+    input: PathBuf,
+    output: PathBuf,
+    form: Option<&str>,
+    simplify: u32,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let form = match form {
+        Some(name) => ExportForm::ALL.into_iter().find(|form| form.name() == name),
+        None => ExportForm::of(&output),
+    };
+    let form = form.ok_or_else(|| {
+        let names = ExportForm::ALL.map(ExportForm::name).join(", ");
+        usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
+    })?;
+    let request = ExportRequest { form, skin_only: false, simplify };
+    let report =
+        watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
+    json(py, &report)
+}
+
+/// Makes the picture of a scene into a PNG.
+#[pyfunction]
+#[pyo3(signature = (path, output, size, threads, progress))]
+pub(super) fn render_scene(
+    py: Python<'_>,
+    path: PathBuf,
+    output: PathBuf,
+    size: Option<[u32; 2]>,
+    threads: usize,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let outputs = Outputs { image: &output, depth: None, normals: None, ids: None, shots: Shots::One };
+    let request = SceneRequest { size, threads, ..SceneRequest::default() };
+    let report = watched(py, progress, |progress| {
+        crate::jobs::scene::render_scene(&path, &outputs, &request, progress)
+    })?;
+    json(py, &report)
+}

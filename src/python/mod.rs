@@ -1,0 +1,66 @@
+//! The module `infobyte._infobyte` of the Python package: thin calls, whose defaults, names and documentation are in
+//! Python, next to this file.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `failure` | errors of the library as exceptions |
+//! | `watch` | a job on a thread of its own, while the interpreter's looks at signals and calls `progress` |
+//! | `options` | options of builds and pictures, which come as JSON |
+//! | `samples` | samples in a file, read by position |
+//! | `jobs` | builds, packing, checking, exports |
+//! | `handle` | an open model: pictures, voxels, triangles |
+//! | `rays` | many rays at once, on threads |
+//! | `infobyte/`, `tests/` | the package, and its tests |
+
+mod failure;
+mod handle;
+mod jobs;
+mod options;
+mod rays;
+mod samples;
+mod watch;
+
+use pyo3::prelude::*;
+
+use crate::text::spell;
+
+/// Names of options and functions of the Python package that are not those of the library.
+const OTHERWISE: [(&str, &str); 15] = [
+    ("GridChoice::Voxel", "voxel"),
+    ("Threshold::Iso", "iso"),
+    ("Threshold::Range", "range"),
+    ("origin_mm", "origin"),
+    ("scalar", "dtype"),
+    ("spacing_mm", "spacing"),
+    ("unit_mm", "unit"),
+    ("build", "infobyte.build"),
+    ("jobs::build(MESH)", "infobyte.build(MESH, 'MODEL.oct', grid=256)"),
+    ("jobs::build(TREE.csg)", "infobyte.build(TREE, 'MODEL.oct', grid=256)"),
+    ("jobs::info", "Model.info"),
+    ("jobs::pack::unpack", "infobyte.unpack"),
+    ("jobs::scan", "oct scan"),
+    ("jobs::scene", "infobyte.render_scene"),
+    ("jobs::verify", "infobyte.verify"),
+];
+
+fn spelled(name: &str) -> String {
+    let known = OTHERWISE.iter().find(|(of, _)| *of == name);
+    known.map_or(name, |(_, python)| python).to_owned()
+}
+
+#[pymodule]
+fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    spell(spelled);
+    module.add("__version__", env!("CARGO_PKG_VERSION"))?;
+    module.add_class::<handle::Handle>()?;
+    module.add_function(wrap_pyfunction!(jobs::build_files, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::build_array, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::build_stored, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::pack, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::unpack, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::verify, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::export, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::render_scene, module)?)?;
+    module.add_function(wrap_pyfunction!(options::size, module)?)?;
+    Ok(())
+}

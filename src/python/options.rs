@@ -1,0 +1,337 @@
+//! Options of builds and pictures, which come as JSON from Python.
+
+use std::path::PathBuf;
+
+use pyo3::prelude::*;
+use serde::Deserialize;
+
+use super::failure::usage;
+use crate::budget::{MemoryCap, parse_size};
+use crate::builder::{BuildOptions, Connectivity, Gradient, Threshold, ViewedFrom};
+use crate::clean::{CleanOptions, ComponentConnectivity, MAX_LARGEST, Preset, SizeLimit};
+use crate::format::normal::NormalBits;
+use crate::format::{Channel, Channels, SurfaceKind};
+use crate::geom::{Affine, Dims, Orientation};
+use crate::jobs::build::GridOptions;
+use crate::jobs::render::RenderRequest;
+use crate::mesh::{Fill, GridChoice, usual_channels};
+use crate::render::{NamedView, ViewPoint};
+use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
+use crate::volume::{Placement, Rescale, ScalarType};
+
+/// Bytes of a size such as `8MiB`.
+#[pyfunction]
+pub(super) fn size(py: Python<'_>, text: &str) -> PyResult<u64> {
+    parse_size(text).map_err(|sentence| usage(py, &sentence))
+}
+
+/// Reads options; a sentence on what is wrong in them.
+pub(super) fn read<'a, T: Deserialize<'a>>(py: Python<'_>, json: &'a str) -> PyResult<T> {
+    serde_json::from_str(json).map_err(|error| usage(py, &format!("an option is wrong: {error}")))
+}
+
+/// Either of two kinds of values.
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum Either<A, B> {
+    A(A),
+    B(B),
+}
+
+/// What a build is asked for; axes are x, y, z.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct BuildAsked {
+    iso: Option<f64>,
+    range: Option<[f64; 2]>,
+    preset: Option<String>,
+    surface: String,
+    channels: Option<Vec<String>>,
+    gradient: Option<String>,
+    normal_bits: Option<u32>,
+    connectivity: Option<u32>,
+    visible_from: Vec<Either<String, [f64; 3]>>,
+    lod: bool,
+    memory: u64,
+    threads: Option<usize>,
+    scratch: Option<PathBuf>,
+    roi: Option<[[u32; 2]; 3]>,
+    downsample: Option<u32>,
+    close: u32,
+    fill_cavities: bool,
+    keep_largest: Option<u32>,
+    drop_below: Option<Either<u64, f64>>,
+    component_connectivity: Option<u32>,
+    grid: Option<u32>,
+    voxel: Option<f64>,
+    origin: Option<[f64; 3]>,
+    margin: u32,
+    unit: f64,
+    fill: Option<String>,
+    keep_thin: bool,
+    volume: Option<usize>,
+    gaps: String,
+    follow_links: bool,
+    spacing: Option<[f64; 3]>,
+    orientation: Option<String>,
+    dims: Option<[u32; 3]>,
+    dtype: Option<String>,
+    skip: Option<u64>,
+    affine: Option<[[f64; 4]; 3]>,
+    rescale: Option<[f64; 2]>,
+}
+
+fn choice<T>(what: &str, name: &str, all: impl IntoIterator<Item = (String, T)>) -> Result<T, String> {
+    let (mut names, mut found) = (Vec::new(), None);
+    for (known, value) in all {
+        if known == name {
+            found = Some(value);
+        }
+        names.push(known);
+    }
+    found.ok_or_else(|| format!("{what}={name} is not known; choose one of {}", names.join(", ")))
+}
+
+/// One of 26 and 6.
+fn neighbours<T>(what: &str, number: Option<u32>, of_26: T, of_6: T) -> Result<T, String> {
+    match number {
+        None | Some(26) => Ok(of_26),
+        Some(6) => Ok(of_6),
+        Some(other) => Err(format!("{what}={other} is not a connectivity; choose 26 or 6")),
+    }
+}
+
+impl BuildAsked {
+    fn threshold(&self) -> Threshold {
+        match (self.iso, self.range) {
+            (Some(iso), _) => Threshold::Iso(iso),
+            (None, Some([lo, hi])) => Threshold::Range(lo, hi),
+            (None, None) => Threshold::Otsu,
+        }
+    }
+
+    fn surface(&self) -> Result<SurfaceKind, String> {
+        let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
+        choice("surface", &self.surface, all)
+    }
+
+    /// The channels, or those that are usual.
+    fn channels(&self, kind: SubjectKind) -> Result<Channels, String> {
+        let Some(names) = &self.channels else {
+            return Ok(match kind {
+                SubjectKind::Mesh => usual_channels(self.surface()?),
+                SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
+            });
+        };
+        let channel =
+            |name: &String| choice("channels", name, Channel::all().map(|c| (c.name().to_owned(), c)));
+        names.iter().map(channel).collect()
+    }
+
+    pub(super) fn options(&self, kind: SubjectKind) -> Result<BuildOptions, String> {
+        let usual = BuildOptions::default();
+        let gradient = |name: &String| {
+            choice("gradient", name, Gradient::ALL.map(|gradient| (gradient.name().to_owned(), gradient)))
+        };
+        let bits = |number: u32| {
+            choice(
+                "normal_bits",
+                &number.to_string(),
+                NormalBits::ALL.map(|bits| (bits.number().to_string(), bits)),
+            )
+        };
+        let viewed = |from: &Either<String, [f64; 3]>| match from {
+            Either::A(name) if name == "outside" => Ok(ViewedFrom::Outside),
+            Either::A(name) => name.parse().map(|view: NamedView| ViewedFrom::Along(view.looks_along())),
+            Either::B(point) => Ok(ViewedFrom::Point(*point)),
+        };
+        if self.threads == Some(0) {
+            return Err("threads=0 makes no sense; choose 1 to 1024".into());
+        }
+        Ok(BuildOptions {
+            threshold: self.threshold(),
+            surface: self.surface()?,
+            connectivity: neighbours(
+                "connectivity",
+                self.connectivity,
+                Connectivity::Thin26,
+                Connectivity::Thick6,
+            )?,
+            channels: self.channels(kind)?,
+            gradient: self.gradient.as_ref().map_or(Ok(usual.gradient), gradient)?,
+            normal_bits: self.normal_bits.map_or(Ok(usual.normal_bits), bits)?,
+            visible_from: self.visible_from.iter().map(viewed).collect::<Result<_, String>>()?,
+            lod: self.lod,
+            memory: MemoryCap::Share(self.memory),
+            threads: self.threads.unwrap_or(usual.threads).min(1024),
+            scratch: self.scratch.clone(),
+        })
+    }
+
+    pub(super) fn cleaning(&self) -> Result<CleanOptions, String> {
+        let preset = |name: &String| {
+            choice("preset", name, Preset::ALL.map(|preset| (preset.name().to_owned(), preset)))
+        };
+        if self.roi.is_some_and(|roi| roi.iter().any(|[start, end]| start >= end)) {
+            return Err("roi is not a box; give (start, end) for each axis, start below end".into());
+        }
+        if let Some(factor @ (0 | 1 | 3 | 5..)) = self.downsample {
+            return Err(format!("downsample={factor} is not a factor; choose 2 or 4"));
+        }
+        if self.close > 2 {
+            return Err(format!("close={} is not a radius; choose 1 or 2 voxels", self.close));
+        }
+        if self.keep_largest.is_some_and(|count| !(1..=MAX_LARGEST).contains(&count)) {
+            return Err(format!("keep_largest is not a number of components; choose 1 to {MAX_LARGEST}"));
+        }
+        Ok(CleanOptions {
+            roi: self.roi.map(|roi| roi.map(|[start, end]| start..end)),
+            downsample: self.downsample,
+            preset: self.preset.as_ref().map(preset).transpose()?,
+            close: self.close,
+            fill_cavities: self.fill_cavities,
+            keep_largest: self.keep_largest,
+            drop_below: self.drop_below.as_ref().map(|limit| match limit {
+                Either::A(voxels) => SizeLimit::Voxels(*voxels),
+                Either::B(percent) => SizeLimit::PercentOfLargest(*percent),
+            }),
+            connectivity: neighbours(
+                "component_connectivity",
+                self.component_connectivity,
+                ComponentConnectivity::Corners26,
+                ComponentConnectivity::Faces6,
+            )?,
+        })
+    }
+
+    pub(super) fn grid(&self) -> Result<GridOptions, String> {
+        let fills = [("winding", Fill::Winding), ("parity", Fill::Parity), ("surface", Fill::Surface)];
+        let fill = |name: &String| choice("fill", name, fills.map(|(name, fill)| (name.to_owned(), fill)));
+        let margin = self.margin;
+        let grid = match (self.grid, self.voxel, self.origin, self.dims()?) {
+            (Some(_), Some(_), ..) => return Err("grid and voxel are both given; choose one".into()),
+            (None, Some(edge_mm), Some(origin_mm), Some(dims)) => {
+                Some(GridChoice::Exact { edge_mm, origin_mm, dims })
+            }
+            (None, Some(edge_mm), None, None) => Some(GridChoice::Voxel { edge_mm, margin }),
+            (_, _, Some(_), _) => return Err("origin needs voxel and dims".into()),
+            (Some(voxels), ..) if !(1..=16384).contains(&voxels) => {
+                return Err(format!("grid={voxels} is not a number of voxels; choose 1 to 16384"));
+            }
+            (Some(voxels), ..) => Some(GridChoice::Side { voxels, margin }),
+            _ => None,
+        };
+        let fill = self.fill.as_ref().map(fill).transpose()?;
+        Ok(GridOptions {
+            grid,
+            unit_mm: self.unit,
+            fill,
+            keep_thin: self.keep_thin,
+            follow_links: self.follow_links,
+        })
+    }
+
+    fn dims(&self) -> Result<Option<Dims>, String> {
+        let of = |[x, y, z]: [u32; 3]| {
+            Dims::new(x, y, z)
+                .ok_or_else(|| format!("{x} x {y} x {z} is not a size; each side is 1 to 65536"))
+        };
+        self.dims.map(of).transpose()
+    }
+
+    pub(super) fn opening(&self) -> Result<OpenOptions, String> {
+        let policies = [("error", GapPolicy::Error), ("fill", GapPolicy::Fill), ("keep", GapPolicy::Keep)];
+        let letters = |letters: &String| {
+            Orientation::parse(letters).ok_or_else(|| {
+                format!("orientation={letters} is not one; write three letters, one each of L/R, P/A and S/I")
+            })
+        };
+        let orientation = self.orientation.as_ref().map(letters).transpose()?;
+        let raw = match (self.dims()?, &self.dtype) {
+            (Some(dims), Some(dtype)) => {
+                let (scalar, endian) = ScalarType::parse(dtype).ok_or_else(|| {
+                    format!("dtype={dtype} is not a sample type; write for example u16 or i16be")
+                })?;
+                Some(RawOptions {
+                    dims,
+                    scalar,
+                    endian,
+                    spacing_mm: self.spacing.unwrap_or([1.0; 3]),
+                    skip: self.skip.unwrap_or(0),
+                    orientation: orientation.unwrap_or(Orientation::LPS),
+                })
+            }
+            (Some(_), None) if self.origin.is_some() => None,
+            (None, None) if self.skip.is_none() => None,
+            _ => return Err("headerless files need dims and dtype".into()),
+        };
+        Ok(OpenOptions {
+            raw,
+            gaps: choice("gaps", &self.gaps, policies.map(|(name, policy)| (name.to_owned(), policy)))?,
+            volume: self.volume,
+            follow_links: self.follow_links,
+            placement: Placement { spacing_mm: self.spacing, orientation },
+            ..OpenOptions::default()
+        })
+    }
+
+    /// The place of an array, and its physical values.
+    pub(super) fn place(&self) -> (Affine, Rescale) {
+        let affine = self.affine.map_or(Affine::from_spacing([1.0; 3]), |rows| Affine { rows });
+        let rescale = |[slope, intercept]: [f64; 2]| Rescale { slope, intercept };
+        (affine, self.rescale.map_or(Rescale::IDENTITY, rescale))
+    }
+}
+
+/// What picture is asked for.
+#[derive(Debug, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(super) struct PictureAsked {
+    pub(super) size: [u32; 2],
+    view: Option<String>,
+    eye: Option<[f64; 3]>,
+    look_at: Option<[f64; 3]>,
+    up: Option<[f64; 3]>,
+    turned: Option<f64>,
+    projection: String,
+    fov: f64,
+    shading: String,
+    ao_rays: u32,
+    lod: bool,
+    annotate: bool,
+    smooth_edges: bool,
+    threads: Option<usize>,
+}
+
+impl PictureAsked {
+    pub(super) fn request(&self) -> Result<RenderRequest, String> {
+        let view = self.view.as_deref().map(str::parse).transpose()?;
+        let point = match (self.eye, self.look_at, self.turned) {
+            (Some(eye), Some(look_at), None) if view.is_none() => {
+                ViewPoint::Free { eye, look_at, up: self.up }
+            }
+            (None, None, Some(degrees)) => ViewPoint::Turned { view: view.unwrap_or_default(), degrees },
+            (None, None, None) if self.up.is_none() => ViewPoint::Named(view.unwrap_or_default()),
+            _ => return Err("give a view, or eye and look_at, with up if it matters".into()),
+        };
+        let usual = RenderRequest::default();
+        let [width, height] = self.size;
+        let shadings = [("stored", (false, 0)), ("blended", (true, 0)), ("ao", (false, self.ao_rays))];
+        let (blended, ambient_rays) =
+            choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
+        Ok(RenderRequest {
+            width,
+            height,
+            point,
+            projection: self.projection.parse()?,
+            fov_deg: self.fov,
+            threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
+            lod: self.lod,
+            smooth_edges: self.smooth_edges,
+            blended,
+            ambient_rays,
+            annotate: self.annotate,
+            ..usual
+        })
+    }
+}

@@ -1,0 +1,284 @@
+"""Arrays of every kind make the same model, and what goes wrong is raised as what it is."""
+
+import os
+import signal
+import threading
+import time
+
+import numpy as np
+import pytest
+
+import infobyte
+from conftest import ball_of, bumps_of, content
+
+
+def built(source, name="a.oct", **options):
+    options = {"iso": 500, "progress": False, **options}
+    return infobyte.build(source, name, **options)
+
+
+def layouts(a):
+    """The same samples in memory in different ways, by name."""
+    wide = np.zeros([2 * side for side in a.shape], a.dtype)
+    wide[::2, ::2, ::2] = a
+    yield "c", a
+    yield "fortran", np.asfortranarray(a)
+    yield "y slowest", np.ascontiguousarray(a.transpose(1, 2, 0)).transpose(2, 0, 1)
+    yield "backwards", np.ascontiguousarray(a[::-1, ::-1, ::-1])[::-1, ::-1, ::-1]
+    yield "x backwards", np.ascontiguousarray(a[..., ::-1])[..., ::-1]
+    yield "every other", wide[::2, ::2, ::2]
+    yield "read only", np.frombuffer(a.tobytes(), a.dtype).reshape(a.shape)
+    yield "unaligned", np.frombuffer(b"!" + a.tobytes(), a.dtype, offset=1).reshape(a.shape)
+    yield "big-endian", a.astype(a.dtype.newbyteorder(">"))
+
+
+def test_strides_do_not_matter(bumps):
+    wanted = content(built(bumps).path)
+    for name, array in layouts(bumps):
+        assert np.array_equal(array, bumps), name
+        assert content(built(array, "b.oct").path) == wanted, name
+
+
+@pytest.mark.parametrize("kind", "u1 i1 u2 i2 u4 i4 f4 f8 i8 u8 f2 >i2 >f4".split())
+def test_types(kind, bumps):
+    values = (bumps // 10).astype(kind)
+    assert content(built(values, iso=50).path) == content(built((bumps // 10).astype("i2"), "b.oct", iso=50).path)
+
+
+def test_bool():
+    inside = ball_of(32) > 0
+    model = built(inside, iso=1)
+    assert inside[tuple(model.voxels().T)].all()
+
+
+@pytest.mark.parametrize("kind", ["c8", "U3", "O", "M8[s]"])
+def test_types_that_are_no_numbers(kind):
+    with pytest.raises(infobyte.UsageError, match="cannot be built"):
+        built(np.zeros((4, 4, 4), kind))
+
+
+def test_the_command_makes_the_same_model(bumps, oct):
+    bumps.tofile("bumps.raw")
+    oct("build", "bumps.raw", "-o", "c.oct", "--dims", "53x41x30", "--dtype", "i16", "--iso", "500", "--spacing", "3x2x1")
+    model = built(bumps, spacing=(1, 2, 3))
+    assert content("c.oct") == content(model.path)
+    ours, theirs = model.info, infobyte.open("c.oct").info
+    different = {key for key in ours if ours[key] != theirs[key]}
+    assert different <= {"input", "source", "checksum", "bytes", "bytes_per_skin_voxel", "ratio_to_raw", "ratio_to_paper",
+                         "ratio_to_paper_grid"}, different  # fmt: skip
+
+
+def test_axes_and_spacing(bumps):
+    model = built(bumps, spacing=(3, 2, 1), origin=(10, 20, 30))
+    assert model.shape == bumps.shape
+    assert np.array_equal(model.affine, [[1, 0, 0, 10], [0, 2, 0, 20], [0, 0, 3, 30], [0, 0, 0, 1]])
+    assert np.array_equal(model.centers(), model.voxels()[:, ::-1] * [1, 2, 3] + [10, 20, 30])
+    turned = built(bumps.transpose(2, 1, 0), "b.oct", axes="xyz", spacing=(1, 2, 3), origin=(10, 20, 30))
+    assert content(turned.path) == content(model.path)
+    by_matrix = built(bumps, "d.oct", affine=model.affine)
+    assert content(by_matrix.path) == content(model.path)
+    assert built(bumps[12], "e.oct").shape == (1, 41, 53)
+
+
+def test_thresholds(bumps):
+    inside = (bumps >= 300) & (bumps <= 600)
+    model = built(bumps, iso=None, range=(300, 600))
+    assert inside[tuple(model.voxels().T)].all()
+    assert len(built(bumps, "b.oct", iso=None, range=(500, float("inf")))) == len(built(bumps, "c.oct"))
+    assert built(bumps, "d.oct", iso=None).info["range"]["kind"] == "otsu"
+    assert built(bumps, "e.oct", iso=None, preset="bone").info["range"]["lo"] == 226
+
+
+def test_cleaning(bumps):
+    noisy = bumps.copy()
+    noisy[2, 3, 4] = 900
+    model = built(noisy, keep_largest=1)
+    assert content(model.path) == content(built(bumps, "b.oct").path)
+    assert model.report["cleaning"]["voxels_removed"] == 1
+    assert content(built(noisy, "c.oct", drop_below="1%").path) == content(model.path)
+    part = built(bumps, "d.oct", roi=[(5, 20), (0, 41), (10, 53)])
+    assert part.shape == (15, 41, 43)
+    alone = built(bumps[5:20, :, 10:53], "e.oct")
+    assert np.array_equal(part.voxels(), alone.voxels()) and np.array_equal(part.normals(), alone.normals())
+    assert np.array_equal(part.affine[:3, 3], [10, 0, 5])
+    assert built(bumps, "f.oct", downsample=2).shape == (15, 21, 27)
+
+
+def test_channels(bumps):
+    model = built(bumps, channels=["normal", "value"])
+    assert np.array_equal(model.values(), bumps[tuple(model.voxels().T)])
+    bare = built(bumps, "b.oct", channels=[])
+    assert np.isnan(bare.normals()).all() and np.isnan(bare.values()).all()
+
+
+def test_memory_maps_are_read_from_their_file(bumps, tmp_path):
+    from infobyte import _sources
+
+    wanted = content(built(bumps).path)
+    np.save("bumps.npy", bumps)
+    bumps.tofile("bumps.raw")
+    loaded = np.load("bumps.npy", mmap_mode="r")
+    mapped = np.memmap("bumps.raw", bumps.dtype, "r", shape=bumps.shape)
+    for array in (loaded, mapped, np.asarray(mapped), mapped.view(np.ndarray)):
+        assert _sources.mapped_file(array)[0] in (str(tmp_path / "bumps.npy"), str(tmp_path / "bumps.raw"))
+        assert content(built(array, "b.oct").path) == wanted
+    part = mapped[7:20]
+    assert _sources.mapped_file(part)[1] == part.ctypes.data - mapped.ctypes.data
+    assert content(built(part, "b.oct").path) == content(built(bumps[7:20].copy(), "c.oct").path)
+    # Not what the file holds, or not one after the other.
+    own = np.memmap("bumps.raw", bumps.dtype, "c", shape=bumps.shape)
+    own[15, 20, 20:25] = 0
+    assert _sources.mapped_file(own) is None and _sources.mapped_file(mapped[:, ::2]) is None
+    assert content(built(own, "b.oct").path) == content(built(np.array(own), "c.oct").path) != wanted
+    assert content(built(mapped[:, ::2], "b.oct").path) == content(built(bumps[:, ::2], "c.oct").path)
+    # Another file under its name.
+    os.rename("bumps.raw", "old.raw")
+    np.zeros_like(bumps).tofile("bumps.raw")
+    assert content(built(mapped, "b.oct").path) == wanted
+
+
+class Sliced:
+    """What has only a shape, a type and slices."""
+
+    def __init__(self, array, chunks=None):
+        self.array, self.shape, self.dtype, self.chunks, self.most = array, array.shape, array.dtype, chunks, 0
+
+    def __getitem__(self, key):
+        part = self.array[key]
+        self.most = max(self.most, part.nbytes)
+        return part
+
+
+def test_slices(bumps):
+    wanted = content(built(bumps).path)
+    for source in (iter(bumps), [*bumps], (bumps[i : i + 7] for i in range(0, 30, 7)), Sliced(bumps)):
+        assert content(built(source, "b.oct").path) == wanted, source
+    turned = Sliced(bumps.transpose(2, 1, 0), (53, 41, 8))
+    assert content(built(turned, "b.oct", axes="xyz").path) == wanted
+    tall = Sliced(np.repeat(np.repeat(bumps, 8, axis=1), 8, axis=2), (30, 328, 424))
+    built(tall, "b.oct", memory="4MiB")
+    assert 1 << 20 < tall.most <= 2 << 20
+    assert sorted(os.listdir()) == ["a.oct", "b.oct"]
+
+
+def test_errors(bumps, tmp_path):
+    cases = [
+        (dict(iso=5000), infobyte.InputError, "no voxel lies in"),
+        (dict(iso=float("nan")), infobyte.UsageError, "not a finite number"),
+        (dict(iso=None, range=(5, 1)), infobyte.UsageError, "empty"),
+        (dict(range=(1, 5)), infobyte.UsageError, "exclude"),
+        (dict(iso=None, preset="gold"), infobyte.UsageError, "preset=gold is not known; choose one of bone"),
+        (dict(surface="blob"), infobyte.UsageError, "choose one of skin, cells"),
+        (dict(spacing=(1, 2)), infobyte.UsageError, "spacing"),
+        (dict(spacing=0), infobyte.UsageError, "spacing"),
+        (dict(axes="yzx"), infobyte.UsageError, "axes"),
+        (dict(threads=0), infobyte.UsageError, "threads"),
+        (dict(connectivity=8), infobyte.UsageError, "26 or 6"),
+        (dict(roi=[(0, 0), (0, 4), (0, 4)]), infobyte.UsageError, "roi"),
+        (dict(drop_below="5 %%"), infobyte.UsageError, "drop_below"),
+        (dict(memory="much"), infobyte.UsageError, "much"),
+        (dict(affine=np.zeros((2, 2))), infobyte.UsageError, "affine"),
+    ]
+    for options, kind, sentence in cases:
+        with pytest.raises(kind, match=sentence) as caught:
+            built(bumps, **options)
+        assert isinstance(caught.value, infobyte.InfobyteError) and isinstance(caught.value, ValueError)
+    for source, sentence in [(np.zeros((2, 2, 2, 2)), "4 dimensions"), (np.zeros((0, 2, 2)), "empty"), (5, "not a source"), ([], "no slices")]:
+        with pytest.raises(infobyte.UsageError, match=sentence):
+            built(source)
+    assert os.listdir() == []
+
+
+def test_too_little_memory(bumps):
+    with pytest.raises(infobyte.BudgetError, match="the smallest that works is memory") as caught:
+        built(bumps, memory="10KiB")
+    assert isinstance(caught.value, MemoryError) and caught.value.minimum_bytes > 10 << 10
+    assert len(built(bumps, memory=caught.value.minimum_bytes)) > 0
+
+
+def test_what_the_system_refuses(bumps):
+    for call in (lambda: built("nothing.nrrd"), lambda: infobyte.open("nothing.oct"), lambda: infobyte.verify("nothing.oct")):
+        with pytest.raises(FileNotFoundError, match="nothing") as caught:
+            call()
+        assert isinstance(caught.value, infobyte.InfobyteError)
+        assert caught.value.errno == 2 and caught.value.filename.startswith("nothing")
+    with pytest.raises(FileNotFoundError):
+        built(bumps, "folder/that/is/not/there/a.oct")
+    with pytest.raises(infobyte.InputError):
+        infobyte.open(__file__)
+
+
+def test_an_exception_in_progress_stops_every_stage():
+    big, seen, stopped = ball_of(200), [], set()
+    infobyte.build(big, "a.oct", iso=0, progress=lambda *now: seen.append(now))
+    assert {"scan", "merge"} <= {stage for stage, _, _ in seen}
+    assert all(0 <= done <= total for _, done, total in seen)
+    # At the n-th call; a run with fewer calls than the first one ends.
+    for n in range(len(seen)):
+        left = n
+
+        def stop(stage, done, total):
+            nonlocal left
+            left -= 1
+            if left < 0:
+                raise RuntimeError(stage)
+
+        try:
+            infobyte.build(big, "b.oct", iso=0, progress=stop)
+            os.remove("b.oct")
+        except RuntimeError as error:
+            stopped.add(str(error))
+            if os.path.exists("b.oct"):
+                # Too late: it had its name.
+                assert infobyte.verify("b.oct")["ok"] and n > 0
+                os.remove("b.oct")
+        assert os.listdir() == ["a.oct"]
+    assert {"scan", "merge"} <= stopped
+    with pytest.raises(ZeroDivisionError):
+        infobyte.build(iter(big), "b.oct", iso=0, progress=lambda *_: 1 / 0)
+    assert os.listdir() == ["a.oct"]
+
+
+def test_ctrl_c_stops_a_build_and_leaves_the_old_model():
+    big = ball_of(320)
+    before = infobyte.build(big[:40], "a.oct", iso=-100, progress=False).info["checksum"]
+    threading.Timer(0.15, lambda: os.kill(os.getpid(), signal.SIGINT)).start()
+    began = time.monotonic()
+    with pytest.raises(KeyboardInterrupt):
+        for _ in range(50):
+            infobyte.build(big, "b.oct", iso=0, threads=1, progress=False)
+            os.remove("b.oct")
+    assert time.monotonic() - began < 10
+    assert os.listdir() == ["a.oct"] and infobyte.open("a.oct").info["checksum"] == before
+
+
+def test_threads_of_python_build_at_a_time(bumps):
+    wanted = content(built(bumps).path)
+    threads = [threading.Thread(target=built, args=(bumps, f"t{i}.oct")) for i in range(6)]
+    for thread in threads:
+        thread.start()
+    for thread in threads:
+        thread.join()
+    assert all(content(f"t{i}.oct") == wanted for i in range(6))
+
+
+def test_solids_and_meshes(oct):
+    with open("part.csg", "w") as file:
+        file.write("difference() { cube(10); sphere(6); }")
+    part = infobyte.build("part.csg", "part.oct", grid=64, progress=False)
+    assert part.shape == (64, 64, 64) and part.report["skin_voxels"] == len(part)
+    part.export("part.stl")
+    again = infobyte.build(["part.stl"], "again.oct", grid=64, progress=False)
+    assert abs(len(again) / len(part) - 1) < 0.2
+    with pytest.raises(infobyte.UsageError, match="grid"):
+        infobyte.build("part.stl", "b.oct", progress=False)
+    with pytest.raises(infobyte.UsageError, match="grid and voxel"):
+        infobyte.build("part.stl", "b.oct", grid=64, voxel=1, progress=False)
+
+
+def test_headerless_files(bumps):
+    bumps.tofile("bumps.raw")
+    model = infobyte.build("bumps.raw", "a.oct", iso=500, dims=(53, 41, 30), dtype="i16", progress=False)
+    assert content(model.path) == content(built(bumps, "b.oct").path)
+    with pytest.raises(infobyte.UsageError, match="dims and dtype"):
+        infobyte.build("bumps.raw", "a.oct", iso=500, dims=(53, 41, 30), progress=False)
