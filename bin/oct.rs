@@ -73,9 +73,8 @@ fn refuse(e: &clap::Error) -> ExitCode {
     }
     let words = || std::env::args_os().skip(1).take_while(|word| word != "--");
     if let (Some(help), Some(first), Some(_)) = (words().next(), words().nth(1), words().nth(2))
-        && help == "help"
+        && let (Some("help"), Some(first)) = (help.to_str(), first.to_str())
     {
-        let first = first.to_string_lossy().into_owned();
         let sentence = format!("help is for one command at a time; see `oct help {first}`");
         return tell(&sentence, ExitKind::Usage, false);
     }

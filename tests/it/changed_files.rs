@@ -246,6 +246,8 @@ fn large_model(folder: &Path) -> PathBuf {
         "u8",
         "--iso",
         "1",
+        "--channels",
+        "normal,value",
     ]);
     assert_eq!(run.code, 0, "{run:?}");
     assert!(fs::metadata(&model).unwrap().len() > 1 << 20);

@@ -101,7 +101,11 @@ pub(in crate::csg) fn count(input: &mut dyn BufRead) -> Result<TextCounts, Stop>
                     }
                 }
                 Token::Sign(b'{') => open.push(module.open(false)),
-                _ => open.push(module.open(true)),
+                _ => {
+                    open.push(module.open(true));
+                    let held = counts.tree_bytes() + (open.len() * OPEN_BYTES) as u64;
+                    counts.peak_bytes = counts.peak_bytes.max(held);
+                }
             }
         } else if token == Token::Sign(b'}') && open.len() > 1 {
             close(&mut open, &mut counts);
@@ -109,6 +113,8 @@ pub(in crate::csg) fn count(input: &mut dyn BufRead) -> Result<TextCounts, Stop>
                 close(&mut open, &mut counts);
             }
         }
+        // Blocks without braces may be closed by the same token.
+        counts.depth = counts.depth.max(open.len() as u64);
         match token {
             Token::Name(name) if brackets == 0 => module = Module { name, ..Module::default() },
             Token::Sign(b'(') => brackets += 1,
@@ -126,7 +132,11 @@ pub(in crate::csg) fn count(input: &mut dyn BufRead) -> Result<TextCounts, Stop>
                 module.numbers += 1;
             }
             Token::Sign(b'{' | b'}' | b';') | Token::End => {
-                counts.depth = counts.depth.max(open.len() as u64);
+                if token == Token::End {
+                    // The root, of what is open at the top.
+                    counts.joins += 1;
+                    counts.children += open.first().map_or(0, |root| u64::from(root.children));
+                }
                 let held = counts.tree_bytes() + (open.len() * OPEN_BYTES) as u64;
                 counts.peak_bytes = counts.peak_bytes.max(held);
                 if token == Token::End {
@@ -153,17 +163,18 @@ mod tests {
         let counts = TextCounts {
             leaves: 3,
             spheres: 1,
-            joins: 1,
-            children: 3,
+            joins: 2,
+            children: 4,
             moved: 1,
             depth: 3,
             longest: 12,
             ..of("")
         };
         assert_eq!(of(text), counts);
-        let chain = TextCounts { leaves: 1, spheres: 1, placed: 1, depth: 1, longest: 1, ..of("") };
+        let chain =
+            TextCounts { leaves: 1, spheres: 1, placed: 1, children: 1, depth: 4, longest: 1, ..of("") };
         assert_eq!(of("a() multmatrix(2) c() sphere();"), chain);
-        let list = TextCounts { leaves: 1, depth: 1, numbers: 5, longest: 5, ..of("") };
+        let list = TextCounts { leaves: 1, children: 1, numbers: 5, longest: 5, ..of("") };
         assert_eq!(of("polygon([[1, 2], [3, 4], 5]);"), list);
     }
 
