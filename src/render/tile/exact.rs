@@ -9,6 +9,7 @@ use crate::render::sight::Sight;
 use crate::render::surface::{Approach, Glance};
 
 use super::beam::{RAYS, TILE};
+use super::larger::Planes;
 
 /// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
 const SAME_TIME: f64 = 1.0 / (1_u64 << 40) as f64;
@@ -24,6 +25,8 @@ pub(super) struct ExactRays {
     valid: u64,
     /// Those that move along all axes.
     slanted: u64,
+    /// Of larger leaves.
+    pub(super) planes: Planes,
 }
 
 /// A box that a ray surely passes through.
@@ -50,12 +53,14 @@ impl ExactRays {
             rows: 0,
             valid: 0,
             slanted: 0,
+            planes: Planes::new(),
         }
     }
 
     /// Forgets the rays of the tile before.
     pub(super) fn clear(&mut self) {
         (self.rows, self.valid, self.slanted) = (0, 0, 0);
+        self.planes = Planes::new();
     }
 
     /// Makes the row of a ray, if that was not done yet.
