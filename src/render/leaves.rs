@@ -3,6 +3,7 @@
 //! As with cells, a ray meets the leaf where it is inside as it enters the box, and else where it has come to be inside on
 //! its way; both are decided in integers. Boxes 32 times as long bring sums from 2^53 to 2^58.
 
+use crate::format::cell::Plane;
 use crate::geom::NodeIndex;
 use crate::load::ModelView;
 
@@ -29,9 +30,8 @@ pub(super) fn meet(
 
 /// The answer of [`meet`] where that is certain without knowing when the ray passes through the box; the approach is that to
 /// the box's lowest cell, in mirrored coordinates.
-#[inline]
-pub(super) fn predict(view: &ModelView<'_>, approach: &Approach, edge_log2: u32) -> Estimate {
-    let plane = view.leaf_plane(NodeIndex::new(approach.box_number));
+#[inline(always)]
+pub(super) fn predict(plane: &Plane, approach: &Approach, edge_log2: u32) -> Estimate {
     let edge = f64::from(1_u32.wrapping_shl(edge_log2));
     let half_cell = HALF_CELL as f64;
     let half_box = edge * half_cell;

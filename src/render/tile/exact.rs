@@ -9,6 +9,7 @@ use crate::render::surface::{Approach, Glance};
 
 use super::TileHits;
 use super::beam::{RAYS, TILE};
+use super::larger::Planes;
 use super::listed::Source;
 
 /// Times that differ by less may be the same: they are below 2^5 and come by two roundings.
@@ -25,6 +26,8 @@ pub(super) struct ExactRays {
     valid: u64,
     /// Those that move along all axes.
     slanted: u64,
+    /// Of larger leaves.
+    pub(super) planes: Planes,
 }
 
 /// A box that a ray surely passes through.
@@ -51,12 +54,14 @@ impl ExactRays {
             rows: 0,
             valid: 0,
             slanted: 0,
+            planes: Planes::new(),
         }
     }
 
     /// Forgets the rays of the tile before.
     pub(super) fn clear(&mut self) {
         (self.rows, self.valid, self.slanted) = (0, 0, 0);
+        self.planes = Planes::new();
     }
 
     /// Makes the row of a ray, if that was not done yet.

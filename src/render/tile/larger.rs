@@ -1,5 +1,8 @@
 //! A tile's rays and the larger leaves on their way (SPEC 4.9).
 
+use crate::format::cell::Plane;
+use crate::geom::NodeIndex;
+use crate::load::ModelView;
 use crate::render::lanes::Lanes;
 use crate::render::leaves;
 use crate::render::mirrored_ray::MirroredRay;
@@ -9,9 +12,31 @@ use crate::render::surface::{Estimate, Surface};
 use super::beam::{Beam, RAYS};
 use super::walk::Walk;
 
+/// Planes of the leaves looked at last: finding one counts up to 512 infobytes.
+pub(super) struct Planes([(u64, Plane); Self::KEPT]);
+
+impl Planes {
+    const KEPT: usize = 16;
+    const NONE: (u64, Plane) = (u64::MAX, Plane { normal: [0; 3], offset: 0 });
+
+    pub(super) const fn new() -> Self {
+        Self([Self::NONE; Self::KEPT])
+    }
+
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a place among the planes that are kept")]
+    fn get(&mut self, view: &ModelView<'_>, node: u64) -> Plane {
+        let kept = &mut self.0[node as usize % Self::KEPT];
+        if kept.0 != node {
+            *kept = (node, view.leaf_plane(NodeIndex::new(node)));
+        }
+        kept.1
+    }
+}
+
 impl<S: Surface> Walk<'_, '_, S> {
     /// Asks a leaf about all rays of `live`; gives those that meet it.
-    #[inline(never)]
+    #[inline(always)]
     pub(super) fn rays_of_leaf<L: Lanes>(
         &mut self,
         beam: &Beam<L>,
@@ -32,12 +57,13 @@ impl<S: Surface> Walk<'_, '_, S> {
     }
 
     /// Does a ray meet a leaf? At a glance, and exactly where that does not do.
-    #[inline]
+    #[inline(always)]
     pub(super) fn look_at_leaf(&mut self, ray: usize, leaf: &LargerLeaf, unit: u32, mirror: u32) -> bool {
         let low = leaf.low.map(|c| c.wrapping_shl(unit));
         let edge_log2 = leaf.edge.wrapping_add(unit);
         if let Some(approach) = self.exact.approach(ray, leaf.node, low, mirror) {
-            match leaves::predict(self.view, &approach, edge_log2) {
+            let plane = self.exact.planes.get(self.view, leaf.node);
+            match leaves::predict(&plane, &approach, edge_log2) {
                 Estimate::Past => return false,
                 Estimate::Within { distance, component } => {
                     let t = self.exact.t_after(ray, distance, component);
@@ -48,9 +74,15 @@ impl<S: Surface> Walk<'_, '_, S> {
                 Estimate::Entry | Estimate::Unsure => {}
             }
         }
+        self.meet_leaf(ray, leaf.node, low, edge_log2)
+    }
+
+    /// Asks a leaf about a ray in integers.
+    #[cold]
+    fn meet_leaf(&mut self, ray: usize, node: u64, low: [u32; 3], edge_log2: u32) -> bool {
         let Some(exact) = self.exact(ray) else { return false };
         let mirrored = MirroredRay::new(&exact);
-        let hit = leaves::meet(self.view, &exact, &mirrored, leaf.node, low, edge_log2);
+        let hit = leaves::meet(self.view, &exact, &mirrored, node, low, edge_log2);
         if let Some(hit) = hit {
             self.hits.set(ray, &hit);
         }

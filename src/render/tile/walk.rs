@@ -98,7 +98,8 @@ impl<S: Surface> Walk<'_, '_, S> {
             open.pending &= open.pending.wrapping_sub(1);
             if let Some(leaf) = open.larger_leaf(self.view, v, edge) {
                 bricks = bricks.wrapping_add(1);
-                live &= !self.rays_of_leaf(beam, &leaf, live, depth, unit);
+                let near = if leaf.edge == 2 { beam.meets(self.rays, leaf.low, live) } else { live };
+                live &= !self.rays_of_leaf(beam, &leaf, near, depth, unit);
                 if live == 0 || bricks > MAX_BRICKS {
                     break 'walk;
                 }

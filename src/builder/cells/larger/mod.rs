@@ -61,18 +61,20 @@ pub(in crate::builder) struct Bound {
     pub(in crate::builder) error: f64,
     /// Spacing along each axis, in finest ones.
     sides: [f64; 3],
+    /// One by that.
+    inverse: [f64; 3],
 }
 
 impl Bound {
     /// For spacings in mm.
     pub(in crate::builder) fn new(error: f64, spacing_mm: [f64; 3]) -> Self {
         let finest = spacing_mm[0].min(spacing_mm[1]).min(spacing_mm[2]);
-        Self { error, sides: spacing_mm.map(|s| s / finest) }
+        Self { error, sides: spacing_mm.map(|s| s / finest), inverse: spacing_mm.map(|s| finest / s) }
     }
 
     /// A normal of index space in the space of lengths.
     fn physical(&self, n: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| n[a] / self.sides[a])
+        std::array::from_fn(|a| n[a] * self.inverse[a])
     }
 }
 
@@ -110,10 +112,10 @@ impl FineBrick<'_> {
     #[expect(clippy::cast_possible_truncation, reason = "0..=PARTS")]
     fn for_each_crossing(&self, cell: usize, mut found: impl FnMut((usize, usize), i32)) {
         let (sides, ahead) = (self.sides[cell], self.ahead(cell));
-        for (p, q) in EDGES {
-            if (sides >> p ^ sides >> q) & 1 == 0 {
-                continue;
-            }
+        let mut left = CROSSED[usize::from(sides)];
+        while left != 0 {
+            let (p, q) = EDGES[left.trailing_zeros() as usize % EDGES.len()];
+            left &= left - 1;
             let (a, b) = (ahead[p], ahead[q]);
             let along = if (a <= 0) != (b <= 0) {
                 (f64::from(a) / f64::from(a - b) * f64::from(PARTS) + 0.5).floor() as i32
@@ -128,9 +130,24 @@ impl FineBrick<'_> {
     }
 }
 
-/// Are the ends of an edge on different sides? Number of such edges by the corners inside.
+/// Edges whose ends are on different sides, as bits, by the corners inside.
+const CROSSED: [u16; 256] = {
+    let mut table = [0; 256];
+    let mut at = 0;
+    while at < 256 * EDGES.len() {
+        let (sides, edge) = (at / EDGES.len(), at % EDGES.len());
+        let (p, q) = EDGES[edge];
+        if (sides >> p ^ sides >> q) & 1 == 1 {
+            table[sides] |= 1 << edge;
+        }
+        at += 1;
+    }
+    table
+};
+
+/// Number of such edges.
 fn crossed_edges(sides: u8) -> u64 {
-    EDGES.into_iter().map(|(p, q)| u64::from((sides >> p ^ sides >> q) & 1)).sum()
+    CROSSED[usize::from(sides)].count_ones().into()
 }
 
 /// A box of the brick.

@@ -99,17 +99,18 @@ impl Fit<'_> {
 
     /// The mean of the fine normals, all within 60 degrees of it.
     fn mean_normal(&self) -> Option<[f64; 3]> {
-        let unit = |cell: usize| {
-            let n = self.bound.physical(self.brick.normal(cell).map(f64::from));
-            let length = dot(n, n).sqrt();
-            n.map(|c| c / length)
-        };
-        let sum = self.cells.clone().fold([0.0; 3], |sum, cell| add_scaled(sum, 1.0, unit(cell)));
-        let length = dot(sum, sum).sqrt();
+        let normal = |cell: usize| self.bound.physical(self.brick.normal(cell).map(f64::from));
+        let sum = self.cells.clone().fold([0.0; 3], |sum, cell| {
+            let n = normal(cell);
+            add_scaled(sum, 1.0 / dot(n, n).sqrt(), n)
+        });
+        let square = dot(sum, sum);
         let is_near = |cell: usize| {
-            let along = dot(unit(cell), sum);
-            along > 0.0 && along * along >= NEAR * length * length
+            let n = normal(cell);
+            let along = dot(n, sum);
+            along > 0.0 && along * along >= NEAR * square * dot(n, n)
         };
+        let length = square.sqrt();
         (length > 0.0 && self.cells.clone().all(is_near)).then(|| sum.map(|c| c / length))
     }
 
