@@ -286,7 +286,7 @@ impl Tracer {
         tile: Tile,
         asked: u64,
     ) -> &TileHits {
-        self.walk(view, surface, listed::Source::Sight(sight), tile, asked);
+        self.walk(view, surface, sight, tile, asked);
         &self.hits
     }
 
@@ -301,16 +301,16 @@ impl Tracer {
         asked: u64,
     ) -> (&TileHits, u64) {
         let tile = Tile { corner: (0, 0), limits: (TILE, TILE), lod_edge_log2: 0 };
-        let left = self.walk(view, surface, listed::Source::Listed(listed), tile, asked);
+        let left = self.walk(view, surface, listed, tile, asked);
         (&self.hits, left)
     }
 
     #[inline]
-    fn walk<S: Surface>(
+    fn walk<S: Surface, R: listed::Source>(
         &mut self,
         view: &ModelView<'_>,
         surface: &S,
-        source: listed::Source<'_>,
+        source: R,
         tile: Tile,
         asked: u64,
     ) -> u64 {
