@@ -30,7 +30,7 @@ pub(crate) struct Listed {
     direction: [[f64; RAYS]; 3],
 }
 
-/// Where the rays of a tile come from. Tiles are compiled for each apart: chosen at run time they were slower by a tenth.
+/// Where the rays of a tile come from. Tiles are compiled for each apart: chosen at run time, skin took 8 % more.
 pub(super) trait Source: Copy {
     /// Are rays that make no tile left to the caller?
     const LEAVES: bool;

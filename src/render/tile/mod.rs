@@ -26,7 +26,8 @@
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!
 //! Arrays of rays that stand as an image's do make tiles, too: `listed` fits the affine functions that tiles need, and
-//! measures how far the rays are from them.
+//! measures how far the rays are from them. With VBMI2, 1024^2 pixels of 512^3 samples: 10 to 14 M first hits a second,
+//! 3.8 to 4.7 by [`super::batch`]. Coarse pictures fit less well and are left to that.
 //!
 //! The volume's box needs no test: a beam descends into occupied boxes only, so air around a flat volume
 //! costs nothing.
