@@ -152,10 +152,9 @@ impl<'a> Sight<'a> {
         Some(pencil)
     }
 
-    /// The lines through eight pixels of a row from (x, y) on, in grid space: origins and directions. What
-    /// [`quantised`] makes of them are the rays.
+    /// The rays of eight pixels of a row from (x, y) on.
     #[inline(always)]
-    pub(super) fn lines<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> [[L::D; 3]; 2] {
+    pub(super) fn row<L: Lanes>(&self, l: L, (x, y): (usize, usize)) -> Row<L> {
         let column: [f64; DOUBLES] = std::array::from_fn(|i| (x + i) as f64 + 0.5);
         // As `line`, `Camera::ray` and `GridSpace::ray` have it: the same operations in the same order.
         let x = (l.d(2.0) * l.d_load(&column) - l.d(self.width)) / l.d(self.width);
@@ -185,7 +184,7 @@ impl<'a> Sight<'a> {
             let r = matrix[A];
             l.d(r[0]) * towards[0] + l.d(r[1]) * towards[1] + l.d(r[2]) * towards[2]
         });
-        [origin, direction]
+        quantised(l, self.space.dims().depth(), origin, direction)
     }
 }
 

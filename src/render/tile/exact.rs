@@ -69,7 +69,7 @@ impl ExactRays {
     pub(super) fn prepare<L: Lanes>(
         &mut self,
         l: L,
-        rays: &Source<'_>,
+        rays: impl Source,
         corner: (usize, usize),
         mirror: u32,
         depth: u32,

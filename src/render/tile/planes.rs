@@ -16,6 +16,7 @@ use crate::render::pairs::LISTED;
 use crate::render::surface::Surface;
 
 use super::beam::{Beam, RAYS, TILE};
+use super::listed::Source;
 use super::walk::Walk;
 
 /// Pairs of a tile and a brick at most.
@@ -80,7 +81,7 @@ static PLACES: [u64; 64] = {
     packed
 };
 
-impl<S: Surface> Walk<'_, '_, S> {
+impl<S: Surface, R: Source> Walk<'_, S, R> {
     /// [`Walk::rays_of_brick`] for a brick of the finest cells, nothing of which is behind a ray.
     #[inline(always)]
     pub(super) fn planes_of_brick<L: Lanes>(
@@ -173,7 +174,7 @@ impl<S: Surface> Walk<'_, '_, S> {
     pub(super) fn planes_met<L: Lanes>(&mut self, l: L, mirror: u32, depth: u32) -> u64 {
         let met = self.pairs.met;
         for row in (0..TILE).filter(|row| met >> (TILE * row) & 0xff != 0) {
-            self.exact.prepare(l, &self.source, self.tile.corner, mirror, depth, row * TILE);
+            self.exact.prepare(l, self.source, self.tile.corner, mirror, depth, row * TILE);
             let (planes, lows) = (&self.pairs.planes.as_chunks().0[row], &self.pairs.lows.as_chunks().0[row]);
             self.exact.meet_planes(l, row, (planes, lows), self.hits);
         }

@@ -22,10 +22,10 @@ use super::{Tile, TileHits};
 const MAX_BRICKS: u32 = 1024;
 
 /// The walk of one tile, for any lanes.
-pub(super) struct Walk<'a, 'b, S> {
+pub(super) struct Walk<'a, S, R> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) surface: &'a S,
-    pub(super) source: Source<'b>,
+    pub(super) source: R,
     pub(super) tile: Tile,
     /// The rays of it that are asked for, as bits.
     pub(super) asked: u64,
@@ -35,7 +35,7 @@ pub(super) struct Walk<'a, 'b, S> {
     pub(super) hits: &'a mut TileHits,
 }
 
-impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
+impl<S: Surface, R: Source> LanesKernel for Walk<'_, S, R> {
     /// Rays of an array that are left to be traced in another way.
     type Output = u64;
 
@@ -57,7 +57,7 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
                 self.hits.mirrored(beam.mirror, 1_u32.wrapping_shl(depth), unit);
                 self.together(lanes, &beam, live, depth, unit)
             }
-            None if matches!(self.source, Source::Listed(_)) => return live,
+            None if R::LEAVES => return live,
             None => live,
         };
         self.alone(lanes, alone);
@@ -65,7 +65,7 @@ impl<S: Surface> LanesKernel for Walk<'_, '_, S> {
     }
 }
 
-impl<S: Surface> Walk<'_, '_, S> {
+impl<S: Surface, R: Source> Walk<'_, S, R> {
     /// Walks the rays `live` together; returns those that have to be traced alone.
     #[inline(always)]
     fn together<L: Lanes>(&mut self, l: L, beam: &Beam<L>, live: u64, depth: u32, unit: u32) -> u64 {
@@ -202,7 +202,7 @@ impl<S: Surface> Walk<'_, '_, S> {
         unit: u32,
     ) -> bool {
         let depth = self.source.depth().min(MAX_DEPTH);
-        self.exact.prepare(beam.lanes, &self.source, self.tile.corner, beam.mirror, depth, ray);
+        self.exact.prepare(beam.lanes, self.source, self.tile.corner, beam.mirror, depth, ray);
         let mut boxes = boxes;
         while boxes != 0 {
             let v = boxes.trailing_zeros();
