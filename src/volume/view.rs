@@ -247,9 +247,9 @@ impl<'a> Block<'a> {
                     for (i, run) in square.iter_mut().enumerate() {
                         run.as_flattened_mut().copy_from_slice(&self.bytes[at(x + i, z)..][..SIDE * SIZE]);
                     }
-                    for k in 0..SIDE {
+                    for (k, to) in (z..z + SIDE).map(|z| to(x, z)).enumerate() {
                         let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
-                        ahead.samples[to(x, z + k)..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
+                        ahead.samples[to..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
                     }
                 }
             }
@@ -353,6 +353,16 @@ mod tests {
             check(&view, |p| {
                 let at = (0..3).fold(first.cast_signed(), |at, a| at + p[a] as isize * strides[a]);
                 samples[at.cast_unsigned()]
+            });
+        }
+        // Along z: whole squares, and what is left at their sides.
+        let long: Vec<u16> = (0..19 * 3 * 21).collect();
+        let tall = Dims::new(19, 3, 21).unwrap();
+        for (first, strides) in [(0, [63, 21, 1]), (0, [21, 399, 1]), (1196, [-63, -21, -1])] {
+            let view = VolumeView::strided(tall, &long, first, strides).unwrap();
+            check(&view, |p| {
+                let at = (0..3).fold(first.cast_signed(), |at, a| at + p[a] as isize * strides[a]);
+                long[at.cast_unsigned()]
             });
         }
         let bytes: Vec<u8> = bytemuck::cast_slice(&samples).to_vec();

@@ -124,8 +124,7 @@ def build(
     >>> model.shape
     (48, 48, 48)
     """
-    kind = axes
-    if kind not in ("zyx", "xyz"):
+    if axes not in ("zyx", "xyz"):
         raise UsageError(f"axes={axes!r} is not an order of axes; choose 'zyx' or 'xyz'")
     if sum(given is not None for given in (iso, range, preset)) > 1:
         raise UsageError("iso, range and preset exclude each other; give one")

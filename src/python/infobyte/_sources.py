@@ -81,7 +81,7 @@ def recognised(source: Any) -> Placed | Triangles | None:
         source = source if source.is_all_triangles else source.triangulate()
         return Triangles(source.points, source.regular_faces)
     if hasattr(source, "vertices") and (hasattr(source, "faces") or hasattr(source, "triangles")):
-        return Triangles(source.vertices, getattr(source, "faces", None) if hasattr(source, "faces") else source.triangles)
+        return Triangles(source.vertices, source.faces if hasattr(source, "faces") else source.triangles)
     return None
 
 
