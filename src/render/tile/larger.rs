@@ -10,6 +10,7 @@ use crate::render::single::LargerLeaf;
 use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS};
+use super::listed::Source;
 use super::walk::Walk;
 
 /// Planes of the leaves looked at last: finding one counts up to 512 infobytes.
@@ -34,7 +35,7 @@ impl Planes {
     }
 }
 
-impl<S: Surface> Walk<'_, '_, S> {
+impl<S: Surface, R: Source> Walk<'_, S, R> {
     /// Asks a leaf about all rays of `live`; gives those that meet it.
     #[inline(always)]
     pub(super) fn rays_of_leaf<L: Lanes>(
@@ -49,7 +50,7 @@ impl<S: Surface> Walk<'_, '_, S> {
         while left != 0 {
             let ray = left.trailing_zeros() as usize % RAYS;
             left &= left.wrapping_sub(1);
-            self.exact.prepare(beam.lanes, &self.source, self.tile.corner, beam.mirror, depth, ray);
+            self.exact.prepare(beam.lanes, self.source, self.tile.corner, beam.mirror, depth, ray);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
             met |= u64::from(self.look_at_leaf(ray, leaf, unit, beam.mirror)) << ray;
         }
