@@ -4,7 +4,7 @@
 //! | file | what it holds |
 //! |---|---|
 //! | `failure` | errors of the library as exceptions |
-//! | `watch` | a job on a thread of its own, while the interpreter's looks at signals and calls `progress` |
+//! | `watch` | a job on a thread of its own, while the caller's looks at signals and calls `progress` |
 //! | `options` | options of builds and pictures, which come as JSON |
 //! | `samples` | samples in a file, read by position |
 //! | `jobs` | builds, packing, checking, exports |
