@@ -98,7 +98,7 @@ impl BatchBars {
     fn print(&self, line: &str) {
         let line = shown(line).to_string();
         match &self.bars {
-            // A closed terminal leaves nobody to tell.
+            // A closed terminal reads nothing.
             Some(bars) => drop(bars.println(line)),
             None => drop(writeln!(std::io::stderr(), "{line}")),
         }

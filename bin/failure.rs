@@ -18,7 +18,7 @@ pub(crate) enum Failure {
     Job(Error),
 }
 
-/// Arguments that cannot be met, whatever the files hold.
+/// Arguments that cannot be met, however good the files are.
 pub(crate) enum Refusal {
     SkipAlone,
     NoDims,

@@ -46,7 +46,7 @@ use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_das
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
-    // Linking at start leaves code behind that nobody calls again, beside what reading the arguments needs.
+    // Linking at start leaves code behind that is not called again, beside what reading the arguments needs.
     jobs::give_back();
     platform::report_size_limits();
     text::spell(cure::spelled);
@@ -523,7 +523,7 @@ pub(crate) fn print<T: Serialize>(
     put(&if as_json { text::json(&json()) + "\n" } else { text() })
 }
 
-/// Prints a text. A reader that has gone away (`oct info x | head -1`) is no error.
+/// Prints a text. A reader that has gone away (`oct info x | head -1`) is not an error.
 fn put(text: &str) -> Result<ExitCode, Error> {
     let mut stdout = io::stdout().lock();
     match stdout.write_all(plain(text, true).as_bytes()).and_then(|()| stdout.flush()) {

@@ -62,7 +62,7 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
     };
     // The runtime has a handler for overflows of the stack, which are told by another signal here. It would be
     // called first, and set the system's way back: the second thread would end the process before the first spoke.
-    // SAFETY: the system's way is no function, and nothing waits for what was there.
+    // SAFETY: the system's way is not a function, and nothing waits for what was there.
     let _ = unsafe { libc::signal(SIGBUS, libc::SIG_DFL) };
     // SAFETY: the action calls nothing that may not be called in a signal handler, see there.
     let _ = unsafe { low_level::register(SIGBUS, tell) };

@@ -91,7 +91,7 @@ impl Output {
     }
 }
 
-/// Copies a file to standard output. A reader that has gone away is no error.
+/// Copies a file to standard output. A reader that has gone away is not an error.
 pub(crate) fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
     let copied = File::open(path).and_then(|mut file| io::copy(&mut file, &mut io::stdout().lock()));
     match copied {

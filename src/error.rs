@@ -54,7 +54,7 @@ pub enum Error {
     Internal,
 }
 
-/// A request that cannot be met, whatever the input holds.
+/// A request that cannot be met, whatever the input.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Eq, Sentence)]
 pub enum UsageError {

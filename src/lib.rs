@@ -44,7 +44,7 @@
 //!
 //! ```no_run
 //! # fn main() -> Result<(), Box<dyn std::error::Error>> {
-//! // A folder of DICOM images, a NIfTI or NRRD file, ...: the format is told by the content.
+//! // A folder of DICOM images, a NIfTI or NRRD file, ...: the content decides the format.
 //! let volume = infobyte::open("series/")?;
 //! println!("{} voxels of {:?} mm", volume.info().dims, volume.info().spacing_mm);
 //! let options = infobyte::BuildOptions {
@@ -67,7 +67,7 @@
 //! # let folder = tempfile::tempdir().expect("a temporary folder");
 //! # let (part, model) = (folder.path().join("part.csg"), folder.path().join("part.oct"));
 //! # std::fs::write(&part, "difference() { cube(10); sphere(6); }").expect("a file");
-//! // STL, PLY, OBJ, OFF, glTF, 3MF or .csg: told by the content, too.
+//! // STL, PLY, OBJ, OFF, glTF, 3MF or .csg: recognised by content, too.
 //! let subject = Subject::open(&[part], &OpenOptions::default())?;
 //! let grid = GridOptions { grid: Some(GridChoice::Side { voxels: 64, margin: 1 }), ..Default::default() };
 //! let report = infobyte::build_subject(subject, &grid, &BuildOptions::default(), &model)?;

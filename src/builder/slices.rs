@@ -1,7 +1,7 @@
 //! Slices of a volume on their way through a column: read into a ring, and classified.
 //!
 //! A column reads some rows and columns beyond its tile on every side ([`Reach`]). Memory is that of
-//! [`RingShape::bytes`], whatever the volume holds.
+//! [`RingShape::bytes`] for any volume.
 
 use std::ops::Range;
 use std::time::{Duration, Instant};

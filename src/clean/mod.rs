@@ -149,7 +149,7 @@ impl CleanOptions {
         list
     }
 
-    /// Operations on the occupancy, likewise.
+    /// Operations on the occupancy, in the same way.
     fn bit_operations(&self) -> Vec<String> {
         let mut list = Vec::new();
         if self.close > 0 {

@@ -71,7 +71,7 @@ fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHas
     Ok(hash)
 }
 
-/// Is a subject made of the same bytes as another, and placed alike? Two that cannot be used are no copies.
+/// Is a subject made of the same bytes as another, and placed alike? Two that cannot be used are not copies.
 ///
 /// Cost: all files of both are read, up to the first difference.
 ///

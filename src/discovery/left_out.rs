@@ -13,7 +13,7 @@ const MAX_REASONS: usize = 32;
 /// Files left out up to which their names are sorted in memory.
 const MAX_SORTED: u64 = 4096;
 
-/// Files that are no volume and no part of one: one line for each kind.
+/// Files that are not volumes and no part of one: one line for each kind.
 #[derive(Clone, Debug, PartialEq)]
 pub struct LeftOut {
     /// Their kind.

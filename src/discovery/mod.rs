@@ -201,7 +201,7 @@ impl Catalogue {
     /// Is a volume a copy of the volume `part` of item `index`, byte for byte and placed alike?
     ///
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
-    /// cannot be read is no copy.
+    /// cannot be read is not a copy.
     pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
         let mut others = self.first_of_many(self.open_unnamed(index)).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
@@ -243,7 +243,7 @@ impl Catalogue {
         stamps.fold(StableHash::new(), StableHash::number).finish()
     }
 
-    /// One picture alone in a folder is no stack, unless it was given by name.
+    /// One picture alone in a folder is not a stack, unless it was given by name.
     fn leave_single_pictures(&mut self) -> Result {
         let mut kept = Vec::with_capacity(self.items.len());
         for item in &self.items {
@@ -264,7 +264,7 @@ impl Catalogue {
         Ok(())
     }
 
-    /// Items in natural order of their first paths, kinds of left-out files by their number, then likewise.
+    /// Items in natural order of their first paths, kinds of left-out files by their number, then in the same way.
     fn sort(&mut self) -> Result {
         let (log, inputs) = (&self.log, &self.inputs);
         sort_or_stop(&mut self.items, |a, b| {

@@ -99,7 +99,7 @@ pub(crate) fn open_unprepared_in(
         _ => None,
     };
     let inputs = header.as_ref().map_or(inputs, std::slice::from_ref);
-    // Meshes and trees are no volumes.
+    // Meshes and trees are not volumes.
     let options = &OpenOptions { meshes: false, ..options.clone() };
     let found = Catalogue::survey_to_depth(inputs, options, scratch, DEPTH)?;
     if found.is_empty() {
@@ -200,7 +200,7 @@ impl Chooser {
         let error = finding.subject.as_ref().err();
         let damaged = error.is_some_and(SourceError::is_damage);
         let has_gaps = error.is_some_and(SourceError::has_gaps);
-        // A slice that is cut short is no reason to take another volume in silence.
+        // A slice that is cut short is not a reason to take another volume in silence.
         let usable = error.is_none() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
@@ -336,7 +336,7 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     SourceError::from(SourceFault::NoVolume { path: first.to_path_buf(), found })
 }
 
-/// The refusal of a single file that is no volume.
+/// The refusal of a single file that is not a volume.
 fn refuse_file(path: &Path) -> SourceError {
     let unusable = |fault| SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault });
     let opened = open_file(path).and_then(|file| Ok((file.metadata()?.len(), file)));

@@ -5,8 +5,8 @@
 //!
 //! | key | value | if missing |
 //! |---|---|---|
-//! | `dims` | `[256, 256, 113]` or `"256x256x113"`, x fastest | it is no side-car |
-//! | `dtype` | `"u8"`, `"i16le"`, `"i16be"`, `"f32"`, ... | it is no side-car |
+//! | `dims` | `[256, 256, 113]` or `"256x256x113"`, x fastest | it is not a side-car |
+//! | `dtype` | `"u8"`, `"i16le"`, `"i16be"`, `"f32"`, ... | it is not a side-car |
 //! | `spacing`, `spacing_mm` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
 //! | `skip` | bytes at the head of every file | 0 |
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |

@@ -13,7 +13,7 @@ pub(crate) enum HeaderFault {
     EndlessLine,
     #[error("its header does not end within {}; is it damaged, or full of comments?", Bytes(*.most_bytes))]
     TooLong { most_bytes: u64 },
-    #[error("the line `{}` of its header is no field", .line.escape_debug())]
+    #[error("the line `{}` of its header is not a field", .line.escape_debug())]
     NotAField { line: String },
     #[error("its header states `{field}` twice; remove the wrong line")]
     Twice { field: &'static str },
@@ -27,10 +27,10 @@ pub(crate) enum HeaderFault {
     EndlessNumbers { range: [i64; 3] },
     #[error("it names more data files than its {slices} slices")]
     MoreFilesThanSlices { slices: u64 },
-    #[error("`{}` is no pattern with one number", .pattern.escape_debug())]
+    #[error("`{}` is not a pattern with one number", .pattern.escape_debug())]
     Pattern { pattern: String },
     #[error(
-        "is a list of pictures, each with a place of its own (a free-hand sweep), and these are no slices; reconstruct a volume from it first, and give that"
+        "is a list of pictures, each with a place of its own (a free-hand sweep), and these are not slices; reconstruct a volume from it first, and give that"
     )]
     Sweep,
 }

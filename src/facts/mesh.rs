@@ -12,7 +12,7 @@ use crate::text::{Short, shown};
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub(crate) enum MeshFault {
-    #[error("is no mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")]
+    #[error("is not a mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")]
     Unknown,
     #[error("does not hold a triangle")]
     NoTriangles,
@@ -94,7 +94,7 @@ pub(crate) enum MeshFault {
 #[non_exhaustive]
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub(crate) enum ImageFault {
-    #[error("is not read: it is no PNG or JPEG of 8 bits in grey or colour; convert it")]
+    #[error("is not read: it is not a PNG or JPEG of 8 bits in grey or colour; convert it")]
     Unknown,
     #[error("is damaged or cut short; copy it again")]
     Damaged,

@@ -14,7 +14,7 @@ use crate::geom::Orientation;
 use crate::text::names::{ALL_VOLUMES, ORIENTATION, SPACING};
 use crate::text::shown;
 
-/// One thing that whoever uses a volume should know of it.
+/// One thing that a user of a volume should know of it.
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub enum Note {

@@ -10,11 +10,11 @@ pub(crate) enum NpyFault {
     Short,
     #[error("is .npy of version {version}; 1 to 3 are read")]
     Version { version: u8 },
-    #[error("its header of {bytes} bytes is no array of numbers")]
+    #[error("its header of {bytes} bytes is not an array of numbers")]
     LongHeader { bytes: u64 },
     #[error("has {count} dimensions; arrays of 2 or 3 are read, save one volume")]
     Dimensions { count: usize },
-    #[error("its header is no description of an array")]
+    #[error("its header is not a description of an array")]
     NoArray,
     #[error("is a structured array, whose elements are no numbers")]
     Structured,

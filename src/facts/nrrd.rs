@@ -6,7 +6,7 @@ use thiserror::Error;
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub(crate) enum NrrdFault {
-    #[error("`{}` is no version of NRRD that is read (1 to 5)", .magic.escape_debug())]
+    #[error("`{}` is not a version of NRRD that is read (1 to 5)", .magic.escape_debug())]
     Version { magic: String },
     #[error("its field `{field}: {}` makes no sense", .value.escape_debug())]
     Field { field: String, value: String },

@@ -42,15 +42,15 @@ pub(crate) enum StoredFault {
     StreamUnreadable { code: i32 },
     #[error("the {packing} stream is damaged ({damage}); copy the file again")]
     StreamDamaged { packing: Packing, damage: Damage },
-    #[error("is no regular file, so it cannot hold samples")]
+    #[error("is not a regular file, so it cannot hold samples")]
     NotRegular,
     #[error("a number is too long")]
     LongNumber,
-    #[error("`{}` is no number of its type", .text.escape_default())]
+    #[error("`{}` is not a number of its type", .text.escape_default())]
     Number { text: String },
     #[error("half a byte at the end")]
     HalfByte,
-    #[error("a character is no hexadecimal digit")]
+    #[error("a character is not a hexadecimal digit")]
     Digit,
 }
 

@@ -25,7 +25,7 @@ pub(crate) enum SideCarFault {
     SpacingsDiffer,
     #[error("its orientation is not three letters such as LPS or RAI")]
     Orientation,
-    #[error("is no description of a raw volume any more")]
+    #[error("is not a description of a raw volume any more")]
     Changed,
     #[error("describes a raw volume, but no file of the same stem is beside it; name it with the key file")]
     NoData,

@@ -22,7 +22,7 @@ pub(crate) enum SyntheticFault {
     Key { key: String, body: &'static str, known: Vec<&'static str> },
     #[error("the parameter '{key}' is given twice")]
     Twice { key: String },
-    #[error("'{given}' is no value of the parameter '{key}'; give {wanted}")]
+    #[error("'{given}' is not a value of the parameter '{key}'; give {wanted}")]
     Value { key: String, given: String, wanted: SyntheticValue },
     #[error("'{key}' is about grey levels, which sample=binary does not have; leave one of the two out")]
     NotBinary { key: &'static str },

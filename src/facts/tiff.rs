@@ -10,7 +10,7 @@ use super::samples::Damage;
 #[non_exhaustive]
 #[derive(Clone, Debug, PartialEq, Error)]
 pub(crate) enum TiffFault {
-    #[error("it is no TIFF")]
+    #[error("it is not a TIFF")]
     NotTiff,
     #[error("its BigTIFF head is damaged")]
     BigHead,

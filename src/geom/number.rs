@@ -18,7 +18,7 @@
 //! assert_eq!(Octant::low_bits(0b1_101).high(), [1, 0, 1]);
 //! ```
 //!
-//! A voxel is not a node, and an octant is no number of a box:
+//! A voxel is not a node, and an octant is not a number of a box:
 //!
 //! ```compile_fail
 //! use infobyte::geom::VoxelIndex;

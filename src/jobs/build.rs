@@ -73,7 +73,7 @@ impl GridOptions {
 pub struct BuildJob<'a> {
     /// What is done to a volume before.
     pub clean: &'a CleanOptions,
-    /// How what is no volume is put on a grid.
+    /// How what is not a volume is put on a grid.
     pub grid: &'a GridOptions,
     /// What is built, and within which means.
     pub options: &'a BuildOptions,
@@ -157,7 +157,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Voxels this many times as long along one axis as along another make stairs of a surface.
 const UNEVEN: f64 = 3.0;
 
-/// What may be wanted besides: of a CT that nobody chose a threshold for, and of uneven spacing.
+/// What may be wanted besides: of a CT whose threshold was not chosen, and of uneven spacing.
 fn hints(
     source: &dyn VolumeSource,
     threshold: Threshold,
@@ -205,7 +205,7 @@ impl BuildJob<'_> {
         Ok(subject.map_volume(|volume| self.clean.reshape(volume))?)
     }
 
-    /// The least memory of a share in which a reshaped subject can be built; of what is no volume about that.
+    /// The least memory of a share in which a reshaped subject can be built; of what is not a volume about that.
     pub(crate) fn least_share(&self, subject: &Subject) -> u64 {
         match subject {
             Subject::Volume(volume) => {

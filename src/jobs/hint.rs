@@ -9,7 +9,7 @@ use crate::text::names::{PRESET, SURFACE};
 /// Something to know of a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum Hint {
-    /// A CT was built by a threshold that nobody chose.
+    /// A CT was built by a threshold that was not chosen.
     Bone {
         /// Otsu's threshold, in HU.
         chosen: f64,

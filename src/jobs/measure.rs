@@ -445,7 +445,7 @@ mod tests {
         let cavity =
             (0..48_i32.pow(3)).filter(|i| radius([i % 48, i / 48 % 48, i / 2304].map(f64::from), c) < 14.0);
         assert_eq!(found.enclosed.cavities, cavity.count() as u64);
-        // Without normals nobody knows.
+        // Without normals nothing is known.
         let (bare, _) = skin(48, shape, None);
         let unknown = measure(&bare.view(), dims, &Affine::from_spacing([1.0; 3]), false).unwrap();
         assert_eq!((unknown.volume_mm3, unknown.area_mm2), (None, None));

@@ -75,7 +75,7 @@ impl<'a> Outputs<'a> {
         }
     }
 
-    /// Begins the files: a folder that cannot be written is told before the work is done.
+    /// Begins the files: a folder that cannot be written is reported before the work is done.
     pub(super) fn create(&self) -> Result<Layers, Error> {
         Ok(Layers {
             image: match self.frames() {
@@ -130,7 +130,7 @@ impl LayerRows {
 
 /// Renders the model at `model` to what is named in `outputs`.
 ///
-/// The files are begun before the picture is: a folder that cannot be written is told at once. One picture is made and
+/// The files are begun before the picture is: a folder that cannot be written is reported at once. One picture is made and
 /// written band by band and is never held as a whole; several are held one at a time.
 ///
 /// # Errors

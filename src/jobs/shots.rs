@@ -73,7 +73,7 @@ impl FrameNames {
         }
     }
 
-    /// Begins the first frame, so that a folder that cannot be written is told at once.
+    /// Begins the first frame, so that a folder that cannot be written is reported at once.
     pub(super) fn begin(self) -> Result<Target, Error> {
         self.make_folder()?;
         let first = ImageFile::create(&self.file(0))?;

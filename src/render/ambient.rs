@@ -124,7 +124,7 @@ impl Sky {
                     std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2]);
                 place.ray(world)
             }));
-            // Larger leaves are no coarse boxes.
+            // Larger leaves are not coarse boxes.
             let is_leaf = view.is_leaf(NodeIndex::new(place.hit.box_number));
             let lod_edge_log2 = if is_leaf { 0 } else { place.hit.edge_log2 };
             lot.batch.any(view, surface, &lot.rays, lod_edge_log2, &mut lot.met);

@@ -1,7 +1,7 @@
 //! Rays that start at a surface: where they leave the boxes around the one that was hit.
 //!
 //! That border lies between boxes, so it is exact in the ray's integers, and no ray meets the box that it comes from.
-//! A surface of boxes is a stair, whose own steps are no obstacle: where nothing else identifies them, a few boxes on every
+//! A surface of boxes is a stair, whose own steps are not obstacles: where nothing else identifies them, a few boxes on every
 //! side are left as well ([`REACH`]), and no small length is chosen that would be too long here and too short there.
 
 use super::ray::Ray;

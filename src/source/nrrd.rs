@@ -232,7 +232,7 @@ impl Header {
         };
         let axes = self.geometry.axes(&self.sizes)?;
         let layout = Layout::of(&axes)?;
-        // A list of volumes is read as volumes; a list of pictures is no volume.
+        // A list of volumes is read as volumes; a list of pictures is not a volume.
         let listed = axes.iter().any(|axis| axis.kind == "list" && axis.size > 1);
         if layout.size[2] == 1 && (listed || (self.placed_one_by_one && layout.volumes > 1)) {
             return Err(HeaderFault::Sweep.into());

@@ -17,7 +17,7 @@ use crate::volume::{GapFill, InfoOverride, VolumeSource};
 /// Numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
 
-/// Longest number: what is longer is no count of slices.
+/// Longest number: what is longer is not a count of slices.
 const MAX_DIGITS: usize = 15;
 
 /// Slices that are made at most for each one that is there: more would be a picture of the interpolation.

@@ -27,7 +27,7 @@ pub struct OpenOptions {
     pub follow_links: bool,
     /// Are all of very many volumes taken that are alike, such as the moments of one series, or only the first?
     pub all_volumes: bool,
-    /// Are triangle meshes and trees of solids taken, too, when folders are searched? They are no volumes: who takes them
+    /// Are triangle meshes and trees of solids taken, too, when folders are searched? They are not volumes: who takes them
     /// says on which grid they are built.
     pub meshes: bool,
 }

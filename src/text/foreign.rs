@@ -73,7 +73,7 @@ impl<T: Foreign + ?Sized> Display for Shown<'_, T> {
     }
 }
 
-/// A path as data, for JSON and CSV: as it is, but for bytes that are no text. Who prints it prints it [`shown`].
+/// A path as data, for JSON and CSV: as it is, but for bytes that are not text. Who prints it prints it [`shown`].
 pub fn data(path: &Path) -> String {
     path.as_os_str().to_string_lossy().into_owned()
 }

@@ -472,7 +472,7 @@ fn a_reader_that_has_gone_away_is_no_failure() {
     }
     // A full disk behind stdout is one.
     shell(r#"exec "$OCT" "$@" > /dev/full"#, &["info", &model]).refused(5, &["standard output"]);
-    // Nobody to tell is no reason to crash.
+    // Nobody to tell is not a reason to crash.
     assert_eq!(shell(r#"exec "$OCT" "$@" 2>&-"#, &["info", "nothing.oct"]).code, 3);
     assert_eq!(shell(r#"exec "$OCT" "$@" >&- 2>&-"#, &["info", &model]).code, 0);
 }

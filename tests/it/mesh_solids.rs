@@ -451,7 +451,7 @@ fn files_that_lie_are_refused_by_name() {
         );
     }
     assert!(refused("a.obj", b"v 0 0 0\nf 1 x 1\n").starts_with("line 2 cannot be understood"));
-    assert!(refused("a.obj", b"hello").starts_with("is no mesh of a known format"));
+    assert!(refused("a.obj", b"hello").starts_with("is not a mesh of a known format"));
     assert!(
         refused("a.off", b"OFF\n9999999 1 0\n")
             .starts_with("states 9999999 elements where its bytes hold 2 at most")

@@ -404,7 +404,7 @@ fn codes_do_not_depend_on_threads_or_memory() {
     let (parallel, report) = codes(3, MemoryCap::Process(1 << 30)).unwrap();
     assert_eq!(report.threads, 3);
     assert!(parallel == expected, "three threads give other normals");
-    // The smallest budget of the build alone that suffices: what else this process holds is no matter.
+    // The smallest budget of the build alone that suffices: what else this process holds is not a matter.
     let (small, narrow) = (1..2048_u64).find_map(|step| codes(1, MemoryCap::Share(step << 17)).ok()).unwrap();
     assert!(narrow.tile < wide.tile, "the budget was meant to narrow the columns: {}", narrow.tile);
     assert!(small == expected, "a smaller budget gives other normals");

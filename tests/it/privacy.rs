@@ -173,7 +173,7 @@ fn studies(top: &Path) -> Vec<String> {
     }
     file(top, "page.npy", &npy(&object(9), 1, false, false));
     file(top, "white.npy", &npy(&object(10), 1, false, false));
-    // Latin-1 in a name that is no UTF-8.
+    // Latin-1 in a name that is not a UTF-8.
     use std::os::unix::ffi::OsStrExt;
     let odd = std::ffi::OsStr::from_bytes(b"M\xfcllerin.nrrd");
     fs::write(top.join(odd), nrrd(&object(11), "raw", false, "")).unwrap();
@@ -227,7 +227,7 @@ fn what_travels_names_nobody_and_what_stays_maps_ids_to_paths() {
                 let cards = cards(&page);
                 holds_no(&words, &name, cards.as_bytes());
                 own(&cards);
-                let rest: String = page.split("<h2>Files that are no volume").skip(1).collect();
+                let rest: String = page.split("<h2>Files that are not volumes").skip(1).collect();
                 holds_no(&words, &name, rest.as_bytes());
             }
             "json" if name != "report.json" => {

@@ -87,7 +87,7 @@ fn an_empty_modality_lut_changes_nothing() {
         assert_eq!((volume.info().rescale.slope, volume.info().rescale.intercept), (1.0, -1024.0));
         assert_eq!(sentences(&volume.info().notes), Vec::<String>::new());
     }
-    // Half a table is no empty one.
+    // Half a table is not an empty one.
     let half = sequence(&[(0x0028_3002, "US", &[2, 0, 0, 0, 16, 0])]);
     let folder = all(&half);
     let mut volume = open_unprepared(&[folder.path().to_path_buf()], &OpenOptions::default()).unwrap();

@@ -141,7 +141,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     /// Passes over padding to the marker behind the data; none if the input ends without one.
     ///
     /// # Errors
-    /// So much is left over that it is no padding.
+    /// So much is left over that it is not padding.
     pub(super) fn finish(&mut self) -> Result<Option<u8>, CodecError> {
         let mut left_over = self.count / 8;
         (self.window, self.count) = (0, 0);

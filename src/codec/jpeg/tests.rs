@@ -267,7 +267,7 @@ fn scans_out_of_turn_are_damage() {
         }
         assert!(refusal(&out.end()).contains("out of its turn"));
     }
-    // What was never begun is no image; what was not refined to the end is one if it says that it ends.
+    // What was never begun is not an image; what was not refined to the end is one if it says that it ends.
     let mut out = image.header(0xC2);
     image.scan(&mut out, &[0], (0, 0), 0, 1);
     let stream = out.end();

@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::facts::SystemError;
 
-/// Why bytes of a file cannot be had.
+/// Why bytes of a file cannot be read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ReadFault {
     #[error("{0}")]

@@ -497,7 +497,7 @@ impl Run<'_> {
             return self.skipped(done, item, thumbnails);
         }
         let progress = self.watcher.begin(slot, &item.name);
-        // A record tells of a whole model; until then there is none.
+        // A record describes a whole model; until then there is none.
         let before = Record::take(&self.request.out, &item.name);
         // A defect in one volume's way must not take the others along.
         let built = catch_unwind(AssertUnwindSafe(|| self.build(subject, &item.name, thumbnails, progress)));

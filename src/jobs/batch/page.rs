@@ -101,7 +101,7 @@ pub(super) fn write(
         }
     }
     if !report.left_out.is_empty() {
-        w.write_all(b"<h2>Files that are no volume</h2><table>\n")?;
+        w.write_all(b"<h2>Files that are not volumes</h2><table>\n")?;
         for LeftOutCount { reason, count, first } in &report.left_out {
             write!(w, "<tr><td>{count}</td><td>{}</td>", escaped(reason))?;
             if report.keep_names {

@@ -207,14 +207,14 @@ impl Record {
         serde_json::from_reader(BufReader::new(file.take(MAX_RECORD_BYTES))).ok()
     }
 
-    /// Takes the record of `name` away and leaves its files: while they are replaced, no record tells of them.
+    /// Takes the record of `name` away and leaves its files: while they are replaced, no record describes them.
     pub(super) fn take(out: &Path, name: &str) -> Option<Self> {
         let old = Self::read(out, name)?;
         let _ = fs::remove_file(record_path(out, name));
         Some(old)
     }
 
-    /// Puts a record back whose files are still what it tells of.
+    /// Puts a record back whose files are still what it describes.
     pub(super) fn put_back(&self, out: &Path, name: &str) -> bool {
         self.name == name && self.is_whole(out) && self.write(out).is_ok()
     }
@@ -227,19 +227,19 @@ impl Record {
             && self.is_whole(out)
     }
 
-    /// What it tells of the model.
+    /// What it says of the model.
     pub(super) fn into_model(self) -> ModelFacts {
         self.model
     }
 
-    /// Removes the files that a record tells of, and the record first of all; without a record, nothing.
+    /// Removes the files that a record describes, and the record first of all; without a record, nothing.
     pub(super) fn clear(out: &Path, name: &str) {
         if let Some(old) = Self::take(out, name) {
             old.remove_files(out, name, None);
         }
     }
 
-    /// Removes the files that it tells of, but for those that what was built in its place has, too.
+    /// Removes the files that it names, but for those that what was built in its place has, too.
     pub(super) fn remove_files(&self, out: &Path, name: &str, now: Option<&ModelFacts>) {
         let files = |model: &'_ ModelFacts| [Some(model.file.clone()), model.thumbnail.clone()];
         let kept = now.map(files).unwrap_or_default();
@@ -257,7 +257,7 @@ impl Record {
         file.commit()
     }
 
-    /// Are the files that it tells of still there, and as long as they were?
+    /// Are the files that it names still there, and as long as they were?
     pub(super) fn is_whole(&self, out: &Path) -> bool {
         let length = |name: &str| fs::metadata(out.join(name)).map_or(0, |meta| meta.len());
         length(&self.model.file) == self.model.bytes

@@ -243,7 +243,7 @@ fn quoted(text: &str) -> String {
     format!("\"{}{text}\"", if formula { "'" } else { "" })
 }
 
-/// The line of a file that is no volume: its path and the reason.
+/// The line of a file that is not a volume: its path and the reason.
 fn left_out_line(path: &str, why: &str) -> String {
     let columns = CSV_HEAD.trim_end().split(',');
     let cells = columns.map(|column| match column {

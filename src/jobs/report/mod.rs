@@ -108,7 +108,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
     let work = tempfile::tempdir_in(&request.out).map_err(failed)?;
     let bench = experiments::Bench { folder: work.path(), threads: request.threads, pixels: request.pixels };
     let subjects = subjects(&request.synthetic);
-    // Whatever cannot be is told before anything is measured.
+    // Whatever cannot be is reported before anything is measured.
     for subject in &subjects {
         synthetic::open(Path::new(subject))?;
     }

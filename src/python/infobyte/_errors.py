@@ -10,7 +10,7 @@ class InfobyteError(Exception):
 
 
 class UsageError(InfobyteError, ValueError):
-    """The call makes no sense, whatever the input holds."""
+    """The call makes no sense, whatever the input."""
 
 
 class InputError(InfobyteError, ValueError):

@@ -149,7 +149,7 @@ fn forms_that_disagree_and_steps_that_are_missing_are_reported() {
     for (row, at) in [(0, 280), (1, 296), (2, 312)] {
         put(&mut bytes, at + 4 * row, [2.0, 3.0, 4.0][row]);
     }
-    // The qform is no rotation, at the origin: the same.
+    // The qform is not a rotation, at the origin: the same.
     assert!(!noted(&bytes, &Note::FormsDiffer));
     put(&mut bytes, 268, 0.9);
     assert!(!noted(&bytes, &Note::FormsDiffer), "less than half a step");

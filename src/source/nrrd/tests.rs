@@ -102,7 +102,7 @@ fn headers_that_say_too_little_or_nonsense_are_refused_by_name() {
         ("NRRD0004", "NRRD0009", "no version"),
         ("sizes: 4 3 2", "sizes: 4 3 3", "promises 72 bytes of samples, the file has 48"),
         ("encoding: raw", "encoding: gzip", "gzip"),
-        ("key:=value: x", "nonsense", "is no field"),
+        ("key:=value: x", "nonsense", "is not a field"),
     ] {
         assert!(BASE.contains(from));
         let result = opened(&BASE.replace(from, to), &[0; 48]);

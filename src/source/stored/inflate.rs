@@ -48,7 +48,7 @@ pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Secti
 /// Members in a row that may hold nothing: block-wise compression ends with one, and joined files have a few.
 const MAX_EMPTY: u32 = 4096;
 
-/// Gzip: one member after another; what follows the last one and is no member is ignored, as `gzip` does.
+/// Gzip: one member after another; what follows the last one and is not a member is ignored, as `gzip` does.
 ///
 /// One decoder for all members: a file of tiny ones costs little more than one of the same bytes in few.
 pub(super) struct Gzip<R> {

@@ -43,7 +43,7 @@ pub(in crate::source) enum Encoding {
 
 impl Encoding {
     /// Bzip2 with the blocks that the streams of these files state at byte `skip`; with the largest there are
-    /// where one is no stream, which shows when it is unrolled.
+    /// where one is not a stream, which shows when it is unrolled.
     pub(in crate::source) fn bzip2(files: &FileList, skip: u64) -> Self {
         let level_of = |index: usize| {
             let mut head = [0; BZIP2_HEAD];

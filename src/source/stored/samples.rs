@@ -10,7 +10,7 @@ pub(in crate::source) enum Samples {
     Plain(ScalarType),
     /// Signed 64 bits, delivered as doubles: exact up to 2^53, rounded beyond.
     I64,
-    /// Unsigned 64 bits, likewise.
+    /// Unsigned 64 bits, in the same way.
     U64,
     /// IEEE half, delivered as singles: always exact.
     F16,

@@ -10,7 +10,7 @@ pub(super) struct Notes {
     pub(super) images: u64,
     /// Distance in mm of neighbours along x, y, z.
     pub(super) spacing_mm: Option<[f64; 3]>,
-    /// Why the pictures are no volume.
+    /// Why the pictures do not form a volume.
     pub(super) refused: Option<TiffFault>,
 }
 

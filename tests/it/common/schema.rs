@@ -14,7 +14,7 @@ pub(crate) fn faults(schema: &Value, value: &Value) -> Vec<String> {
 }
 
 fn check(schema: &Value, value: &Value, at: &str, found: &mut Vec<String>) {
-    let words = schema.as_object().unwrap_or_else(|| panic!("{at}: the schema is no object"));
+    let words = schema.as_object().unwrap_or_else(|| panic!("{at}: the schema is not an object"));
     if let Some(word) = words.keys().find(|word| !WORDS.split(' ').any(|known| known == *word)) {
         panic!("{at}: the word `{word}` is not known");
     }
@@ -22,7 +22,7 @@ fn check(schema: &Value, value: &Value, at: &str, found: &mut Vec<String>) {
     let types: Vec<&str> = match &words["type"] {
         Value::String(one) => vec![one.as_str()],
         Value::Array(several) => several.iter().filter_map(Value::as_str).collect(),
-        other => panic!("{at}: {other} is no type"),
+        other => panic!("{at}: {other} is not a type"),
     };
     if !types.iter().any(|name| is(value, name)) {
         wrong(format!("{value} is no {}", types.join(" or ")));
@@ -80,6 +80,6 @@ fn is(value: &Value, name: &str) -> bool {
         "null" => value.is_null(),
         "number" => value.is_number(),
         "integer" => value.is_u64() || value.is_i64(),
-        other => panic!("{other} is no type"),
+        other => panic!("{other} is not a type"),
     }
 }

@@ -199,7 +199,7 @@ fn files_that_a_tree_names_stay_in_its_folder_and_volumes_where_they_lie() {
     assert!(!folder.join("tree.oct").exists());
 }
 
-/// A volume whose voxels are no mirror image of themselves.
+/// A volume whose voxels are not mirror image of themselves.
 fn put_odd_volume(folder: &Path, [nx, ny, nz]: [u32; 3]) -> impl Fn([u32; 3]) -> u8 {
     let value = |[x, y, z]: [u32; 3]| {
         let mut hash = (x * 73 + y * 179 + z * 283) ^ (x * y + 3 * z);

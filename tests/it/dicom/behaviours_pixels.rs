@@ -37,7 +37,7 @@ fn obstacle(file: &[u8]) -> String {
 fn enhanced(syntax: Syntax, defined: bool, frames: u32, per_frame: u32) -> Vec<u8> {
     let mut w = Writer::with_meta(syntax, syntax.uid());
     image(&mut w, Spec { frames: &frames.to_string(), ..Spec::default() });
-    // Of the file itself, and of a sequence that is no functional group of place: neither may win.
+    // Of the file itself, and of a sequence that is not a functional group of place: neither may win.
     w.text(0x0020_0032, "DS", "9\\9\\9");
     w.nest(0x5200_9229, defined, |w| {
         w.nest(0x0008_1140, defined, |w| w.text(0x0020_0032, "DS", "7\\7\\7"));

@@ -289,7 +289,7 @@ fn behaviour_09_copies_are_dropped_and_counted_other_repeats_are_not() {
     let folder = Folder::of(&three);
     folder.put("new-uid.dcm", &three[1].with(0x0008_0018, "UI", "7.7.7").bytes());
     assert!(warnings(folder.open(GapPolicy::Error).unwrap().as_ref()).contains("1 image(s)"));
-    // Other pixels at one position are no copy, and nothing tells which is meant.
+    // Other pixels at one position are not copy, and nothing tells which is meant.
     let folder = Folder::of(&three);
     folder.put("other.dcm", &Elements::ct(2.0, 2, [9; 4]).with(0x0008_0018, "UI", "7.7.7").bytes());
     let error = folder.open(GapPolicy::Error).unwrap_err().to_string();

@@ -366,7 +366,7 @@ fn one_bad_mosaic_stands_in_the_way_of_no_other() {
     let (found, _folder) = findings(&images);
     let fates: Vec<_> = found.iter().map(|f| (f.size.unwrap(), f.subject.is_ok())).collect();
     assert_eq!(fates, [([4, 3, 5], true), ([4, 3, 5], false), ([4, 3, 5], true)]);
-    // A copy of a picture is no volume of its own.
+    // A copy of a picture is not a volume of its own.
     let twice = [point(1), point(2), point(2)];
     assert_eq!(findings(&twice).0.len(), 2);
 }

@@ -1,5 +1,5 @@
 //! What objects other than plain series mean: nuclear medicine, dose, segmentations, dynamic PET, enhanced
-//! multi-frame images in any order. If one of these fails, frames that are no neighbours get stacked, or a
+//! multi-frame images in any order. If one of these fails, frames that are not neighbours get stacked, or a
 //! volume is mirrored, moved or scaled wrongly, without a word.
 
 use crate::prelude::*;
@@ -172,7 +172,7 @@ fn a_dose_begins_at_its_position_whatever_its_offsets_begin_with() {
     // The normal points down: offsets follow it, coordinates do not.
     assert_eq!(dose(down, "0\\4\\8"), (([1.0, 2.0, 3.0], [0.0, 0.0, -4.0]), rising.clone()));
     assert_eq!(dose(down, "3\\7\\11"), (([1.0, 2.0, 11.0], [0.0, 0.0, -4.0]), vec![30, 20, 10]));
-    // Coordinates along z say nothing where z is no normal.
+    // Coordinates along z say nothing where z is not a normal.
     assert_eq!(dose("1\\0\\0\\0\\0\\-1", "3\\7\\11"), (([1.0, 2.0, 3.0], [0.0, 4.0, 0.0]), rising));
 }
 

@@ -122,7 +122,7 @@ fn a_batch_takes_what_a_build_takes() {
         &out,
         &["--modality", "ct", "--lod", "off", "--spacing", "0.5x0.5x2", "--channels", "normal,value"],
     );
-    // What is not asked for is no failure; the refused CT is one.
+    // What is not asked for is not a failure; the refused CT is one.
     assert_eq!(count(&report), [1, 3, 1], "{report}");
     let model = &report["items"][0]["model"];
     assert_eq!(model["spacing_mm"], json!([0.5, 0.5, 2.0]));

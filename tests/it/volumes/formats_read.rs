@@ -304,7 +304,7 @@ fn files_with_several_pages_are_volumes_of_their_own() {
     assert!(all[0].id == all[2].id && all[0].id != all[1].id && all[0].id.starts_with("tiff-"), "{all:?}");
     same(&[several.join("c.tif")], &object, true, "one of several");
 
-    // Alone in its folder it is no lost slice.
+    // Alone in its folder it is not a lost slice.
     file(&folder.path().join("alone"), "only.tif", &whole);
     file(&folder.path().join("slice"), "only.tif", &slices[0]);
     assert_eq!(names(&found("alone")), [is("only.tif", 1, true)]);

@@ -248,7 +248,7 @@ impl PixelLayout {
         let (value, limit) = match stated {
             PaddingAttributes::Float(value, limit) if self.stored.is_float() => {
                 let first = rank(value);
-                // NaN is no end of a range.
+                // NaN is not an end of a range.
                 let last = limit.filter(|l| !l.is_nan() && !value.is_nan()).map_or(first, rank);
                 let (low, high) = (first.min(last), first.max(last));
                 return Some(Padding { low, high, replacement: rank(background) });

@@ -270,7 +270,7 @@ const ENOUGH: ScanError = ScanError::NotDicom;
 
 /// Frames of an RT dose, by the Grid Frame Offset Vector (PS3.3 C.8.8.3.2): offsets along the normal if
 /// the first is 0, else coordinates along z. The first frame lies at the stated position, also where its
-/// coordinate says otherwise, and where z is no normal of the frames.
+/// coordinate says otherwise, and where z is not a normal of the frames.
 fn of_grid<R: ReadAt + ?Sized>(
     parser: &mut Parser<'_, R>,
     at: u64,

@@ -15,7 +15,7 @@ pub(crate) const MAX_VALUE_BYTES: usize = 1024;
 /// SOP class of label map segmentations, without the root of the standard's own.
 const LABEL_MAP: &str = "5.1.4.1.1.66.7";
 
-/// SOP classes of ultrasound, likewise.
+/// SOP classes of ultrasound, in the same way.
 const ULTRASOUND: [&str; 5] =
     ["5.1.4.1.1.3", "5.1.4.1.1.3.1", "5.1.4.1.1.6", "5.1.4.1.1.6.1", "5.1.4.1.1.6.2"];
 

@@ -33,7 +33,7 @@ const MAX_PLAUSIBLE_FIRST: u32 = 1024;
 /// out to describe an object. Elements after the pixels are not looked at.
 ///
 /// # Errors
-/// See [`ScanError`]. A pixel element longer than the file is no error here: the header says how much
+/// See [`ScanError`]. A pixel element longer than the file is not an error here: the header says how much
 /// of it is there.
 pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let mut parser = Parser::new(input)?;

@@ -31,7 +31,7 @@ pub(crate) fn number(value: &[u8]) -> Option<f64> {
     text(value).split('\\').next().and_then(|part| part.trim().parse().ok()).filter(|v: &f64| v.is_finite())
 }
 
-/// Is one of several decimals infinite, or NaN? That is no missing value, but a wrong one.
+/// Is one of several decimals infinite, or NaN? That is not a missing value, but a wrong one.
 pub(super) fn is_not_finite(value: &[u8]) -> bool {
     text(value).split('\\').any(|part| part.trim().parse::<f64>().is_ok_and(|v| !v.is_finite()))
 }

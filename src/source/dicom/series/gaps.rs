@@ -342,7 +342,7 @@ mod tests {
             warnings[0].contains("6.6667 mm apart") && warnings[0].contains("3.333 mm off"),
             "{warnings:?}"
         );
-        // Repeats are no gaps: no policy covers them.
+        // Repeats are not gaps: no policy covers them.
         assert!(judged(&[0.0, 0.0, 1.0], GapPolicy::Keep).is_err());
     }
 
