@@ -164,7 +164,7 @@ def main():
         "nodes": nodes, "skin_voxels": voxels, "bytes": len(data),
         "structure_bytes": sum(stored_bytes[t] for t in ("LEVL", "NODE", "RANK") if t in stored_bytes),
         "channels": [n for t, n in names.items() if t in sections],
-        **({"error": {"leaves": len(leaves), **dict(zip(("bound", "rms", "p99", "most"), error))}} if larger else {}),
+        **({"larger_leaves": {"leaves": len(leaves), **dict(zip(("bound", "rms", "p99", "most"), error))}} if larger else {}),
         "checksum": f"{crc32c(fingerprint):08x}"}))
 
 

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::{Connectivity, Gradient, Tolerance, ViewedFrom};
+use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
 use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset, SizeLimit};
 use infobyte::export::ExportForm;
 use infobyte::format::normal::NormalBits;
@@ -81,16 +81,6 @@ pub(super) fn normal_bits(text: &str) -> Result<NormalBits, String> {
         .into_iter()
         .find(|bits| bits.number().to_string() == text)
         .ok_or_else(|| format!("normals have 12, 16 or 24 bits, not '{text}'"))
-}
-
-pub(super) fn tolerance(text: &str) -> Result<Tolerance, String> {
-    let (number, in_mm) = text.strip_suffix("mm").map_or((text, false), |number| (number.trim_end(), true));
-    match number.parse() {
-        Ok(bound) if (0.0..f64::INFINITY).contains(&bound) => {
-            Ok(if in_mm { Tolerance::Mm(bound) } else { Tolerance::Voxels(bound) })
-        }
-        _ => Err(format!("'{text}' is not a bound; write voxels as 0.1, or mm as 0.05mm")),
-    }
 }
 
 pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {

@@ -220,7 +220,7 @@ pub(crate) struct SkinArgs {
     pub(crate) surface: SurfaceKind,
     /// Join cells into larger leaves where these stay that near to the surface: in voxels of the finest spacing (0.1), or
     /// in mm (0.05mm); up to a voxel
-    #[arg(long, value_name = "BOUND", value_parser = parse::tolerance, allow_hyphen_values = true)]
+    #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
     /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of the skin of meshes normal,
     /// color (also kept by default where they have colours), and material, the number of the part

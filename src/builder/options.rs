@@ -1,6 +1,7 @@
 //! Options of a build: its content and its means.
 
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 
 use super::{BuildError, Connectivity, Gradient, ViewedFrom};
 use crate::budget::MemoryCap;
@@ -42,6 +43,21 @@ impl Tolerance {
     fn number(self) -> f64 {
         let (Self::Voxels(number) | Self::Mm(number)) = self;
         number
+    }
+}
+
+/// Voxels as `0.1`, mm as `0.05mm`.
+impl FromStr for Tolerance {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let mm = text.strip_suffix("mm").map(str::trim_end);
+        match mm.unwrap_or(text).parse() {
+            Ok(bound) if (0.0..f64::INFINITY).contains(&bound) => {
+                Ok(if mm.is_some() { Self::Mm(bound) } else { Self::Voxels(bound) })
+            }
+            _ => Err(format!("'{text}' is not a bound; write voxels as 0.1, or mm as 0.05mm")),
+        }
     }
 }
 

@@ -168,7 +168,9 @@ impl<'a, 't> Front<'a, 't> {
         let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
         let flat = flat.map_err(|stop| match stop {
             flat::Stop::Fault(fault) => self.wrong(fault),
-            flat::Stop::Memory { bytes } => too_small(self.name, self.options.memory, bytes),
+            flat::Stop::Memory { bytes } => {
+                too_small(self.name, self.options.memory, bytes + self.tree.bytes())
+            }
             flat::Stop::Build(error) => error,
         })?;
         self.peak.set(self.peak.get().max(flat.peak_bytes));

@@ -152,7 +152,8 @@ impl Front<'_> {
         // Made before anything is opened, so that nothing counts twice.
         let dry = Budget::dry(self.options.memory);
         self.solid_within(&Budget::of_job(self.options.memory)).or_else(|error| {
-            if error.minimum_bytes().is_none() && described_bytes(&error).is_none() {
+            // A description says itself what it takes.
+            if error.minimum_bytes().is_none() {
                 return Err(error);
             }
             let (name, limit_bytes) = (self.name(), self.options.memory.bytes());

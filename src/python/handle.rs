@@ -21,7 +21,8 @@ use crate::jobs::info::{Info, Measured};
 use crate::jobs::measure::measure;
 use crate::jobs::opened::unpacked;
 use crate::jobs::render::{camera, render_view_watched};
-use crate::load::{Fault, Frame, LoadError, LoadFault, Mapping, Model, open_regular};
+use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
+use crate::platform::open_file;
 use crate::render::sight::Sight;
 use crate::render::{Image, RayCaster};
 use crate::text::data;
@@ -29,7 +30,8 @@ use crate::text::data;
 /// The bytes of a model.
 #[derive(Debug)]
 enum Store {
-    Mapped(Mapping),
+    /// With its file, kept open so that a change of its bytes can be noticed.
+    Mapped(Mapping, File, FileIdentity),
     Read(Vec<u8>),
 }
 
@@ -41,7 +43,7 @@ impl AsRef<[u8]> for Bytes {
     #[inline]
     fn as_ref(&self) -> &[u8] {
         match &*self.0 {
-            Store::Mapped(mapping) => mapping.as_ref(),
+            Store::Mapped(mapping, ..) => mapping.as_ref(),
             Store::Read(bytes) => bytes,
         }
     }
@@ -59,16 +61,17 @@ pub(super) struct Handle {
 impl Handle {
     fn load(path: PathBuf, mmap: bool) -> Result<Self, Error> {
         let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.clone(), cause });
-        let mut file = open_regular(&path).map_err(unreadable)?;
+        let mut file = open_file(&path).map_err(unreadable)?;
         if Frame::read(&file).map_err(|fault| fault.at(&path))?.header.encoding == Encoding::Packed {
             file = unpacked(&file, &path)?;
         }
+        let then = FileIdentity::of(&file).map_err(unreadable)?;
         let mapping = Mapping::of(&file).map_err(unreadable)?;
         let store = if mmap {
-            Store::Mapped(mapping)
+            Store::Mapped(mapping, file, then)
         } else {
             let bytes = read_whole(&file, mapping.as_ref().len()).map_err(unreadable)?;
-            check(&Store::Mapped(mapping), &path)?;
+            then.check(&file, &path)?;
             Store::Read(bytes)
         };
         let bytes = Bytes(Arc::new(store));
@@ -118,11 +121,9 @@ fn read_whole(mut file: &File, bytes: usize) -> io::Result<Vec<u8>> {
 }
 
 fn check(store: &Store, path: &Path) -> Result<(), Error> {
-    let Store::Mapped(mapping) = store else { return Ok(()) };
-    match mapping.is_unchanged() {
-        Ok(true) => Ok(()),
-        Ok(false) => Err(LoadError::from(LoadFault::Changed { path: path.to_path_buf() }).into()),
-        Err(cause) => Err(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }).into()),
+    match store {
+        Store::Mapped(_, file, then) => Ok(then.check(file, path)?),
+        Store::Read(_) => Ok(()),
     }
 }
 

@@ -65,7 +65,7 @@ fn png(side: usize, interlaced: bool) -> Vec<u8> {
 /// A ball with texture coordinates, and the texture.
 fn textured(folder: &Path, name: &str, texture: &str) -> PathBuf {
     let mut obj = format!("mtllib {name}.mtl\nvt 0 0\nvt 0.9 0.1\nvt 0.3 0.8\nusemtl m\n");
-    for line in String::from_utf8(Body::sphere([0.0; 3], 30.0, 12).obj()).unwrap().lines() {
+    for line in String::from_utf8(Body::sphere([0.0; 3], 30.0, 3).obj()).unwrap().lines() {
         if let Some(corners) = line.strip_prefix("f ") {
             let all: Vec<_> = corners.split_whitespace().map(|c| c.split('/').next().unwrap()).collect();
             writeln!(obj, "f {}/1 {}/2 {}/3", all[0], all[1], all[2]).unwrap();
@@ -81,7 +81,7 @@ fn textured(folder: &Path, name: &str, texture: &str) -> PathBuf {
 fn the_budget_of_a_mesh_is_named_at_once() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let ball = Body::sphere([0.0; 3], 30.0, 12);
+    let ball = Body::sphere([0.0; 3], 30.0, 3);
     let mut open = ball.clone();
     open.faces.truncate(open.faces.len() - 30);
     let mut named = Vec::new();

@@ -35,7 +35,7 @@ pub struct ModelFigures {
     pub skin_voxels: u64,
     /// Larger leaves and their distances from the cells in whose place they are; only of models built with `--error`.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub error: Option<LeafFigures>,
+    pub larger_leaves: Option<LeafFigures>,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
@@ -90,7 +90,7 @@ impl From<&Frame> for ModelFigures {
             range: (&m.selection).into(),
             surface: frame.surface(),
             skin_voxels: header.voxels,
-            error: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
+            larger_leaves: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
             nodes: header.nodes,
             bytes: header.file_bytes,
             bytes_per_skin_voxel: ratio(header.file_bytes, super::surface_boxes(frame)),

@@ -33,6 +33,7 @@ def build(
     range: tuple[float, float] | None = None,
     preset: str | None = None,
     surface: str = "skin",
+    error: float | str | None = None,
     spacing: float | Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     affine: ArrayLike | None = None,
@@ -84,6 +85,7 @@ def build(
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `surface`: `'skin'`, voxels; or `'cells'`, the surface between samples, true to a few hundredths of a voxel.
+    - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
 
     Place
     - `spacing`: distance of samples in mm, one number or three **in the order of the array's axes** (z, y, x); for paths
@@ -133,6 +135,7 @@ def build(
     share = memory if isinstance(memory, int) else _infobyte.size(memory)
     asked = {
         "iso": _finite("iso", iso), "range": None, "preset": preset, "surface": surface,
+        "error": None if error is None else str(error),
         "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
         "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),
         "memory": share, "threads": threads, "scratch": None if scratch is None else os.fspath(scratch),

@@ -99,7 +99,7 @@ fn headers_that_say_too_little_or_nonsense_are_refused_by_name() {
         ("endian: little", "endian: middle", "byte order"),
         ("sizes: 4 3 2", "sizes: 4 3", "2 sizes for 3"),
         ("dimension: 3", "dimension: 99", "makes no sense"),
-        ("NRRD0004", "NRRD0009", "no version"),
+        ("NRRD0004", "NRRD0009", "not a version"),
         ("sizes: 4 3 2", "sizes: 4 3 3", "promises 72 bytes of samples, the file has 48"),
         ("encoding: raw", "encoding: gzip", "gzip"),
         ("key:=value: x", "nonsense", "is not a field"),
