@@ -89,6 +89,18 @@ def test_thresholds(bumps):
     assert built(bumps, "e.oct", iso=None, preset="bone").info["range"]["lo"] == 226
 
 
+def test_larger_leaves():
+    ball = ball_of(64)
+    fine, joined = (built(ball, f"{error}.oct", iso=0, surface="cells", error=error) for error in (0, "0.2mm"))
+    assert "larger_leaves" not in fine.info
+    leaves = joined.info["larger_leaves"]
+    assert leaves["bound"] == pytest.approx(0.2) and 0 < leaves["leaves"] + len(joined) < len(fine)
+    hits = joined.first_hits([[32, 32, -50]], [[0, 0, 1]])
+    assert hits.t[0] == pytest.approx(fine.first_hits([[32, 32, -50]], [[0, 0, 1]]).t[0], abs=0.3)
+    with pytest.raises(infobyte.UsageError, match="thick"):
+        built(ball, "c.oct", iso=0, surface="cells", error="thick")
+
+
 def test_cleaning(bumps):
     noisy = bumps.copy()
     noisy[2, 3, 4] = 900
