@@ -177,9 +177,9 @@ fn hints(
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
-/// Gives memory back where the cap counts all of the process: another process keeps the pages of its libraries.
+/// Gives memory back, but within an interpreter, which keeps the pages of its libraries.
 fn give_back_within(cap: MemoryCap) {
-    if let MemoryCap::Process(_) = cap {
+    if cfg!(not(feature = "python")) || matches!(cap, MemoryCap::Process(_)) {
         give_back();
     }
 }

@@ -84,7 +84,6 @@ fn the_budget_of_a_mesh_is_named_at_once() {
     let ball = Body::sphere([0.0; 3], 30.0, 3);
     let mut open = ball.clone();
     open.faces.truncate(open.faces.len() - 30);
-    let mut named = Vec::new();
     for (name, body) in [("closed", &ball), ("open", &open)] {
         for (suffix, bytes) in [
             ("stl", body.stl()),
@@ -93,15 +92,12 @@ fn the_budget_of_a_mesh_is_named_at_once() {
             ("glb", glb_of(body)),
         ] {
             let input = put(at, &format!("{name}.{suffix}"), &bytes);
-            named.push(judge(&input, &["--grid", "64"]));
+            judge(&input, &["--grid", "64"]);
         }
         judge(&at.join(format!("{name}.stl")), &["--grid", "90", "--surface", "cells"]);
     }
     judge(&at.join("open.stl"), &["--grid", "90", "--fill", "surface"]);
     judge(&at.join("closed.obj"), &["--grid", "90", "--channels", "normal,material"]);
-    // The format of a small mesh hardly matters.
-    let (least, most) = (named.iter().min().unwrap(), named.iter().max().unwrap());
-    assert!(most - least <= 768 << 10, "{named:?}");
 }
 
 fn glb_of(body: &Body) -> Vec<u8> {
@@ -159,6 +155,7 @@ fn the_budget_of_a_tree_is_named_at_once_and_kept() {
         write!(faces, "[{a},{b},{c}],[{a},{c},{d}],[{a},{d},{b}],[{b},{d},{c}],").unwrap();
     }
     let large = format!("polyhedron(points=[{corners}[0,0,0]], faces=[{faces}[0,1,2],[0,2,1]]);");
+    let large = format!("{large} cube([20000, 8000, 8000]);");
     for (name, text) in [("deep.csg", deep), ("large.csg", large)] {
         let tree = put(folder.path(), name, text.as_bytes());
         let model = tree.with_extension("oct");

@@ -102,7 +102,7 @@ fn nrrd_in_every_encoding_type_and_order_is_the_volume() {
         ("device.nhdr", "data file: /dev/zero\n", "not in the folder"),
         ("few.nhdr", "data file: p%03d.gz 1 21 4\n", "cannot be shared out"),
         ("endless.nhdr", "data file: p%03d.gz 1 21 0\n", "have no end"),
-        ("folder.nhdr", "data file: sub\n", "no regular file"),
+        ("folder.nhdr", "data file: sub\n", "not a regular file"),
     ] {
         let path = file(at, name, &nrrd(&object, "gzip", false, data));
         let refused = ready(&[path], at).err().unwrap().to_string();
