@@ -8,9 +8,13 @@ import pathlib
 import re
 import sys
 
-import infobyte
+HERE = pathlib.Path(__file__).resolve().parent
+# The installed package, not its sources, which lack the compiled module.
+sys.path[:] = [path for path in sys.path if pathlib.Path(path).resolve() != HERE]
 
-PAGE = pathlib.Path(__file__).resolve().parents[2] / "docs/PYTHON.md"
+import infobyte  # noqa: E402
+
+PAGE = HERE.parents[1] / "docs/PYTHON.md"
 
 ORDER = ["build", "open", "Model", "Hits", "Mesh", "pack", "unpack", "verify", "render_scene"]
 ERRORS = ["InfobyteError", "UsageError", "InputError", "BudgetError"]
