@@ -1,5 +1,6 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
+use crate::format::cell::Plane;
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::RenderFault;
@@ -165,7 +166,11 @@ impl GridSpace {
             for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
                 let child = children.after(octant.rank_in(infobyte));
                 let at = std::array::from_fn(|a| low[a] + octant.high()[a] * half);
-                if level - 1 == finest || view.is_leaf(child.node()) {
+                if view.is_leaf(child.node()) {
+                    best = best.max(way.bound_of_leaf(&view.leaf_plane(child.node()), at, half));
+                    continue;
+                }
+                if level - 1 == finest {
                     best = best.max(way.bound(at, half));
                     continue;
                 }
@@ -199,6 +204,26 @@ impl Way<'_> {
             let at = if self.weight[a] > 0.0 { low[a] + edge } else { low[a] };
             sum + self.weight[a] * f64::from(at)
         })
+    }
+
+    /// Greatest value within the inside part of a larger leaf's box (SPEC 4.9), -inf where no part of it is inside.
+    fn bound_of_leaf(&self, plane: &Plane, low: [u32; 3], edge: u32) -> f64 {
+        // From the farthest corner, which lies this far in front of the plane, back along the edges that cost least.
+        let up = self.weight.map(|w| w > 0.0);
+        let normal = plane.normal.map(f64::from);
+        let outward: [f64; 3] = std::array::from_fn(|a| if up[a] { normal[a] } else { -normal[a] });
+        let mut in_front = outward.iter().sum::<f64>() - f64::from(plane.offset);
+        let mut most = self.bound(low, edge);
+        let mut axes = [0, 1, 2];
+        let price = |a: usize| self.weight[a].abs() / outward[a];
+        axes.sort_by(|a, b| price(*a).total_cmp(&price(*b)));
+        for a in axes.into_iter().filter(|a| outward[*a] > 0.0) {
+            // Of the box's edge, which is 2 long in the leaf's coordinates.
+            let part = (in_front.max(0.0) / (2.0 * outward[a])).min(1.0);
+            in_front -= 2.0 * outward[a] * part;
+            most -= self.weight[a].abs() * part * f64::from(edge);
+        }
+        if in_front > 1e-9 { f64::NEG_INFINITY } else { most }
     }
 
     /// Greatest value within a node's children.

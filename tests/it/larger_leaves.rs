@@ -281,6 +281,55 @@ fn tiles_see_what_single_rays_see() {
     }
 }
 
+/// Corners of a leaf's box that are inside, and where the plane cuts the box's edges; of a cell, its box's corners.
+fn inside_corners((low, edge, _, shape): &Leaf) -> Vec<[f64; 3]> {
+    let corner = |c: usize| [0, 1, 2].map(|a| f64::from(low[a] + (c as u32 >> a & 1) * edge));
+    let plane = match shape {
+        CellShape::Plane(plane) if *edge > 1 => plane,
+        _ => return (0..8).map(corner).collect(),
+    };
+    let in_front: [f64; 8] = std::array::from_fn(|c| {
+        (0..3).map(|a| f64::from(if c >> a & 1 == 1 { plane.normal[a] } else { -plane.normal[a] })).sum::<f64>()
+            - f64::from(plane.offset)
+    });
+    let mut found: Vec<_> = (0..8).filter(|c| in_front[*c] <= 0.0).map(corner).collect();
+    for (c, a) in (0..8).flat_map(|c| (0..3).map(move |a| (c, a))).filter(|(c, a)| c >> a & 1 == 0) {
+        let (from, to) = (in_front[c], in_front[c | 1 << a]);
+        if (from <= 0.0) != (to <= 0.0) {
+            let mut at = corner(c);
+            at[a] += f64::from(*edge) * from / (from - to);
+            found.push(at);
+        }
+    }
+    found
+}
+
+#[test]
+fn pictures_and_boxes_are_framed_by_planes_and_not_by_boxes_of_leaves() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, voxels) in &bodies(58) {
+        let model = built(&folder.path().join("m"), voxels, 0.3, 64, 2);
+        let view = model.view();
+        let space = GridSpace::new(model.dims(), &model.affine()).unwrap();
+        let corners: Vec<[f64; 3]> = leaves(&model).iter().flat_map(inside_corners).collect();
+        let mut random = Random(4);
+        for round in 0..30 {
+            let mut direction = [0; 3].map(|_: i32| 2.0 * random.unit() - 1.0);
+            if round < 6 {
+                direction = [0.0; 3];
+                direction[round % 3] = if round < 3 { 1.0 } else { -1.0 };
+            }
+            let along = |p: &[f64; 3]| {
+                let at = model.affine().apply(p.map(|c| c - 0.5));
+                (0..3).map(|a| direction[a] * at[a]).sum::<f64>()
+            };
+            let want = corners.iter().map(along).fold(f64::NEG_INFINITY, f64::max);
+            let found = space.support(&view, direction);
+            assert!((found - want).abs() < 1e-9, "{name} {direction:?}: {found} {want}");
+        }
+    }
+}
+
 #[test]
 fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none() {
     let folder = tempfile::tempdir().unwrap();
