@@ -179,8 +179,14 @@ impl Sweep {
         let mut voxels = skin.iter().peekable();
         for row in 0..self.height {
             let mut start = 0;
-            while let Some(found) = voxels.next_if(|v| (v.y - self.low[1] + 1) as usize == row) {
-                let x = found.x - self.low[0] + 1;
+            while let Some(found) =
+                voxels.next_if(|v| v.y.wrapping_sub(self.low[1]).wrapping_add(1) as usize == row)
+            {
+                let x = found.x.wrapping_sub(self.low[0]).wrapping_add(1);
+                if x < start || x >= self.width {
+                    // No such voxel was there when the model was measured: its file is being overwritten.
+                    continue;
+                }
                 if x > start {
                     slice.runs.push(Run { start, end: x, component: 0 });
                 }

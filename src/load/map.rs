@@ -17,8 +17,16 @@ pub struct Mapping(Held);
 
 #[derive(Debug)]
 enum Held {
-    Mapped(memmap2::Mmap),
+    Mapped(Mapped),
     Read(Vec<u8>),
+}
+
+/// A mapping; in a process of others a file that is cut short must not end it.
+#[derive(Debug)]
+struct Mapped {
+    #[cfg(feature = "python")]
+    _watched: Option<platform::Watched>,
+    map: memmap2::Mmap,
 }
 
 /// Changes when a file is written to: its size and its time of change.
@@ -62,9 +70,13 @@ impl Mapping {
         // specification (SPEC 7) to do the same; if one does not, no reference with an invariant
         // beyond "any byte" is ever made from the mapping, [`FileIdentity::check`] reports it, and a
         // file cut short raises a bus error, as every mapping of a file does: the command ends with a
-        // sentence then.
+        // sentence then, and Python's module goes on with zeros.
         let map = unsafe { memmap2::Mmap::map(file)? };
-        Ok(Self(Held::Mapped(map)))
+        Ok(Self(Held::Mapped(Mapped {
+            #[cfg(feature = "python")]
+            _watched: platform::Watched::new(&map),
+            map,
+        })))
     }
 
     /// Bytes that were read.
@@ -75,8 +87,8 @@ impl Mapping {
     /// Takes all pages of the mapping out of the process, for passes that go on to other parts of the file; what is
     /// looked at again comes back from the system's cache. If the system refuses, the pages stay.
     pub fn give_back(&self) {
-        if let Held::Mapped(map) = &self.0 {
-            platform::give_back_pages(map);
+        if let Held::Mapped(mapped) = &self.0 {
+            platform::give_back_pages(&mapped.map);
         }
     }
 }
@@ -85,7 +97,7 @@ impl AsRef<[u8]> for Mapping {
     #[inline]
     fn as_ref(&self) -> &[u8] {
         match &self.0 {
-            Held::Mapped(map) => map,
+            Held::Mapped(mapped) => &mapped.map,
             Held::Read(bytes) => bytes,
         }
     }

@@ -10,6 +10,7 @@
 //! | `machine` | processor, memory, other processes |
 //! | `memory` | the memory of this process, as the system accounts it |
 //! | `resident` | resident memory given back |
+//! | `torn` | mappings whose file is cut short while they are read, in Python |
 
 #[cfg(not(target_os = "linux"))]
 compile_error!(

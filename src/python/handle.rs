@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek};
+use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -86,13 +87,7 @@ impl Handle {
         py: Python<'_>,
         job: impl FnOnce(&Model<Bytes>) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
-        let checked = || {
-            check(&self.bytes.0, &self.path)?;
-            let made = job(&self.model);
-            check(&self.bytes.0, &self.path)?;
-            made
-        };
-        py.detach(checked).map_err(|error| raised(py, &error))
+        py.detach(|| self.unchanged(|| job(&self.model))).map_err(|error| raised(py, &error))
     }
 
     fn paint(
@@ -103,12 +98,20 @@ impl Handle {
     ) -> PyResult<Image> {
         let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
         watched(py, progress, |progress| {
-            check(&self.bytes.0, &self.path)?;
             let model = &self.model;
-            let made = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress);
-            check(&self.bytes.0, &self.path)?;
-            Ok(made?.0)
+            let paint =
+                || render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress);
+            Ok(self.unchanged(|| Ok(paint()?))?.0)
         })
+    }
+
+    /// Does something with the model, whose file is the same before and after. Bytes that change meanwhile may be what no
+    /// model has, and a job may then end in a panic: that is an error of the file, too.
+    fn unchanged<T>(&self, job: impl FnOnce() -> Result<T, Error>) -> Result<T, Error> {
+        check(&self.bytes.0, &self.path)?;
+        let made = catch_unwind(AssertUnwindSafe(job));
+        check(&self.bytes.0, &self.path)?;
+        made.unwrap_or_else(|panic| resume_unwind(panic))
     }
 }
 

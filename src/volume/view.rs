@@ -12,7 +12,7 @@ use crate::geom::{Affine, Dims};
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
 ///
 /// Strides may be negative, or 0 for an axis along which all samples are one. Memory: none beyond the samples, but where
-/// they follow each other along z (Fortran order) 512 KiB for each thread, which reads some slices ahead. Cost: rows along
+/// they follow each other along z (Fortran order) up to 2 MiB for each thread, which reads some slices ahead. Cost: rows along
 /// which samples follow each other are copied whole, any other row sample by sample.
 ///
 /// ```
@@ -45,7 +45,9 @@ pub(super) struct Block<'a> {
 }
 
 /// Bytes of slices that a thread reads ahead, where samples follow each other along z.
-const AHEAD_BYTES: usize = 512 << 10;
+///
+/// Enough for 32 slices of a build's row of bricks across 800 samples of two bytes: as many as share a line.
+const AHEAD_BYTES: usize = 2 << 20;
 
 /// Bytes that come from memory together.
 const LINE: usize = 64;
@@ -232,32 +234,32 @@ impl<'a> Block<'a> {
         let row_bytes = ahead.cols.len() * SIZE;
         ahead.pitch = (ahead.rows.len() * row_bytes).next_multiple_of(LINE) + LINE;
         ahead.samples.resize(ahead.z.len() * ahead.pitch, 0);
-        let (columns, slices) = (ahead.cols.len(), ahead.z.len());
-        for row in 0..ahead.rows.len() {
-            let from_row = start.wrapping_add(row.wrapping_mul(sy));
-            let at = |x: usize, z: usize| {
-                from_row.wrapping_add(x.wrapping_mul(sx)).wrapping_add(z.wrapping_mul(sz))
-            };
-            let to = |x: usize, z: usize| z * ahead.pitch + row * row_bytes + x * SIZE;
-            // Squares that stay in registers, where samples follow each other; single ones at their sides.
-            let squares = if sz == SIZE { [columns, slices].map(|side| side - side % SIDE) } else { [0; 2] };
-            for x in (0..squares[0]).step_by(SIDE) {
-                for z in (0..squares[1]).step_by(SIDE) {
-                    let mut square = [[[0_u8; SIZE]; SIDE]; SIDE];
-                    for (i, run) in square.iter_mut().enumerate() {
-                        run.as_flattened_mut().copy_from_slice(&self.bytes[at(x + i, z)..][..SIDE * SIZE]);
-                    }
-                    for (k, to) in (z..z + SIDE).map(|z| to(x, z)).enumerate() {
-                        let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
-                        ahead.samples[to..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
-                    }
+        let (columns, rows, slices) = (ahead.cols.len(), ahead.rows.len(), ahead.z.len());
+        let at = |[x, y, z]: [usize; 3]| {
+            [(x, sx), (y, sy), (z, sz)]
+                .into_iter()
+                .fold(start, |at, (index, stride)| at.wrapping_add(index.wrapping_mul(stride)))
+        };
+        let to = |[x, y, z]: [usize; 3]| z * ahead.pitch + y * row_bytes + x * SIZE;
+        // Squares that stay in registers, where samples follow each other; single ones at their sides. Rows come within
+        // columns: few lines of memory are open at a time.
+        let squares = if sz == SIZE { [columns, slices].map(|side| side - side % SIDE) } else { [0; 2] };
+        for x in (0..squares[0]).step_by(SIDE) {
+            for (y, z) in (0..rows).flat_map(|y| (0..squares[1]).step_by(SIDE).map(move |z| (y, z))) {
+                let mut square = [[[0_u8; SIZE]; SIDE]; SIDE];
+                for (i, run) in square.iter_mut().enumerate() {
+                    run.as_flattened_mut().copy_from_slice(&self.bytes[at([x + i, y, z])..][..SIDE * SIZE]);
+                }
+                for k in 0..SIDE {
+                    let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
+                    ahead.samples[to([x, y, z + k])..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
                 }
             }
-            for x in 0..columns {
-                for z in if x < squares[0] { squares[1]..slices } else { 0..slices } {
-                    let sample = &self.bytes[at(x, z)..][..SIZE];
-                    ahead.samples[to(x, z)..][..SIZE].copy_from_slice(sample);
-                }
+        }
+        for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
+            for z in if x < squares[0] { squares[1]..slices } else { 0..slices } {
+                let sample = &self.bytes[at([x, y, z])..][..SIZE];
+                ahead.samples[to([x, y, z])..][..SIZE].copy_from_slice(sample);
             }
         }
     }
@@ -302,7 +304,8 @@ impl VolumeSource for VolumeView<'_> {
     }
 
     fn resident_bytes(&self) -> u64 {
-        if self.samples.is_along_z() { AHEAD_BYTES as u64 } else { 0 }
+        let most = self.info.description.bytes.saturating_mul(2).min(AHEAD_BYTES as u64);
+        if self.samples.is_along_z() { most } else { 0 }
     }
 }
 

@@ -289,7 +289,9 @@ fn inside_corners((low, edge, _, shape): &Leaf) -> Vec<[f64; 3]> {
         _ => return (0..8).map(corner).collect(),
     };
     let in_front: [f64; 8] = std::array::from_fn(|c| {
-        (0..3).map(|a| f64::from(if c >> a & 1 == 1 { plane.normal[a] } else { -plane.normal[a] })).sum::<f64>()
+        (0..3)
+            .map(|a| f64::from(if c >> a & 1 == 1 { plane.normal[a] } else { -plane.normal[a] }))
+            .sum::<f64>()
             - f64::from(plane.offset)
     });
     let mut found: Vec<_> = (0..8).filter(|c| in_front[*c] <= 0.0).map(corner).collect();

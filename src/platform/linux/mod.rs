@@ -4,6 +4,8 @@ mod files;
 mod machine;
 mod memory;
 mod resident;
+#[cfg(feature = "python")]
+mod torn;
 
 pub(crate) use files::*;
 pub(crate) use machine::*;
@@ -11,3 +13,5 @@ pub use memory::*;
 pub(crate) use resident::MAPPED_FROM;
 pub(crate) use resident::give_back_pages;
 pub use resident::{give_back, map_large_buffers};
+#[cfg(feature = "python")]
+pub(crate) use torn::Watched;

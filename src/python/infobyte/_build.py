@@ -77,7 +77,7 @@ def build(
     - a numpy array of three dimensions, read in place whatever its strides. A contiguous memory map is read from its
       file. Types besides 8 to 32 bit integers and 32 and 64 bit floats are converted through a scratch file;
     - what has `shape`, `dtype` and slices, such as arrays of dask, zarr and h5py, or an iterator of slices or slabs:
-      written to a scratch file first, slab by slab;
+      written to a scratch file first, slab by slab, or held in memory where a quarter of `memory` suffices;
     - an image of SimpleITK, ITK or nibabel, an array of xarray, a grid of pyvista, with its place;
     - a mesh of trimesh, pyvista or Open3D, in mm; needs `grid` or `voxel`.
 
@@ -197,7 +197,7 @@ def _build_object(source: Any, target: str, asked: dict[str, Any], place: Any, t
 
 
 def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, told: Any) -> str:
-    """Builds what comes slab by slab through a scratch file without a name."""
+    """Builds what comes slab by slab: through memory where half of it suffices, else a scratch file without a name."""
     import tempfile
 
     if all(hasattr(source, name) for name in ("shape", "dtype", "__getitem__")):
@@ -208,25 +208,37 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
         shape, dtype, parts = None, None, _slices(source)
     else:
         raise UsageError(f"{type(source).__name__} is not a source; see the documentation of infobyte.build")
-    with tempfile.TemporaryFile(dir=_folder(asked, target)) as file:
-        side, depth = None, 0
+    with contextlib.ExitStack() as stack:
+        side, depth, held, file = None, 0, bytearray(), None
         for part in parts:
             if side is None:
                 side = part.shape[1:]
                 dtype = _sources.kept_type(part.dtype if dtype is None else dtype)
             if part.shape[1:] != side:
                 raise UsageError(f"slice {depth} is of {part.shape[1:]}, those before it of {side}")
-            file.write(np.ascontiguousarray(part, dtype).data)
+            samples = np.ascontiguousarray(part, dtype)
+            # What grows may be held twice while it does.
+            if file is None and 4 * (len(held) + samples.nbytes) > asked["memory"]:
+                file = stack.enter_context(tempfile.TemporaryFile(dir=_folder(asked, target)))
+                file.write(held)
+                held = bytearray()
+            if file is None:
+                held += samples.data.cast("B")
+            else:
+                file.write(samples.data)
             depth += len(part)
             if told is not None:
                 told("unroll", depth, depth if shape is None else shape[0])
         if side is None or 0 in (depth, *side):
             raise UsageError("there are no slices")
+        layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
+        if file is None:
+            array = np.frombuffer(held, dtype).reshape(depth, *side)
+            asked["memory"] -= len(held)
+            return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
         file.flush()
         # Read through the descriptor: the file has no name.
-        stored = f"/proc/self/fd/{file.fileno()}", 0
-        layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
-        return _infobyte.build_stored(stored, layout, target, _json(asked), told)
+        return _infobyte.build_stored((f"/proc/self/fd/{file.fileno()}", 0), layout, target, _json(asked), told)
 
 
 def _slices(source: Iterable[Any]) -> Iterator[np.ndarray]:

@@ -83,8 +83,8 @@ class Model:
     """An open model. Every method may be called from several threads at a time.
 
     A mapped file (the default of `open`) that was changed after it was opened gives an `InputError`, not a wrong picture;
-    changed *while* a call reads it, it gives one at the end of the call, but if it is cut short in that moment the system
-    ends the process: open with `mmap=False` what other programs write to.
+    changed or cut short *while* a call reads it, it gives one at the end of the call. Open with `mmap=False` what should
+    stay usable whatever becomes of its file.
     """
 
     __slots__ = ("_handle", "_report", "_args")

@@ -168,7 +168,8 @@ def test_slices(bumps):
     turned = Sliced(bumps.transpose(2, 1, 0), (53, 41, 8))
     assert content(built(turned, "b.oct", axes="xyz").path) == wanted
     tall = Sliced(np.repeat(np.repeat(bumps, 8, axis=1), 8, axis=2), (30, 328, 424))
-    built(tall, "b.oct", memory="4MiB")
+    spooled = content(built(tall, "b.oct", memory="4MiB").path)
+    assert spooled == content(built(tall.array, "b.oct").path)
     assert 1 << 20 < tall.most <= 2 << 20
     assert sorted(os.listdir()) == ["a.oct", "b.oct"]
 

@@ -261,6 +261,37 @@ def test_a_model_that_changes_while_it_is_open(model, mmap, how):
     assert (done.returncode, done.stdout.strip()) == (0, "changed" if mmap else "done"), done.stderr
 
 
+#: Cuts a model short while calls read it; prints how many of them ended in an exception.
+CUT = """
+import os, shutil, sys, threading, infobyte
+whole, path, changed = sys.argv[1], sys.argv[1] + ".cut", 0
+for round in range(8):
+    shutil.copy(whole, path)
+    model = infobyte.open(path)
+    os.posix_fadvise(os.open(path, os.O_RDONLY), 0, 0, os.POSIX_FADV_DONTNEED)
+    timer = threading.Timer(0.002 * round, os.truncate, (path, 4096))
+    timer.start()
+    calls = [model.measure, model.voxels, model.to_mesh, lambda: model.render(512)]
+    for call in calls * 40:
+        try:
+            call()
+        except infobyte.InputError as error:
+            assert "was changed while it was in use" in str(error), error
+            changed += 1
+            break
+    timer.join()
+print(changed)
+"""
+
+
+def test_a_model_that_is_cut_short_while_a_call_reads_it(tmp_path):
+    z, y, x = np.mgrid[:200, :200, :200] - 99.5
+    path = str(tmp_path / "large.oct")
+    infobyte.build((90 - np.sqrt(x * x + y * y + z * z)).astype(np.float32), path, iso=0, progress=False)
+    done = subprocess.run([sys.executable, "-c", CUT, path], capture_output=True, text=True)
+    assert (done.returncode, done.stdout.strip()) == (0, "8"), done.stderr
+
+
 def test_a_model_whose_name_is_replaced_stays_what_it_was(model, ball):
     before = model.render(48)
     infobyte.build(ball[:30], model.path, iso=0, progress=False)

@@ -1,0 +1,102 @@
+//! Mappings whose file is cut short while they are read: pages of zeros in place of a bus error, which would end a process
+//! that is not ours to end.
+//!
+//! A reader that asks afterwards whether the file is still what it was learns that it is not.
+#![allow(unsafe_code)]
+
+use std::ffi::c_void;
+use std::sync::atomic::{AtomicPtr, AtomicUsize, Ordering};
+use std::{mem, ptr};
+
+use rustix::param::page_size;
+
+/// Mappings that are watched at a time; others raise bus errors as ever.
+const MOST: usize = 4096;
+
+/// First byte and end of each; 0 where there is none, a first byte of 1 where one comes or goes.
+static RANGES: [[AtomicUsize; 2]; MOST] = [const { [AtomicUsize::new(0), AtomicUsize::new(0)] }; MOST];
+
+/// What was done about bus errors before.
+static BEFORE: AtomicPtr<libc::sigaction> = AtomicPtr::new(ptr::null_mut());
+
+/// A mapping that is watched, until dropped: to be dropped before the mapping is.
+#[derive(Debug)]
+pub(crate) struct Watched(usize);
+
+impl Watched {
+    /// Watches a mapping of a file; `None` where there are too many, or the system refuses.
+    pub(crate) fn new(mapping: &[u8]) -> Option<Self> {
+        install()?;
+        let range = mapping.as_ptr_range();
+        let free = |[first, _]: &[AtomicUsize; 2]| {
+            first.compare_exchange(0, 1, Ordering::AcqRel, Ordering::Relaxed).is_ok()
+        };
+        let at = RANGES.iter().position(free)?;
+        RANGES[at][1].store(range.end.addr(), Ordering::Release);
+        RANGES[at][0].store(range.start.addr(), Ordering::Release);
+        Some(Self(at))
+    }
+}
+
+impl Drop for Watched {
+    fn drop(&mut self) {
+        RANGES[self.0][0].store(0, Ordering::Release);
+    }
+}
+
+fn is_watched(address: usize) -> bool {
+    RANGES.iter().any(|[first, end]| {
+        let first = first.load(Ordering::Acquire);
+        first > 1 && (first..end.load(Ordering::Acquire)).contains(&address)
+    })
+}
+
+/// Makes [`on_bus_error`] the first to be asked, as it may no longer be.
+fn install() -> Option<()> {
+    // SAFETY: an action of zeros is a valid value of that type in C; both pointers are to values that live through the
+    // calls. The handler calls nothing that may not be called in one.
+    unsafe {
+        let mut now: libc::sigaction = mem::zeroed();
+        if libc::sigaction(libc::SIGBUS, ptr::null(), &mut now) != 0 {
+            return None;
+        }
+        let ours = on_bus_error as extern "C" fn(i32, *mut libc::siginfo_t, *mut c_void);
+        if now.sa_sigaction == ours as libc::sighandler_t {
+            return Some(());
+        }
+        // Never freed: a handler may be about to read it.
+        BEFORE.store(Box::leak(Box::new(now)), Ordering::Release);
+        let mut action: libc::sigaction = mem::zeroed();
+        action.sa_sigaction = ours as libc::sighandler_t;
+        action.sa_flags = libc::SA_SIGINFO | libc::SA_ONSTACK | libc::SA_NODEFER;
+        (libc::sigaction(libc::SIGBUS, &action, ptr::null_mut()) == 0).then_some(())
+    }
+}
+
+/// Puts a page of zeros where a watched mapping has lost its file; otherwise what was done before is done.
+extern "C" fn on_bus_error(signal: i32, info: *mut libc::siginfo_t, _: *mut c_void) {
+    // SAFETY: the system calls this with a valid `info`. `mmap`, `sigaction`, `raise` and `errno` may be used in a handler.
+    // The page that is replaced belongs to a watched mapping, which is read-only and never taken for more than bytes of
+    // any value; it is unmapped with it.
+    unsafe {
+        let errno = libc::__errno_location();
+        let saved = *errno;
+        let (address, is_fault) = ((*info).si_addr().addr(), (*info).si_code > 0);
+        if is_fault && is_watched(address) {
+            let page = ptr::without_provenance_mut(address & !(page_size() - 1));
+            let how = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
+            let mapped = libc::mmap(page, page_size(), libc::PROT_READ, how, -1, 0);
+            if mapped != libc::MAP_FAILED {
+                *errno = saved;
+                return;
+            }
+        }
+        let before = BEFORE.load(Ordering::Acquire);
+        libc::sigaction(signal, before, ptr::null_mut());
+        // A fault comes again by itself when this returns.
+        if !is_fault {
+            libc::raise(signal);
+        }
+        *errno = saved;
+    }
+}
