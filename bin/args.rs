@@ -57,7 +57,7 @@ pub(crate) enum Command {
     /// Leave channels or fine levels out of a model
     #[command(after_help = examples::STRIP)]
     Strip(StripArgs),
-    /// Write a model as triangles, points or a mask, for other programs
+    /// Write a model as triangles, points or a mask, for other programs, or as a page for a browser
     #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
     /// Tell whether two models touch, and where
@@ -132,8 +132,8 @@ pub(crate) struct ExportArgs {
     /// The file to write; - for standard output
     #[arg(short, long, value_name = "FILE")]
     pub(crate) output: PathBuf,
-    /// What to write: triangles (stl, ply, obj, glb), points (a PLY of the skin), or a mask (nrrd, nii, nii.gz); by
-    /// default what the name says
+    /// What to write: triangles (stl, ply, obj, glb), points (a PLY of the skin), a mask (nrrd, nii, nii.gz), or
+    /// a page that shows the model in a browser (html); by default what the name says
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go

@@ -7,6 +7,7 @@ use std::path::PathBuf;
 
 use thiserror::Error as Sentence;
 
+use crate::budget::Bytes;
 use crate::builder::BuildError;
 use crate::clean::CleanError;
 use crate::exit::ExitKind;
@@ -14,6 +15,7 @@ use crate::export::ExportFault;
 use crate::facts::SourceError;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
+use crate::page;
 use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
@@ -68,6 +70,8 @@ pub enum UsageError {
     },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
     ReplacesInput { path: PathBuf, folder: bool },
+    #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid, or within a bound ({ERROR})", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
+    PageTooLarge { path: PathBuf, bytes: u64 },
     #[error("{}: is the model and would be replaced by a picture; name another file", shown(.path))]
     ReplacesModel { path: PathBuf },
     #[error("{}: two pictures would be written to it; name another file for one of them", shown(.path))]

@@ -136,6 +136,7 @@ pub mod jobs;
 pub mod load;
 mod mark;
 pub mod mesh;
+mod page;
 mod platform;
 pub mod progress;
 #[cfg(feature = "python")]

@@ -80,12 +80,23 @@ pub enum ExportForm {
     /// A mask, gzipped NIfTI-1.
     #[serde(rename = "nii.gz")]
     NiftiGz,
+    /// A page that shows the model in a browser, HTML.
+    Html,
 }
 
 impl ExportForm {
     /// All forms.
-    pub const ALL: [Self; 8] =
-        [Self::Stl, Self::Ply, Self::Obj, Self::Glb, Self::Points, Self::Nrrd, Self::Nifti, Self::NiftiGz];
+    pub const ALL: [Self; 9] = [
+        Self::Stl,
+        Self::Ply,
+        Self::Obj,
+        Self::Glb,
+        Self::Points,
+        Self::Nrrd,
+        Self::Nifti,
+        Self::NiftiGz,
+        Self::Html,
+    ];
 
     /// The form by a name's suffix.
     pub fn of(path: &Path) -> Option<Self> {
@@ -97,7 +108,7 @@ impl ExportForm {
 
     /// Does the file hold coordinates, of 32 bits?
     pub(crate) fn has_coordinates(self) -> bool {
-        !self.is_mask()
+        !self.is_mask() && self != Self::Html
     }
 
     /// Is it a volume of voxels that are inside or outside?
@@ -129,6 +140,7 @@ impl ExportForm {
             Self::Nrrd => "nrrd",
             Self::Nifti => "nii",
             Self::NiftiGz => "nii.gz",
+            Self::Html => "html",
         }
     }
 }
@@ -225,6 +237,8 @@ impl Exporter<'_> {
             ExportForm::Nrrd => return self.mask(out, MaskForm::Nrrd, progress),
             ExportForm::Nifti => return self.mask(out, MaskForm::Nifti, progress),
             ExportForm::NiftiGz => return self.mask(out, MaskForm::NiftiGz, progress),
+            // Not of what is inside, and made elsewhere.
+            ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
         };
         self.mesh(sink, progress)
     }

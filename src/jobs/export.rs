@@ -1,12 +1,13 @@
-//! `oct export`: a model as triangles, points or a mask, in files that other programs read.
+//! `oct export`: a model as triangles, points or a mask, in files that other programs read, or as a page.
 
-use std::io;
+use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_fine_model;
+use super::opened::{open_fine_model, open_model};
+use super::render::{RenderRequest, render_view_watched};
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
@@ -14,6 +15,7 @@ use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, verify};
+use crate::page;
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::{data, shown};
@@ -97,6 +99,9 @@ pub fn export(
     }
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
+    if request.form == ExportForm::Html {
+        return export_page(input, output, progress);
+    }
     let model = open_fine_model(input, "exported")?;
     if let (true, Some(seen_from)) = (request.needs_inside(), model.metadata().seen_from()) {
         let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
@@ -144,6 +149,53 @@ pub fn export(
         unknown_voxels: made.unknown,
         is_far,
         warnings: warnings(made.unknown, is_far),
+        bytes,
+        peak_rss_bytes: peak_rss_bytes(),
+        wall_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+/// Pixels along a side of the picture that a page shows where it cannot draw the model.
+const STILL: u32 = 720;
+
+/// Writes a page that shows the model in a browser.
+///
+/// # Errors
+/// As [`export`], and a model that is too large for one page.
+fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<ExportReport, Error> {
+    let start = Instant::now();
+    let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
+    let model = open_model(input)?;
+    let bytes = model.header().file_bytes;
+    if bytes > page::MAX_BYTES {
+        return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());
+    }
+    let (dims, affine) = (model.dims(), model.affine());
+    let still = RenderRequest { width: STILL, height: STILL, smooth_edges: true, ..RenderRequest::default() };
+    let (image, _) = render_view_watched(&model.view(), dims, &affine, &still, progress)?;
+    let mut picture = Vec::new();
+    image.write_png_to(&mut picture).map_err(unwritable)?;
+    let out = AtomicFile::create(output).map_err(unwritable)?;
+    let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
+    let space = GridSpace::new(dims, &affine)?;
+    progress.stage("page", 1);
+    page::write(&model, &space, &title, &picture, &mut BufWriter::new(out.file())).map_err(unwritable)?;
+    model.check_unchanged(input)?;
+    let bytes = out.file().metadata().map_err(unwritable)?.len();
+    if progress.stopped() {
+        return Err(Error::Stopped);
+    }
+    out.commit().map_err(unwritable)?;
+    Ok(ExportReport {
+        input: data(input),
+        output: data(output),
+        form: ExportForm::Html,
+        vertices: 0,
+        triangles: 0,
+        inside_voxels: 0,
+        unknown_voxels: 0,
+        is_far: false,
+        warnings: Vec::new(),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
@@ -230,6 +282,7 @@ impl ExportReport {
     /// For people.
     pub fn text(&self) -> String {
         let what = match self.form {
+            ExportForm::Html => "a page with the model".to_owned(),
             ExportForm::Points => format!("{} points", self.vertices),
             ExportForm::Nrrd | ExportForm::Nifti | ExportForm::NiftiGz => {
                 format!("{} voxels inside", self.inside_voxels)

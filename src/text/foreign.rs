@@ -115,6 +115,22 @@ fn escaped(text: String) -> String {
     escaped
 }
 
+/// Text from outside as text of an HTML page, or between the quotes of an attribute.
+pub(crate) fn html(text: &str) -> String {
+    let mut out = String::with_capacity(text.len());
+    for c in plain(text, false).chars() {
+        match c {
+            '&' => out.push_str("&amp;"),
+            '<' => out.push_str("&lt;"),
+            '>' => out.push_str("&gt;"),
+            '"' => out.push_str("&quot;"),
+            '\'' => out.push_str("&#39;"),
+            c => out.push(c),
+        }
+    }
+    out
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -144,5 +160,10 @@ mod tests {
         assert!(!text.contains(is_active), "{text:?}");
         assert_eq!(serde_json::from_str::<Value>(&text).unwrap(), data);
         assert_eq!(json(&value!([1, "x"])), value!([1, "x"]).to_string());
+    }
+
+    #[test]
+    fn texts_cannot_break_out_of_the_page() {
+        assert_eq!(html("<a b=\"c\" d='e'>&\n"), "&lt;a b=&quot;c&quot; d=&#39;e&#39;&gt;&amp;\u{fffd}");
     }
 }

@@ -12,6 +12,7 @@ pub(crate) mod names;
 mod number;
 mod system;
 
+pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, data, json, plain, shown};
 pub use names::{Name, spell};
 pub(crate) use number::{Short, WithError};

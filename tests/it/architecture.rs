@@ -36,18 +36,19 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "exit format geom load render text"),
     ("enclosed", "format geom load"),
+    ("page", "format geom load render text"),
     ("export", "enclosed format geom load progress render scratch text"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
-         format geom load mesh progress render scene scratch source synthetic text volume",
+         format geom load mesh page progress render scene scratch source synthetic text volume",
     ),
     (
         "python",
         "budget builder clean clean_and_build error exit export facts format geom jobs load mesh progress render \
          source text volume",
     ),
-    ("error", "builder clean exit export facts format load progress render scene text"),
+    ("error", "budget builder clean exit export facts format load page progress render scene text"),
 ];
 
 /// Calls that look for something in a message, or take it apart.
@@ -68,6 +69,7 @@ const UNSAFE_FILES: &[&str] = &[
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/platform/linux/resident.rs",
+    "src/platform/linux/torn.rs",
     "src/render/lanes_vbmi2.rs",
     "src/render/lanes_x86.rs",
 ];

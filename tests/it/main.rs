@@ -44,6 +44,7 @@ mod mesh_solids;
 mod normals;
 mod oracle;
 mod pack;
+mod page;
 mod picture_memory;
 mod prelude;
 mod privacy;

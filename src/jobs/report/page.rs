@@ -3,8 +3,9 @@
 use std::fmt::Write;
 
 use super::Report;
-use super::plot::{Point, Series, escaped, scatter, short, standalone};
+use super::plot::{Point, Series, scatter, short, standalone};
 use super::rows::{Costs, Experiment};
+use crate::text::html as escaped;
 
 const HEAD: &str = r#"<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">

@@ -2,6 +2,8 @@
 
 use std::fmt::Write;
 
+use crate::text::html;
+
 /// A point of a drawing.
 pub(super) struct Point {
     pub(super) x: f64,
@@ -111,11 +113,6 @@ fn tick(value: f64) -> String {
     format!("{}{unit}", if plain.is_empty() || plain == "-0" { "0" } else { plain })
 }
 
-/// Text for a page.
-pub(super) fn escaped(text: &str) -> String {
-    text.replace('&', "&amp;").replace('<', "&lt;").replace('>', "&gt;").replace('"', "&quot;")
-}
-
 /// The drawing, or nothing if fewer than two points have both coordinates.
 pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option<String> {
     let all = || series.iter().flat_map(|s| &s.points);
@@ -132,8 +129,8 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
         "<svg viewBox=\"0 0 {} {}\" role=\"img\" aria-label=\"{} against {}\">",
         SIZE[0],
         SIZE[1],
-        escaped(y_title),
-        escaped(x_title)
+        html(y_title),
+        html(x_title)
     );
     // Writing to a string cannot fail.
     for value in x_axis.ticks() {
@@ -162,9 +159,9 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
         "<rect class=\"frame\" x=\"{left}\" y=\"{top}\" width=\"{width}\" height=\"{height}\"/><text class=\"axis\" x=\"{:.1}\" y=\"{:.1}\" text-anchor=\"middle\">{}</text><text class=\"axis\" transform=\"translate(16 {:.1}) rotate(-90)\" text-anchor=\"middle\">{}</text>",
         left + width / 2.0,
         SIZE[1] - 10.0,
-        escaped(x_title),
+        html(x_title),
         top + height / 2.0,
-        escaped(y_title)
+        html(y_title)
     );
     // Where labels stand already: from, to, and how high.
     let mut taken: Vec<[f64; 3]> = Vec::new();
@@ -185,8 +182,8 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
             let _ = write!(
                 svg,
                 "<circle class=\"{kind} c{colour}\" cx=\"{px:.1}\" cy=\"{py:.1}\" r=\"{radius}\"><title>{}, {}: {} at {}</title></circle>",
-                escaped(&series.name),
-                escaped(&point.label),
+                html(&series.name),
+                html(&point.label),
                 short(point.y),
                 short(point.x)
             );
@@ -203,7 +200,7 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
                     svg,
                     "<text class=\"label\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",
                     py + 4.0,
-                    escaped(&point.label)
+                    html(&point.label)
                 );
             }
         }
@@ -262,7 +259,7 @@ pub(super) fn standalone(svg: &str, names: &[&str]) -> String {
             i % COLOURS,
             y - 4.0,
             x + 10.0,
-            escaped(name)
+            html(name)
         );
     }
     text.push_str("</svg>\n");

@@ -335,7 +335,7 @@ class Model:
         return self._handle.stored("color").reshape(-1, 3)
 
     def export(self, output: Path, form: str | None = None, *, simplify: int = 0) -> dict[str, Any]:
-        """Writes triangles, points or a mask to a file, as `oct export`: `form` by the name of the file, or as given."""
+        """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given."""
         return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, None))
 
     def verify(self) -> dict[str, Any]:

@@ -1,0 +1,177 @@
+//! A model as a page that any browser shows: one HTML file with the model in it, drawn by WebGL2, without a network.
+//!
+//! ```text
+//! sections --differences, deflate, base64--> script elements that no browser runs
+//!                                              | load.js, model.js
+//!                                 integer textures --trace.glsl--> pictures; picks in doubles
+//! ```
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `data` | the sections of a model, as they stand in the page |
+//! | `page.html`, `page.css` | what is seen before, beside and without scripts |
+//! | `load.js`, `model.js` | the model in the browser, and rays through it one at a time; run under node, too |
+//! | `trace.glsl`, `draw.js` | the same rays on the graphics processor, one a fragment |
+//! | `camera.js`, `ui.js` | cameras, the cut, the address; events, marks, keys |
+//!
+//! The page may run its own script and nothing else (CSP level 2 by a hash), and may not load anything.
+
+mod data;
+
+use std::io::{self, Write};
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use serde::Serialize;
+use sha2::{Digest, Sha256};
+
+use crate::format::{Channel, SectionKind};
+use crate::geom::{Affine, Dims};
+use crate::load::{Model, NodeView};
+use crate::render::GridSpace;
+use crate::text::html;
+
+use data::Section;
+
+/// Bytes of sections, as they lie in the file, that a page holds at most: pages of 315 MB opened, in 11 s.
+pub(crate) const MAX_BYTES: u64 = 400 << 20;
+
+const PAGE: &str = include_str!("page.html");
+const STYLE: &str = include_str!("page.css");
+const TRACE: &str = include_str!("trace.glsl");
+/// In the order in which they need each other.
+const SCRIPTS: [&str; 5] = [
+    include_str!("model.js"),
+    include_str!("load.js"),
+    include_str!("camera.js"),
+    include_str!("draw.js"),
+    include_str!("ui.js"),
+];
+
+/// What the page's scripts are told of a model, as JSON.
+#[derive(Serialize)]
+struct Head {
+    depth: u32,
+    /// Boxes along x, y, z.
+    dims: [u32; 3],
+    nodes: u64,
+    voxels: u64,
+    leaves: u64,
+    cells: bool,
+    /// Index of a box, with its middle at whole numbers, to LPS mm.
+    affine: [[f64; 4]; 3],
+    /// Least and greatest corner of the surface in LPS mm.
+    box_mm: [[f64; 3]; 2],
+    /// Bytes of a value; physical value = `value_scale[0]` x stored + `value_scale[1]`.
+    value_bytes: u8,
+    value_scale: [f64; 2],
+    /// Are the axes a patient's?
+    patient: bool,
+    sections: Vec<Section>,
+}
+
+/// Writes the page of a model; `picture` is a PNG of it, which is seen where scripts or WebGL2 are missing, and in print.
+///
+/// Memory: some 200 KiB. Cost: `deflate` of all sections but those that are rebuilt, some 30 ns a byte.
+///
+/// # Errors
+/// Those of `out`.
+pub(crate) fn write<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    space: &GridSpace,
+    title: &str,
+    picture: &[u8],
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let script = script();
+    let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
+    let style = slim(STYLE);
+    let policy = format!(
+        "default-src 'none'; script-src {}; style-src {}; img-src blob: data:; base-uri 'none'; form-action 'none'",
+        hash(&script),
+        hash(&style)
+    );
+    for part in PAGE.split("{{") {
+        let (name, text) = part.split_once("}}").unwrap_or(("", part));
+        match name {
+            "POLICY" => out.write_all(policy.as_bytes())?,
+            "TITLE" => out.write_all(html(title).as_bytes())?,
+            "STYLE" => out.write_all(style.as_bytes())?,
+            "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
+            "DATA" => write_data(model, space, out)?,
+            "SCRIPT" => out.write_all(script.as_bytes())?,
+            _ => {}
+        }
+        out.write_all(text.as_bytes())?;
+    }
+    out.flush()
+}
+
+fn write_data<D: AsRef<[u8]>>(model: &Model<D>, space: &GridSpace, out: &mut dyn Write) -> io::Result<()> {
+    let sections = data::write(model, out)?;
+    let (header, meta, view) = (model.header(), model.metadata(), model.view());
+    let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
+    let entry = |kind| model.frame().section(kind);
+    let reach = |axis: usize, sign: f64| {
+        let mut direction = [0.0; 3];
+        direction[axis] = sign;
+        sign * space.support(&view, direction)
+    };
+    let head = Head {
+        depth: view.depth(),
+        dims: dims.to_array(),
+        nodes: header.nodes,
+        voxels: header.voxels,
+        leaves: entry(SectionKind::LeafNormals).map_or(0, |entry| entry.items),
+        cells: view.cells().is_some(),
+        affine: affine.rows,
+        box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
+        value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
+        value_scale: meta.value_scale,
+        patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
+        sections,
+    };
+    // Numbers and names of sections: nothing that could end the element.
+    let head = serde_json::to_string(&head).map_err(io::Error::other)?;
+    write!(out, "<script type=\"application/json\" id=\"head\">{head}</script>")
+}
+
+fn script() -> String {
+    let [model, load, camera, draw, ui] = SCRIPTS.map(slim);
+    let trace = serde_json::Value::from(slim(TRACE));
+    // One strict scope; a shader is a string of it.
+    format!("'use strict';\n{model}{load}{camera}{draw}const SHADER = {trace};\n{ui}")
+}
+
+/// A text without indentation, empty lines and lines of comments.
+fn slim(text: &str) -> String {
+    let mut slim = String::with_capacity(text.len());
+    let mut comment = false;
+    for line in text.lines().map(str::trim) {
+        comment |= line.starts_with("/*");
+        if !(comment || line.is_empty() || line.starts_with("//") || line == "'use strict';") {
+            slim.push_str(line);
+            slim.push('\n');
+        }
+        comment &= !line.ends_with("*/");
+    }
+    slim
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn scripts_are_short_and_cannot_end_their_element() {
+        let script = script();
+        assert!(script.len() < 60 << 10, "{}", script.len());
+        assert!(!script.contains("</script") && !script.contains("<!--"));
+        assert!(!script.contains("innerHTML") && !script.contains("eval("));
+    }
+
+    #[test]
+    fn comments_are_left_out() {
+        assert_eq!(slim("  a\n\n// b\n  /** c\n d */\ne /* f */\n"), "a\ne /* f */\n");
+    }
+}

@@ -1,0 +1,372 @@
+'use strict';
+/* global Model, Drawing, View, VIEWS, CUTS, decoded, sections, dot, cross, added, scaled, SHADER */
+// The page: events in, pictures out.
+
+const $ = id => document.getElementById(id);
+const main = document.querySelector('main'), canvas = $('canvas');
+const page = {model: null, view: null, drawing: null, points: [], scale: 2, fine: null, moving: 0, error: null};
+
+function say(text, failed = false) {
+    $('said').textContent = text;
+    main.classList.toggle('failed', failed);
+    if (failed) page.error = text;
+}
+
+/** Millimetres as a person reads them. */
+function length(mm) {
+    const [value, name] = mm >= 1000 ? [mm / 1000, 'm'] : mm >= 0.1 || mm === 0 ? [mm, 'mm'] : [mm * 1000, 'µm'];
+    return `${+value.toPrecision(4)} ${name}`;
+}
+
+const aspect = () => canvas.width / canvas.height;
+
+/** A point of the picture in pixels of the page, of a point in mm. */
+function onPage(at) {
+    const view = page.view, from = added(at, view.target, -1);
+    const depth = view.perspective ? 1 + dot(from, view.forward) / view.distance() : 1;
+    if (!(depth > 0)) return null;
+    const [x, y] = [dot(from, view.right()), dot(from, view.up)].map(c => c / view.half / depth);
+    return [(x / aspect() + 1) / 2 * canvas.clientWidth, (1 - y) / 2 * canvas.clientHeight];
+}
+
+function svg(name, attributes, text) {
+    const made = document.createElementNS('http://www.w3.org/2000/svg', name);
+    for (const [key, value] of Object.entries(attributes)) made.setAttribute(key, value);
+    if (text !== undefined) made.textContent = text;
+    return made;
+}
+
+/** Lines and numbers of what was measured. */
+function drawMarks() {
+    const marks = $('marks'), places = page.points.map(point => onPage(point.at));
+    marks.replaceChildren();
+    for (let i = 1; i < places.length; i++) {
+        if (places[i - 1] && places[i]) {
+            const [[x1, y1], [x2, y2]] = [places[i - 1], places[i]];
+            marks.append(svg('line', {x1, y1, x2, y2}));
+        }
+    }
+    places.filter(Boolean).forEach(([cx, cy]) => marks.append(svg('circle', {cx, cy, r: 4.5})));
+    const text = measured(), last = places.at(-1);
+    if (text && last) marks.append(svg('text', {x: last[0] + 9, y: last[1] - 9}, text));
+    $('clear').hidden = page.points.length === 0;
+}
+
+/** What the points measure, `null` while there are too few. */
+function measured() {
+    const [a, b, c] = page.points.map(point => point.at);
+    if ($('tool').value === 'distance' && b) return length(Math.hypot(...added(b, a, -1)));
+    if ($('tool').value === 'angle' && c) {
+        const [p, q] = [added(a, b, -1), added(c, b, -1)];
+        return `${(Math.atan2(Math.hypot(...cross(p, q)), dot(p, q)) * 180 / Math.PI).toFixed(1)}°`;
+    }
+    return null;
+}
+
+function drawScale() {
+    // Half the picture's height in pixels is view.half in mm, in perspective where it looks at.
+    const mm = 2 * page.view.half / canvas.clientHeight, most = mm * Math.min(160, canvas.clientWidth / 3);
+    const power = 10 ** Math.floor(Math.log10(most)), step = [5, 2, 1].find(k => k * power <= most) * power;
+    $('scale').style.width = `${step / mm}px`;
+    $('scale').firstElementChild.textContent = length(step);
+}
+
+function drawCube() {
+    const view = page.view, axes = [view.right(), view.up, view.forward];
+    const names = page.model.head.patient ? ['R', 'L', 'A', 'P', 'I', 'S'] : ['−x', 'x', '−y', 'y', '−z', 'z'];
+    const drawing = svg('svg', {viewBox: '-50 -50 100 100'});
+    for (let a = 0; a < 3; a++) {
+        for (const sign of [-1, 1]) {
+            const n = [0, 0, 0];
+            n[a] = sign;
+            if (dot(n, view.forward) >= -0.02) continue;
+            const [p, q] = [(a + 1) % 3, (a + 2) % 3].map(b => [0, 1, 2].map(i => i === b ? 1 : 0));
+            const at = v => [dot(v, axes[0]) * 27, -dot(v, axes[1]) * 27];
+            const corners = [[-1, -1], [1, -1], [1, 1], [-1, 1]].map(([i, j]) => at(added(added(n, p, i), q, j)).join(','));
+            drawing.append(svg('polygon', {points: corners.join(' ')}));
+            const [x, y] = at(n);
+            if (dot(n, view.forward) < -0.3) drawing.append(svg('text', {x, y}, names[2 * a + (sign > 0)]));
+        }
+    }
+    $('cube').replaceChildren(drawing);
+}
+
+/** Fits the canvas to the page; true where its size changed. */
+function fit() {
+    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const [w, h] = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side * ratio)));
+    if (canvas.width === w && canvas.height === h) return false;
+    [canvas.width, canvas.height] = [w, h];
+    return true;
+}
+
+let asked = 0, written = 0;
+
+/** A picture of what is seen now: coarse at once, fine when nothing moves. */
+function redraw() {
+    page.fine = null;
+    if (!asked && page.drawing) asked = requestAnimationFrame(frame);
+}
+
+function frame() {
+    asked = 0;
+    if (!page.drawing) return;
+    fit();
+    const began = performance.now();
+    page.drawing.quick(page.view, page.scale);
+    const took = performance.now() - began;
+    // Some 25 pictures a second: as many pixels as that allows.
+    page.scale = Math.min(8, Math.max(1, page.scale * Math.sqrt(Math.min(4, Math.max(.25, took / 40)))));
+    drawMarks();
+    drawScale();
+    drawCube();
+    clearTimeout(page.moving);
+    page.moving = setTimeout(refine, 160);
+}
+
+/** The fine picture, tile by tile, until something changes. */
+function refine() {
+    if (!page.drawing) return;
+    const mine = page.fine = page.drawing.fine(page.view, 8);
+    const step = () => {
+        if (page.fine !== mine) return;
+        const until = performance.now() + 30;
+        do {
+            if (mine.next().done) {
+                page.fine = null;
+                main.dataset.drawn = 'fine';
+                return;
+            }
+        } while (performance.now() < until);
+        setTimeout(step);
+    };
+    delete main.dataset.drawn;
+    step();
+    clearTimeout(written);
+    written = setTimeout(() => history.replaceState(null, '', `#${page.view}`), 100);
+}
+
+/** Puts the view's state into the tools. */
+function showState(named = '') {
+    const view = page.view;
+    $('named').value = named;
+    $('projection').value = view.perspective ? 'perspective' : 'parallel';
+    $('cut').value = view.cut;
+    $('place').value = view.cutAt;
+    $('place').hidden = $('flip').hidden = view.cut === 'none';
+    $('dark').setAttribute('aria-pressed', view.dark);
+    $('colors').setAttribute('aria-pressed', view.colors);
+    main.classList.toggle('dark', view.dark);
+    main.classList.toggle('picks', $('tool').value !== 'pick');
+}
+
+function changed(named) {
+    showState(named);
+    redraw();
+}
+
+/** Where an event is in the picture: x and y from -1 to 1 up, x times the aspect for the zoom. */
+function place(x, y) {
+    const box = canvas.getBoundingClientRect();
+    return [2 * (x - box.left) / box.width - 1, 1 - 2 * (y - box.top) / box.height];
+}
+
+function pick(x, y) {
+    const hit = page.view.pick(page.model, x, y, aspect());
+    if (!hit) {
+        say('Nothing is there.');
+        return;
+    }
+    const tool = $('tool').value, most = {pick: 1, distance: 2, angle: 3}[tool];
+    if (page.points.length >= most) page.points = [];
+    page.points.push(hit);
+    const digits = Math.max(0, 2 - Math.floor(Math.log10(page.model.spacing)));
+    const parts = [`x ${hit.at[0].toFixed(digits)}, y ${hit.at[1].toFixed(digits)}, z ${hit.at[2].toFixed(digits)} mm`];
+    const {VALU, MATL} = page.model.sections, {head} = page.model;
+    if (hit.voxel >= 0 && VALU) {
+        const raw = head.value_bytes === 2 ? VALU[2 * hit.voxel] | VALU[2 * hit.voxel + 1] << 8 : VALU[hit.voxel];
+        parts.push(`value ${+(head.value_scale[0] * raw + head.value_scale[1]).toPrecision(6)}`);
+    }
+    if (hit.voxel >= 0 && MATL) parts.push(`part ${MATL[hit.voxel]}`);
+    const found = measured();
+    say(tool === 'pick' || page.points.length === 1 ? parts.join(', ') : found ? `${tool} ${found}` : `${parts.join(', ')}; one more point`);
+    drawMarks();
+}
+
+function clearPoints() {
+    page.points = [];
+    say('');
+    drawMarks();
+}
+
+function savePicture() {
+    for (const _ of page.drawing.fine(page.view, 8));
+    canvas.toBlob(blob => {
+        const link = document.createElement('a');
+        link.href = URL.createObjectURL(blob);
+        link.download = `${document.title}.png`;
+        link.click();
+        setTimeout(() => URL.revokeObjectURL(link.href), 1000);
+    });
+}
+
+function pointers() {
+    const down = new Map();
+    let moved = 0, last = null;
+    const middle = () => {
+        const all = [...down.values()];
+        return [0, 1].map(a => all.reduce((sum, p) => sum + p[a], 0) / all.length);
+    };
+    const spread = () => {
+        const [a, b] = [...down.values()];
+        return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
+    };
+    canvas.addEventListener('pointerdown', event => {
+        canvas.focus({preventScroll: true});
+        try {
+            canvas.setPointerCapture(event.pointerId);
+        } catch { /* a pointer of a test */ }
+        if (down.size === 0) moved = 0;
+        down.set(event.pointerId, [event.clientX, event.clientY]);
+        if (down.size > 1) moved = 99;
+        last = [middle(), spread()];
+    });
+    canvas.addEventListener('pointermove', event => {
+        if (!down.has(event.pointerId)) return;
+        down.set(event.pointerId, [event.clientX, event.clientY]);
+        const [[x, y], apart] = [middle(), spread()], [dx, dy] = [x - last[0][0], y - last[0][1]];
+        moved += Math.abs(dx) + Math.abs(dy);
+        const unit = 2 / canvas.clientHeight;
+        if (down.size > 1 || event.buttons & 6 || event.shiftKey) page.view.pan(dx * unit, -dy * unit);
+        else if (moved > 4) page.view.orbit(-dx * unit * 1.6, -dy * unit * 1.6);
+        if (down.size > 1 && last[1] > 0 && apart > 0) {
+            const [px, py] = place(x, y);
+            page.view.zoom(last[1] / apart, px * aspect(), py);
+        }
+        last = [[x, y], apart];
+        if (moved > 4) changed();
+    });
+    const up = event => {
+        if (!down.delete(event.pointerId)) return;
+        if (down.size === 0 && moved <= 4 && event.type === 'pointerup' && event.button === 0) pick(...place(event.clientX, event.clientY));
+        if (down.size > 0) last = [middle(), spread()];
+    };
+    canvas.addEventListener('pointerup', up);
+    canvas.addEventListener('pointercancel', up);
+    canvas.addEventListener('contextmenu', event => event.preventDefault());
+    canvas.addEventListener('wheel', event => {
+        event.preventDefault();
+        const [x, y] = place(event.clientX, event.clientY);
+        const lines = event.deltaMode === 1 ? 16 : event.deltaMode === 2 ? 400 : 1;
+        page.view.zoom(Math.exp(Math.max(-300, Math.min(300, event.deltaY * lines)) * .0015), x * aspect(), y);
+        changed($('named').value);
+    }, {passive: false});
+}
+
+function keys(event) {
+    if (event.ctrlKey || event.metaKey || event.altKey || event.target.matches('select, input')) return;
+    const view = page.view, step = Math.PI / 24, named = Object.keys(VIEWS)[event.key - 1];
+    const arrows = {ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1]}[event.key];
+    const plain = {
+        '+': () => view.zoom(.85), '=': () => view.zoom(.85), '-': () => view.zoom(1 / .85),
+        p: () => { view.perspective = !view.perspective; },
+        c: () => { view.cut = CUTS[(CUTS.indexOf(view.cut) + 1) % CUTS.length]; },
+        '[': () => { view.cutAt = Math.max(0, view.cutAt - .02); }, ']': () => { view.cutAt = Math.min(1, view.cutAt + .02); },
+        f: () => { view.flipped = !view.flipped; },
+        b: () => { view.dark = !view.dark; },
+        m: () => {
+            const tool = $('tool');
+            tool.selectedIndex = (tool.selectedIndex + 1) % tool.options.length;
+            clearPoints();
+        },
+        0: () => { Object.assign(view, new View(page.model)); view.named('front', aspect()); },
+    }[event.key];
+    if (event.key === '?') $('help').click();
+    else if (event.key === 's') savePicture();
+    else if (event.key === 'Escape') clearPoints();
+    else if (event.key === 'Enter' && event.target === canvas) pick(0, 0);
+    else if (named) {
+        view.named(named, aspect());
+        changed(named);
+    } else if (arrows && event.shiftKey) {
+        view.pan(arrows[0] * .1, arrows[1] * .1);
+        changed();
+    } else if (arrows) {
+        view.orbit(-arrows[0] * step, arrows[1] * step);
+        changed();
+    } else if (plain) {
+        plain();
+        changed($('named').value);
+    } else return;
+    event.preventDefault();
+}
+
+function tools() {
+    const view = page.view, on = (id, what, does) => $(id).addEventListener(what, () => { does($(id).value); changed($('named').value); });
+    on('named', 'change', name => { if (name) view.named(name, aspect()); });
+    on('projection', 'change', value => { view.perspective = value === 'perspective'; });
+    on('cut', 'change', value => { view.cut = value; });
+    on('place', 'input', value => { view.cutAt = +value; });
+    on('flip', 'click', () => { view.flipped = !view.flipped; });
+    on('tool', 'change', clearPoints);
+    on('clear', 'click', clearPoints);
+    on('dark', 'click', () => { view.dark = !view.dark; });
+    on('colors', 'click', () => { view.colors = !view.colors; });
+    $('save').addEventListener('click', savePicture);
+    $('help').addEventListener('click', () => {
+        $('keys').hidden = !$('keys').hidden;
+        $('help').setAttribute('aria-expanded', !$('keys').hidden);
+    });
+    $('tools').addEventListener('submit', event => event.preventDefault());
+    $('colors').hidden = !page.model.sections.COLR;
+    window.addEventListener('keydown', keys);
+    window.addEventListener('resize', redraw);
+    window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
+    canvas.addEventListener('webglcontextlost', event => {
+        event.preventDefault();
+        page.drawing = page.fine = null;
+        main.classList.remove('live');
+        say('The graphics were lost for a moment; this is a picture.');
+    });
+    canvas.addEventListener('webglcontextrestored', begin);
+}
+
+/** Puts the model into the graphics and shows it. */
+function begin() {
+    const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+    if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
+    page.drawing = new Drawing(gl, page.model, SHADER);
+    main.classList.add('live');
+    fit();
+    say('');
+    redraw();
+}
+
+async function open() {
+    const began = performance.now();
+    try {
+        const head = JSON.parse($('head').textContent);
+        const chunks = [...document.querySelectorAll('[data-part]')].map(part => {
+            const bytes = decoded(part.textContent);
+            part.remove();
+            return bytes;
+        });
+        page.model = new Model(head, await sections(head, chunks));
+        page.model.spacing = Math.min(...[0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a]))));
+        page.opened = performance.now() - began;
+        page.view = new View(page.model);
+        fit();
+        page.view.named('front', aspect());
+        if (location.hash.length > 1) page.view.read(location.hash.slice(1));
+        pointers();
+        tools();
+        showState(location.hash.length > 1 ? '' : 'front');
+        begin();
+    } catch (error) {
+        main.classList.remove('live');
+        say(error instanceof Error ? error.message : 'The model cannot be shown.', true);
+    }
+    main.dataset.opened = page.error ? 'failed' : 'whole';
+}
+
+open();

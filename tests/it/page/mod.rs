@@ -1,0 +1,282 @@
+//! A model in a page: a browser draws what the library's own rays meet, its user can turn, cut and measure, and nothing
+//! that is damaged stops it. If this fails, a page shows another surface than the model's, or none.
+//!
+//! The browser is chromium, with software for graphics; without one these tests say that they are skipped, unless
+//! `INFOBYTE_BROWSER` names one (or says `required`).
+
+use crate::prelude::*;
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use infobyte::render::{Projection, ViewPoint};
+use sha2::{Digest, Sha256};
+use std::process::Command;
+
+/// Pixels along a side of the pictures that are compared.
+const SIDE: u32 = 256;
+
+/// Pixels of a picture that may differ, as 30 of 512 x 512: a browser's numbers have 24 bits, ours are exact.
+const MAX_OTHER: usize = 8;
+
+fn browser() -> Option<PathBuf> {
+    let named = std::env::var_os("INFOBYTE_BROWSER").filter(|name| !name.is_empty() && name != "required");
+    let names = ["chromium", "chromium-browser", "google-chrome", "chrome"].map(PathBuf::from);
+    let works =
+        |name: &PathBuf| Command::new(name).arg("--version").output().is_ok_and(|run| run.status.success());
+    let found = named.into_iter().map(PathBuf::from).chain(names).find(works);
+    if found.is_none() {
+        assert!(std::env::var_os("INFOBYTE_BROWSER").is_none(), "no browser, where one is required");
+        println!("skipped: no chromium is installed");
+    }
+    found
+}
+
+/// A camera of the page: half the picture's height in mm at what it looks at.
+struct Look {
+    forward: [f64; 3],
+    up: [f64; 3],
+    target: [f64; 3],
+    half: f64,
+    perspective: bool,
+}
+
+/// Angle of the page's perspective pictures.
+const FOV_DEG: f64 = 30.0;
+
+impl Look {
+    fn json(&self) -> Value {
+        let Self { forward, up, target, half, perspective } = self;
+        serde_json::json!({ "forward": forward, "up": up, "target": target, "half": half, "perspective": perspective })
+    }
+
+    fn camera(&self) -> Camera {
+        let distance = self.half / (FOV_DEG / 2.0).to_radians().tan();
+        let forward = unit(self.forward);
+        let eye = std::array::from_fn(|a| self.target[a] - distance * forward[a]);
+        let point = ViewPoint::Free { eye, look_at: self.target, up: Some(self.up) };
+        let projection = if self.perspective { Projection::Perspective } else { Projection::Parallel };
+        Camera::new(point, projection, FOV_DEG, 1.0, |_| 0.0).unwrap()
+    }
+}
+
+/// Cameras around a model, some of them near.
+fn looks(model: &Model) -> Vec<Look> {
+    let space = GridSpace::new(model.dims(), &model.affine()).unwrap();
+    let view = model.view();
+    let ends = |a: usize| {
+        let along = |sign: f64| {
+            let mut direction = [0.0; 3];
+            direction[a] = sign;
+            sign * space.support(&view, direction)
+        };
+        [along(-1.0), along(1.0)]
+    };
+    let ends = [0, 1, 2].map(ends);
+    let middle = ends.map(|[low, high]| 0.5 * (low + high));
+    let reach = ends.map(|[low, high]| (0.5 * (high - low)).powi(2)).iter().sum::<f64>().sqrt();
+    let head = [0.0, 0.0, 1.0];
+    let look = |forward, up, part: f64, perspective| Look {
+        forward,
+        up,
+        target: middle,
+        half: reach * part,
+        perspective,
+    };
+    vec![
+        look([0.0, 1.0, 0.0], head, 0.9, false),
+        look([-0.55, 0.75, -0.38], head, 0.8, true),
+        look([0.3, -0.2, -0.9], [0.0, 1.0, 0.0], 0.4, false),
+        look([1.0, 0.0, 0.0], head, 0.15, true),
+    ]
+}
+
+/// Opens a page of a model in the browser, with the script of the tests behind its own; what that says.
+fn shown(browser: &Path, page: &Path, looks: &[Look], what: &str) -> Value {
+    let html = fs::read_to_string(page).unwrap();
+    let (head, rest) = html.split_once("<meta http-equiv=\"Content-Security-Policy\" content=\"").unwrap();
+    let (_, rest) = rest.split_once("\">").unwrap();
+    let cameras = serde_json::json!(looks.iter().map(Look::json).collect::<Vec<_>>());
+    let test = include_str!("selftest.js");
+    let body = rest.replace(
+        "</body>",
+        &format!("<script>const CAMERAS = {cameras}, SIDE = {SIDE}, WHAT = {what:?};</script>\n<script>{test}</script></body>"),
+    );
+    let tested = page.with_extension("test.html");
+    fs::write(&tested, format!("{head}{body}")).unwrap();
+    let profile = tempfile::tempdir().unwrap();
+    let run = Command::new(browser)
+        .args([
+            "--headless=new",
+            "--no-sandbox",
+            "--disable-gpu-sandbox",
+            "--use-gl=angle",
+            "--use-angle=swiftshader",
+        ])
+        .args([
+            "--enable-unsafe-swiftshader",
+            "--virtual-time-budget=120000",
+            "--window-size=900,700",
+            "--dump-dom",
+        ])
+        .arg(format!("--user-data-dir={}", profile.path().display()))
+        .arg(format!("file://{}", tested.canonicalize().unwrap().display()))
+        .output()
+        .unwrap();
+    let dom = String::from_utf8_lossy(&run.stdout);
+    let said = dom.split_once("<pre id=\"result\">").and_then(|(_, rest)| Some(rest.split_once("</pre>")?.0));
+    let said =
+        said.unwrap_or_else(|| panic!("the page says nothing: {}", String::from_utf8_lossy(&run.stderr)));
+    let said = said.replace("&quot;", "\"").replace("&lt;", "<").replace("&gt;", ">").replace("&amp;", "&");
+    serde_json::from_str(&said).unwrap()
+}
+
+/// Words of base64, as the page writes them.
+fn words_of(text: &str) -> Vec<u32> {
+    let bytes = STANDARD.decode(text).unwrap();
+    bytes.as_chunks().0.iter().map(|word| u32::from_le_bytes(*word)).collect()
+}
+
+/// Compares the page's pictures with rays of the library; gives the pixels that are hit.
+fn compare(name: &str, model: &Model, looks: &[Look], said: &Value) -> usize {
+    let (view, space) = (model.view(), GridSpace::new(model.dims(), &model.affine()).unwrap());
+    let cells = view.cells().map(Cells::new);
+    let mut all = 0;
+    for (number, (look, picture)) in looks.iter().zip(said["pictures"].as_array().unwrap()).enumerate() {
+        let camera = look.camera();
+        let found = words_of(picture["found"].as_str().unwrap());
+        let (mut hits, mut other, mut far) = (0, 0, 0);
+        for (pixel, got) in found.chunks_exact(4).enumerate() {
+            let at = [pixel as u32 % SIDE, pixel as u32 / SIDE]
+                .map(|c| 2.0 * (f64::from(c) + 0.5) / f64::from(SIDE) - 1.0);
+            let (origin, direction) = camera.ray(at[0], -at[1]);
+            let ray = space.ray(origin, direction).unwrap();
+            let hit = ray.and_then(|ray| match &cells {
+                Some(cells) => single::trace(Form::Portable, &view, cells, &ray, 0).hit,
+                None => single::trace(Form::Portable, &view, &Skin, &ray, 0).hit,
+            });
+            let want = hit.map_or(0, |hit| u32::try_from(hit.box_number).unwrap() + 1);
+            hits += usize::from(hit.is_some());
+            other += usize::from(want != got[0]);
+            let Some(hit) = hit.filter(|_| want == got[0]) else { continue };
+            let code = hit.voxel(&view).and_then(|voxel| view.voxel_normal(voxel));
+            let has_corners = cells.is_some()
+                && !matches!(
+                    hit.voxel(&view).map(|v| view.cells().unwrap().shape(v.get())),
+                    Some(infobyte::load::CellShape::Plane(_))
+                );
+            if let Some(code) = code.filter(|_| !has_corners) {
+                let n = normal::decode_l1(code).map(f64::from);
+                let affine = model.affine();
+                let spacing = if cells.is_some() { [1.0; 3] } else { affine.spacing_mm() };
+                let inverse = affine.inverse().unwrap();
+                let world: [f64; 3] =
+                    std::array::from_fn(|i| (0..3).map(|a| inverse.rows[a][i] * spacing[a] * n[a]).sum());
+                let forward = unit(look.forward);
+                let right = unit(cross(forward, look.up));
+                let axes = [right, cross(right, forward), forward.map(|c| -c)];
+                let got = [0, 8, 16].map(|shift| f64::from((got[3] >> shift) as u8 as i8));
+                let cosine = dot(unit(got), axes.map(|axis| dot(axis, unit(world))));
+                far += usize::from(cosine < 0.999);
+            }
+        }
+        println!("{name}, camera {number}: {hits} hits, {other} other boxes, {far} other normals");
+        assert!(other <= MAX_OTHER && far == 0, "{name}, camera {number}: {other} of {hits}, {far} normals");
+        assert_eq!(picture["picks"], 0, "{name}, camera {number}");
+        all += hits;
+    }
+    all
+}
+
+/// A model, and its page.
+fn paged(folder: &Path, name: &str, arguments: &[&str]) -> (Model, PathBuf) {
+    let (model, page) = (folder.join(format!("{name}.oct")), folder.join(format!("{name}.html")));
+    let built = oct(&[&["build", "-o", &text(&model)], arguments].concat());
+    assert_eq!(built.code, 0, "{}", built.stderr);
+    let run = oct(&["export", &text(&model), "-o", &text(&page), "--json"]);
+    assert_eq!(run.code, 0, "{}", run.stderr);
+    assert_eq!(
+        (&run.json()["form"], run.json()["bytes"].as_u64()),
+        (&"html".into(), Some(fs::metadata(&page).unwrap().len()))
+    );
+    (Model::open(&model).unwrap(), page)
+}
+
+#[test]
+fn a_browser_meets_what_the_librarys_rays_meet() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    // A single voxel; values in a plane of one slice; a volume 300 times as long as it is thick.
+    fs::write(at("one.raw"), [200_u8]).unwrap();
+    fs::write(
+        at("flat.raw"),
+        (0..40 * 30_u32).map(|i| if (i % 40) * (i / 40) % 7 > 2 { 200 } else { 0 }).collect::<Vec<u8>>(),
+    )
+    .unwrap();
+    fs::write(
+        at("long.raw"),
+        (0..4096 * 3 * 2_u32).map(|i| if i % 97 < 60 { 200 } else { 0 }).collect::<Vec<u8>>(),
+    )
+    .unwrap();
+    let (one, flat, long) = (at("one.raw"), at("flat.raw"), at("long.raw"));
+    let cases: [(&str, &[&str]); 8] = [
+        ("skin", &["synthetic:head@96", "--surface", "skin"]),
+        ("cells", &["synthetic:head@96", "--surface", "cells"]),
+        ("leaves", &["synthetic:head@96", "--surface", "cells", "--error", "0.2"]),
+        ("corners", &["synthetic:sphere@40?noise=0.4", "--surface", "cells"]),
+        ("slices", &["synthetic:torus@48?spacing=1x1x6,slab=1", "--surface", "cells"]),
+        ("one", &[&one, "--dims", "1x1x1", "--type", "u8", "--iso", "100", "--surface", "skin"]),
+        ("flat", &[&flat, "--dims", "40x30x1", "--type", "u8", "--iso", "100", "--surface", "skin"]),
+        ("long", &[&long, "--dims", "4096x3x2", "--type", "u8", "--iso", "100", "--surface", "cells"]),
+    ];
+    for (name, arguments) in cases {
+        let (model, page) = paged(folder.path(), name, arguments);
+        let looks = looks(&model);
+        let said = shown(&browser, &page, &looks, "pictures");
+        assert!(said["error"].is_null() && said["threw"].is_null(), "{name}: {said}");
+        let hits = compare(name, &model, &looks, &said);
+        assert!(hits > 1000, "{name}: {hits}");
+    }
+}
+
+#[test]
+fn a_page_is_turned_cut_measured_and_survives_what_it_is_given() {
+    let Some(browser) = browser() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (_, page) = paged(folder.path(), "m", &["synthetic:head@48", "--surface", "cells"]);
+    let said = shown(&browser, &page, &[], "events");
+    let events = said["events"].as_object().unwrap_or_else(|| panic!("{said}"));
+    for (name, happened) in events.iter().filter(|(_, happened)| happened.is_boolean()) {
+        assert_eq!(happened, true, "{name}: {said}");
+    }
+    assert!(events["picked"].as_str().unwrap().starts_with("x "), "{said}");
+    assert!(events["distance"].as_str().unwrap().starts_with("distance "), "{said}");
+    assert_eq!(
+        (&events["marks"], &events["tool"], &events["unnamed"]),
+        (&2.into(), &"pick".into(), &0.into())
+    );
+    let count = |key: &str| said["damaged"][key].as_u64().unwrap();
+    assert!(count("refused") > 50 && count("opened") > 50 && count("met") > 100, "{}", said["damaged"]);
+}
+
+/// What the page may do is said in it: its own script by its hash, and nothing from anywhere.
+#[test]
+fn a_page_may_run_its_own_script_and_load_nothing() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, page) = paged(folder.path(), "<a> & b", &["synthetic:sphere@16", "--surface", "skin"]);
+    let html = fs::read_to_string(page).unwrap();
+    let between =
+        |start: &str, end: &str| html.split_once(start).unwrap().1.split_once(end).unwrap().0.to_owned();
+    let policy = between("Content-Security-Policy\" content=\"", "\">");
+    for part in [between("\n<script>", "</script>"), between("<style>", "</style>")] {
+        let hash = STANDARD.encode(Sha256::digest(part.as_bytes()));
+        assert!(policy.contains(&format!("'sha256-{hash}'")), "{policy}");
+    }
+    assert!(policy.starts_with("default-src 'none'; ") && !policy.contains("unsafe"), "{policy}");
+    assert!(
+        html.contains("<title>&lt;a&gt; &amp; b</title>")
+            && html.contains("src=\"data:image/png;base64,iVBOR")
+    );
+    for outside in ["http:", "https:", "//cdn", "import(", "fetch(", "XMLHttpRequest", "innerHTML"] {
+        assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(outside), "{outside}");
+    }
+}
