@@ -72,6 +72,9 @@ pub(crate) enum Command {
     /// Build a synthetic head and its picture, to see the program work without any data
     #[command(after_help = examples::DEMO)]
     Demo(DemoArgs),
+    /// Show a model in a browser on this machine, until Ctrl-C
+    #[command(after_help = examples::VIEW)]
+    View(ViewArgs),
     /// Compare random rays through a model with a slow exact reference
     #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
@@ -104,7 +107,7 @@ impl Command {
             Self::Demo(args) => args.json,
             Self::Selfcheck(args) => args.json,
             Self::Report(args) => args.json,
-            Self::Completions(_) | Self::Man(_) => false,
+            Self::Completions(_) | Self::Man(_) | Self::View(_) => false,
         }
     }
 }
@@ -170,6 +173,22 @@ pub(crate) struct IntersectArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ViewArgs {
+    /// The model (mapped or packed)
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// Port on this machine; one that is free by default
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    pub(crate) port: u16,
+    /// Stop when nothing has been asked for so many seconds
+    #[arg(long, value_name = "SECONDS")]
+    pub(crate) idle: Option<u64>,
+    /// Print the address, and open no browser
+    #[arg(long)]
+    pub(crate) no_open: bool,
 }
 
 #[derive(Debug, Args)]

@@ -12,6 +12,7 @@ mod streams;
 use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
+use std::time::Duration;
 
 use clap::error::{ContextKind, ContextValue};
 use clap::{CommandFactory, Parser};
@@ -30,6 +31,7 @@ use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
+use infobyte::jobs::view::ViewRequest;
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::mesh::usual_channels;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
@@ -141,6 +143,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         }
         Command::Export(args) => export(&args),
         Command::Intersect(args) => intersect(&args),
+        Command::View(args) => view(&args),
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
         Command::Demo(args) => demo(&args),
@@ -388,6 +391,21 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
     (report.input, report.output) = (data(&args.model), data(&args.output));
     let text = || if args.quiet { String::new() } else { report.text() };
     output.finish(|| print(args.json, || &report, text))
+}
+
+fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+    platform::tell_of(&args.model, false);
+    let request = ViewRequest { port: args.port, idle: args.idle.map(Duration::from_secs) };
+    let ready = |address: &str| {
+        let _ = writeln!(io::stdout(), "{address}\n  Ctrl-C ends it");
+        let _ = io::stdout().flush();
+        if !args.no_open {
+            platform::open_browser(address);
+        }
+    };
+    jobs::view::view(&args.model, request, &std::env::temp_dir(), &ready, &|| false)?;
+    Ok(ExitCode::SUCCESS)
 }
 
 fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {

@@ -67,3 +67,16 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
     // SAFETY: the action calls nothing that may not be called in a signal handler, see there.
     let _ = unsafe { low_level::register(SIGBUS, tell) };
 }
+
+/// Shows an address in the user's browser, where there is a desktop; whether that works is not waited for.
+pub(crate) fn open_browser(address: &str) {
+    if ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some()) {
+        let quiet = std::process::Stdio::null;
+        let _ = std::process::Command::new("xdg-open")
+            .arg(address)
+            .stdin(quiet())
+            .stdout(quiet())
+            .stderr(quiet())
+            .spawn();
+    }
+}

@@ -19,7 +19,7 @@ use crate::page;
 use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
-use crate::text::names::{CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, SKIN, VISIBLE_FROM};
+use crate::text::names::{CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, PORT, SKIN, VISIBLE_FROM};
 use crate::text::{shown, writing};
 
 /// Anything that can stop a job.
@@ -49,6 +49,12 @@ pub enum Error {
     #[error("{}: cannot be written ({cause}); {}", shown(.path), writing(.cause))]
     Output {
         path: PathBuf,
+        #[source]
+        cause: io::Error,
+    },
+    #[error("port {port} of 127.0.0.1 cannot be used ({cause}); choose another with {PORT}, or leave it out")]
+    Port {
+        port: u16,
         #[source]
         cause: io::Error,
     },
@@ -139,7 +145,7 @@ impl Error {
             Self::Render(e) => e.kind(),
             Self::Scene(e) => e.kind(),
             Self::Stopped => ExitKind::Stopped,
-            Self::Busy { .. } | Self::Output { .. } => ExitKind::Io,
+            Self::Busy { .. } | Self::Output { .. } | Self::Port { .. } => ExitKind::Io,
         }
     }
 }

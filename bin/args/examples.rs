@@ -40,6 +40,10 @@ pub(crate) const INTERSECT: &str = "Examples:
   oct intersect jaw.oct implant.oct
   oct intersect jaw.oct implant.oct --move 12.5,-3,40";
 
+pub(crate) const VIEW: &str = "Examples:
+  oct view head.oct
+  oct view head.oct --port 8080 --idle 600";
+
 pub(crate) const RENDER: &str = "Examples:
   oct render head.oct -o head.png --view left --size 1600x1200
   oct render head.oct -o head.png --projection perspective --eye 0,-600,120 --look-at 0,0,0";

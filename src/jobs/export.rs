@@ -15,7 +15,7 @@ use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, verify};
-use crate::page;
+use crate::page::{self, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::{data, shown};
@@ -158,6 +158,19 @@ pub fn export(
 /// Pixels along a side of the picture that a page shows where it cannot draw the model.
 const STILL: u32 = 720;
 
+/// The picture of a page, as a PNG.
+///
+/// # Errors
+/// [`RenderError`](crate::render::RenderError).
+pub(super) fn still(model: &Model, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+    let request =
+        RenderRequest { width: STILL, height: STILL, smooth_edges: true, ..RenderRequest::default() };
+    let (image, _) = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
+    let mut png = Vec::new();
+    image.write_png_to(&mut png).map_err(|_| Error::Internal)?;
+    Ok(png)
+}
+
 /// Writes a page that shows the model in a browser.
 ///
 /// # Errors
@@ -171,15 +184,13 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
         return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());
     }
     let (dims, affine) = (model.dims(), model.affine());
-    let still = RenderRequest { width: STILL, height: STILL, smooth_edges: true, ..RenderRequest::default() };
-    let (image, _) = render_view_watched(&model.view(), dims, &affine, &still, progress)?;
-    let mut picture = Vec::new();
-    image.write_png_to(&mut picture).map_err(unwritable)?;
+    let picture = still(&model, progress)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
     let space = GridSpace::new(dims, &affine)?;
     progress.stage("page", 1);
-    page::write(&model, &space, &title, &picture, &mut BufWriter::new(out.file())).map_err(unwritable)?;
+    page::write(&model, &space, &title, &picture, Way::File, &mut BufWriter::new(out.file()))
+        .map_err(unwritable)?;
     model.check_unchanged(input)?;
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     if progress.stopped() {

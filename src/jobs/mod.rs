@@ -28,6 +28,7 @@ mod schema;
 #[doc(hidden)]
 pub mod shots;
 pub mod verify;
+pub mod view;
 mod within;
 
 pub use crate::platform::{give_back, map_large_buffers};

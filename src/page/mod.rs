@@ -48,6 +48,20 @@ const SCRIPTS: [&str; 5] = [
     include_str!("ui.js"),
 ];
 
+/// Degrees between the bottom and the top of the page's perspective pictures (`FOV` of camera.js).
+pub(crate) const FOV_DEG: f64 = 30.0;
+
+/// How a page comes to a browser.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Way {
+    /// As a file.
+    File,
+    /// From a server that makes pictures, too.
+    Served,
+    /// From such a server, and without the model's sections: all pictures come from there.
+    Pictures,
+}
+
 /// What the page's scripts are told of a model, as JSON.
 #[derive(Serialize)]
 struct Head {
@@ -67,6 +81,8 @@ struct Head {
     value_scale: [f64; 2],
     /// Are the axes a patient's?
     patient: bool,
+    /// May the page ask for pictures?
+    served: bool,
     sections: Vec<Section>,
 }
 
@@ -81,15 +97,17 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     space: &GridSpace,
     title: &str,
     picture: &[u8],
+    way: Way,
     out: &mut dyn Write,
 ) -> io::Result<()> {
     let script = script();
     let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
     let style = slim(STYLE);
     let policy = format!(
-        "default-src 'none'; script-src {}; style-src {}; img-src blob: data:; base-uri 'none'; form-action 'none'",
+        "default-src 'none'; script-src {}; style-src {}; img-src blob: data:{}; base-uri 'none'; form-action 'none'",
         hash(&script),
-        hash(&style)
+        hash(&style),
+        if way == Way::File { "" } else { " 'self'" }
     );
     for part in PAGE.split("{{") {
         let (name, text) = part.split_once("}}").unwrap_or(("", part));
@@ -98,7 +116,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
             "TITLE" => out.write_all(html(title).as_bytes())?,
             "STYLE" => out.write_all(style.as_bytes())?,
             "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
-            "DATA" => write_data(model, space, out)?,
+            "DATA" => write_data(model, space, way, out)?,
             "SCRIPT" => out.write_all(script.as_bytes())?,
             _ => {}
         }
@@ -107,8 +125,13 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     out.flush()
 }
 
-fn write_data<D: AsRef<[u8]>>(model: &Model<D>, space: &GridSpace, out: &mut dyn Write) -> io::Result<()> {
-    let sections = data::write(model, out)?;
+fn write_data<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    space: &GridSpace,
+    way: Way,
+    out: &mut dyn Write,
+) -> io::Result<()> {
+    let sections = if way == Way::Pictures { Vec::new() } else { data::write(model, out)? };
     let (header, meta, view) = (model.header(), model.metadata(), model.view());
     let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
     let entry = |kind| model.frame().section(kind);
@@ -129,6 +152,7 @@ fn write_data<D: AsRef<[u8]>>(model: &Model<D>, space: &GridSpace, out: &mut dyn
         value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
         value_scale: meta.value_scale,
         patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
+        served: way != Way::File,
         sections,
     };
     // Numbers and names of sections: nothing that could end the element.

@@ -64,13 +64,27 @@ function direction(u, v) {
     return [(u < 0 ? -1 : 1) * (127 - Math.abs(v)), (v < 0 ? -1 : 1) * (127 - Math.abs(u)), z];
 }
 
+/** A model's place, which is known without its sections. */
+function placed(head) {
+    const toIndex = inverse(head.affine), lengths = [0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a])));
+    return {
+        head, dims: head.dims, sections: {}, spacing: Math.min(...lengths),
+        /** World mm to grid, in which box i of an axis is i to i + 1. */
+        toGrid: toIndex.map(row => [row[0], row[1], row[2], row[3] + .5]),
+        /** Grid to world mm. */
+        toWorld: head.affine.map(row => [row[0], row[1], row[2], row[3] - .5 * (row[0] + row[1] + row[2])]),
+        /** Normals as they are stored to world, not of unit length: the transposed inverse of the directions. */
+        normalRows: [0, 1, 2].map(i => [0, 1, 2].map(a => toIndex[a][i] * (head.cells ? 1 : lengths[a]))),
+    };
+}
+
 class Model {
     /**
      * @param head what `oct` says of the model: depth, dims, nodes, voxels, leaves, cells, affine (3 x 4, box index to LPS mm)
      * @param sections bytes by kind: NODE; NORM, OFFS, CORN, COLR, VALU, MATL, LNRM and LOFS where there are any
      */
     constructor(head, sections) {
-        Object.assign(this, {head, sections, cells: head.cells, dims: head.dims});
+        Object.assign(this, placed(head), {sections, cells: head.cells});
         let {depth, nodes, voxels} = head, infobytes = sections.NODE;
         const whole = n => Number.isSafeInteger(n) && n >= 0;
         if (![depth, nodes, voxels].every(whole) || depth > 16 || nodes + voxels >= 2 ** 32 || !head.dims.every(whole)) {
@@ -110,14 +124,6 @@ class Model {
             this.leaves = counted(has, Math.ceil(nodes / 8), 0, head.leaves, 'larger leaves');
             if (sections.LNRM.length !== 2 * head.leaves || sections.LOFS.length !== head.leaves) throw new Error('larger leaves are missing');
         }
-        const toIndex = inverse(head.affine);
-        /** World mm to grid, in which box i of an axis is i to i + 1. */
-        this.toGrid = toIndex.map(row => [row[0], row[1], row[2], row[3] + .5]);
-        /** Grid to world mm. */
-        this.toWorld = head.affine.map(row => [row[0], row[1], row[2], row[3] - .5 * (row[0] + row[1] + row[2])]);
-        const spacing = [0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a])));
-        /** Normals as they are stored to world, not of unit length: the transposed inverse of the directions. */
-        this.normalRows = [0, 1, 2].map(i => [0, 1, 2].map(a => toIndex[a][i] * (this.cells ? 1 : spacing[a])));
     }
 
     /** The normal of a voxel or cell, as stored. */

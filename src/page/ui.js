@@ -4,7 +4,7 @@
 
 const $ = id => document.getElementById(id);
 const main = document.querySelector('main'), canvas = $('canvas');
-const page = {model: null, view: null, drawing: null, points: [], scale: 2, fine: null, moving: 0, error: null};
+const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 2, fine: null, moving: 0, error: null};
 
 function say(text, failed = false) {
     $('said').textContent = text;
@@ -105,7 +105,36 @@ let asked = 0, written = 0;
 /** A picture of what is seen now: coarse at once, fine when nothing moves. */
 function redraw() {
     page.fine = null;
-    if (!asked && page.drawing) asked = requestAnimationFrame(frame);
+    if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
+}
+
+/** Asks `oct` for a picture with one pixel for `scale` of the page's, one at a time. */
+function ask(scale) {
+    asked = 0;
+    clearTimeout(page.moving);
+    const next = new Image(), sides = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side / scale)));
+    const follow = () => {
+        asked = 0;
+        page.moving = setTimeout(() => scale > 1 && !asked && ask(1), 120);
+    };
+    asked = -1;
+    next.onload = () => {
+        next.id = 'still';
+        next.alt = $('still').alt;
+        $('still').replaceWith(next);
+        drawMarks();
+        drawScale();
+        drawCube();
+        const changed = page.view.toString() !== shown;
+        follow();
+        if (changed) redraw();
+    };
+    next.onerror = () => {
+        follow();
+        say('oct gave no picture; is it still running?', true);
+    };
+    const shown = page.view.toString();
+    next.src = `picture?${shown}&w=${sides[0]}&s=${sides[1]}`;
 }
 
 function frame() {
@@ -172,6 +201,7 @@ function place(x, y) {
 }
 
 function pick(x, y) {
+    if (!page.model.texels) return;
     const hit = page.view.pick(page.model, x, y, aspect());
     if (!hit) {
         say('Nothing is there.');
@@ -200,6 +230,7 @@ function clearPoints() {
 }
 
 function savePicture() {
+    if (!page.drawing) return;
     for (const _ of page.drawing.fine(page.view, 8));
     canvas.toBlob(blob => {
         const link = document.createElement('a');
@@ -333,9 +364,16 @@ function tools() {
 
 /** Puts the model into the graphics and shows it. */
 function begin() {
-    const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
-    if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
-    page.drawing = new Drawing(gl, page.model, SHADER);
+    try {
+        if (!page.model.texels) throw new Error('The model is too large for a page; its pictures come from oct, without cuts and positions.');
+        const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+        if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
+        page.drawing = new Drawing(gl, page.model, SHADER);
+    } catch (error) {
+        if (!page.model.head.served) throw error;
+        page.asks = true;
+    }
+    main.classList.toggle('asks', page.asks);
     main.classList.add('live');
     fit();
     say('');
@@ -351,8 +389,7 @@ async function open() {
             part.remove();
             return bytes;
         });
-        page.model = new Model(head, await sections(head, chunks));
-        page.model.spacing = Math.min(...[0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a]))));
+        page.model = head.sections.length ? new Model(head, await sections(head, chunks)) : placed(head);
         page.opened = performance.now() - began;
         page.view = new View(page.model);
         fit();

@@ -63,6 +63,7 @@ names! {
     ORIGIN = "origin_mm",
     OUT = "out",
     OUTPUT = "output",
+    PORT = "port",
     PRESET = "preset",
     RANGE = "Threshold::Range",
     ROI = "roi",

@@ -7,9 +7,12 @@
 use crate::prelude::*;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
+use infobyte::load::CellShape;
 use infobyte::render::{Projection, ViewPoint};
 use sha2::{Digest, Sha256};
-use std::process::Command;
+use std::io::{BufRead, BufReader, Read, Write};
+use std::net::{Shutdown, TcpStream};
+use std::process::{Command, Stdio};
 
 /// Pixels along a side of the pictures that are compared.
 const SIDE: u32 = 256;
@@ -157,12 +160,10 @@ fn compare(name: &str, model: &Model, looks: &[Look], said: &Value) -> usize {
             hits += usize::from(hit.is_some());
             other += usize::from(want != got[0]);
             let Some(hit) = hit.filter(|_| want == got[0]) else { continue };
-            let code = hit.voxel(&view).and_then(|voxel| view.voxel_normal(voxel));
-            let has_corners = cells.is_some()
-                && !matches!(
-                    hit.voxel(&view).map(|v| view.cells().unwrap().shape(v.get())),
-                    Some(infobyte::load::CellShape::Plane(_))
-                );
+            let voxel = hit.voxel(&view).map(VoxelIndex::new);
+            let code = voxel.and_then(|voxel| view.voxel_normal(voxel));
+            let shape = voxel.zip(view.cells()).map(|(voxel, items)| items.shape(voxel.get()));
+            let has_corners = matches!(shape, Some(CellShape::Corners(_)));
             if let Some(code) = code.filter(|_| !has_corners) {
                 let n = normal::decode_l1(code).map(f64::from);
                 let affine = model.affine();
@@ -279,4 +280,77 @@ fn a_page_may_run_its_own_script_and_load_nothing() {
     for outside in ["http:", "https:", "//cdn", "import(", "fetch(", "XMLHttpRequest", "innerHTML"] {
         assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(outside), "{outside}");
     }
+}
+
+/// Sends bytes to a server, and gives the status and content of its answer; 0 where there is none.
+fn answered(port: u16, request: &str) -> (u16, Vec<u8>) {
+    let mut client = TcpStream::connect(("127.0.0.1", port)).unwrap();
+    let _ = client.write_all(request.as_bytes());
+    let _ = client.shutdown(Shutdown::Write);
+    let mut answer = Vec::new();
+    let _ = client.read_to_end(&mut answer);
+    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").map_or(answer.len(), |at| at + 4);
+    let status =
+        str::from_utf8(&answer[..end]).unwrap().split(' ').nth(1).map_or(0, |code| code.parse().unwrap());
+    (status, answer.split_off(end))
+}
+
+#[test]
+fn a_server_gives_its_page_and_pictures_to_this_machine_and_nothing_to_others() {
+    let folder = tempfile::tempdir().unwrap();
+    let (_, page) = paged(folder.path(), "m", &["synthetic:head@48", "--surface", "cells"]);
+    let model = page.with_extension("oct");
+    let start = |more: &[&str]| {
+        let mut child = Command::new(binary())
+            .args(["view", &text(&model), "--no-open"])
+            .args(more)
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut line = String::new();
+        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+        (child, line.trim().to_owned())
+    };
+    let (mut child, address) = start(&["--idle", "2"]);
+    let (host, path) = address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let port: u16 = host.strip_prefix("127.0.0.1:").unwrap().parse().unwrap();
+    assert_eq!(path.len(), 33, "{address}");
+    let ask = |method: &str, what: &str, host: &str| {
+        answered(port, &format!("{method} {what} HTTP/1.1\r\nHost: {host}\r\n\r\n"))
+    };
+    let (status, served) = ask("GET", &format!("/{path}"), host);
+    let served = String::from_utf8(served).unwrap();
+    assert!(status == 200 && served.contains("img-src blob: data: 'self'") && served.contains("data-part"));
+    let camera = "f=0,1,0&u=0,0,1&t=23,23,23&h=40&w=64&s=48";
+    let (status, png) = ask("GET", &format!("/{path}picture?{camera}"), host);
+    assert!(status == 200 && png.starts_with(b"\x89PNG"));
+    let decoded = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+    assert_eq!((decoded.info().width, decoded.info().height), (64, 48));
+    assert_eq!(ask("HEAD", &format!("/{path}"), &format!("localhost:{port}")), (200, vec![]));
+    let long = format!("/{path}{}", "a".repeat(9000));
+    for (method, what, host, wanted) in [
+        ("GET", format!("/{path}"), "evil.example", 421),
+        ("GET", "/".to_owned(), host, 404),
+        ("GET", format!("/{}/", "0".repeat(32)), host, 404),
+        ("GET", format!("/{path}../m.oct"), host, 404),
+        ("GET", format!("/{path}picture?f=0,1,0"), host, 400),
+        ("GET", format!("/{path}picture?{}", camera.replace("w=64", "w=99999")), host, 400),
+        ("GET", format!("/{path}picture?{}", camera.replace("f=0,1,0", "f=0,0,0")), host, 400),
+        ("POST", format!("/{path}"), host, 405),
+        ("GET", long, host, 431),
+    ] {
+        let (status, content) = ask(method, &what, host);
+        assert_eq!(status, wanted, "{method} {what} {host}");
+        assert!(content.len() < 100, "{method} {what}");
+    }
+    assert_eq!(answered(port, "GET / HTTP/1.1\r\n").0, 0);
+    assert_eq!(answered(port, "\u{1}\r\n\r\n").0, 421);
+    // Idle, it ends by itself; the port of another cannot be had.
+    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
+    let run =
+        oct(&["view", &text(&model), "--no-open", "--port", &taken.local_addr().unwrap().port().to_string()]);
+    run.refused(5, &["cannot be used", "--port"]);
+    assert!(child.wait().unwrap().success());
+    oct(&["view", &text(&folder.path().join("none.oct"))]).refused(3, &["none.oct"]);
 }
