@@ -83,9 +83,13 @@ pub(super) fn write(
         if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
     })?;
     w.write_all(b"</main>\n")?;
-    for (ended, head) in
-        [(Status::Failed, "<h2 id=\"failed\">Not converted</h2>"), (Status::Skipped, "<h2>Left alone</h2>")]
-    {
+    for (ended, head) in [
+        (
+            Status::Failed,
+            "<h2 id=\"failed\">Not converted</h2><p class=\"sum\" style=\"margin:0 28px 8px\">Files are named in report.csv, which stays at home, in the line of the same name.</p>",
+        ),
+        (Status::Skipped, "<h2>Left alone</h2>"),
+    ] {
         let mut any = false;
         journal.for_each(&mut |item| {
             if item.model.is_some() || item.status != ended {
