@@ -241,10 +241,14 @@ pub(crate) struct SkinArgs {
 }
 
 impl SkinArgs {
+    pub(crate) fn makes_cells(&self) -> bool {
+        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
+        self.surface == SurfaceKind::Cells || is_offset
+    }
+
     /// A flag that says nothing about cells, where these are built.
     pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
-        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
-        if self.surface == SurfaceKind::Skin && !is_offset {
+        if !self.makes_cells() {
             return Ok(());
         }
         let given = [

@@ -9,6 +9,7 @@ use super::place::LatticeGrid;
 use super::read::{count_file, parse_file};
 use super::solid::CsgSolid;
 use super::text::{ParsedTree, TextCounts};
+use super::tree::room;
 use super::{CsgOptions, solid_of};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, current_rss_bytes};
@@ -83,12 +84,14 @@ fn counted(
     drop(dry.reserve(peak_bytes + MIN_WORKER + WORKER_OVERHEAD));
     // As `Flat` counts: its lists, and what is still to be visited.
     let leaves = counts.leaves + counts.empty;
-    let open = depth * bytes(size_of::<Affine>()) + children * 16;
-    let lists = |made: usize| (leaves * bytes(made + 8) + (leaves + 2 * joins) * 24 + open) * 9 / 8;
+    let open = room(depth) * bytes(size_of::<Affine>()) + room(children) * 16;
+    let parts = (room(joins) + room(leaves + joins)) * 24;
+    let lists = |made: usize| leaves * bytes(made + 8) * 9 / 8 + parts + open;
     let flat = (lists(size_of::<Leaf>()) + held).max(lists(size_of::<Bounds>())).max(making);
     drop(dry.reserve(counts.tree_bytes() + flat));
     let count = usize::try_from(leaves).ok()?;
-    let _leaves = dry.reserve(held + leaves * bytes(size_of::<Leaf>() * 9 / 8 + size_of::<Extent>() + 8));
+    let placed = room(leaves) * bytes(size_of::<Leaf>()) + leaves * bytes(size_of::<Extent>() + 8);
+    let _leaves = dry.reserve(held + placed);
     let choice = match csg.grid? {
         GridChoice::Voxel { margin, .. } => GridChoice::Side { voxels: 1024, margin },
         choice => choice,

@@ -178,7 +178,7 @@ impl Tree {
     pub(super) fn leaf_of_line(&mut self, shape: Shape, line: u64) -> NodeId {
         self.boxed_bytes += boxed::<Shape>();
         if let Shape::Faces(faces) = &shape {
-            self.boxed_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
+            self.boxed_bytes += LISTS + 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
         }
         self.add(Node::Leaf { shape: Box::new(shape), line: short(line) })
     }
@@ -227,6 +227,9 @@ pub(super) const fn boxed<T>() -> usize {
     (size_of::<T>() + 8).next_multiple_of(16)
 }
 
+/// What it adds to the two lists of faces.
+pub(super) const LISTS: usize = 32;
+
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
 /// read.
 pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
@@ -239,6 +242,15 @@ pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
 /// By how much a full list grows.
 pub(super) fn grown(len: usize) -> usize {
     (len / 8).max(64)
+}
+
+/// The room of a list that grew to a length.
+pub(super) fn room(len: u64) -> u64 {
+    let (mut room, len) = (0, usize::try_from(len).unwrap_or(usize::MAX / 2));
+    while room < len {
+        room += grown(room);
+    }
+    room as u64
 }
 
 /// The room that a list keeps which has become shorter; `None` where that is what it has.

@@ -7,7 +7,7 @@ use super::lexer::{Lexer, Token};
 use super::modules::{MAX_SIDES, is_block};
 use super::parser::OPEN_BYTES;
 use crate::csg::leaf::{Block, Body, Curved, Half, along_axes, round};
-use crate::csg::tree::{Node, NodeId, Shape, boxed, grown, shrunk};
+use crate::csg::tree::{LISTS, Node, NodeId, Shape, boxed, grown, room, shrunk};
 use crate::geom::Affine;
 use crate::mesh::Triangle;
 
@@ -151,18 +151,7 @@ impl Module {
 
     /// What reading it takes: its lists, and what is made of them.
     fn read_bytes(&self) -> u64 {
-        let listed: u64 = self
-            .lists
-            .iter()
-            .map(|list| {
-                let room = |len: u64| {
-                    let mut room = Room::default();
-                    room.grow(usize::try_from(len).unwrap_or(usize::MAX / 2));
-                    room.bytes::<f64>()
-                };
-                room(list.numbers) + room(list.rows)
-            })
-            .sum();
+        let listed: u64 = self.lists.iter().map(|list| 8 * (room(list.numbers) + room(list.rows))).sum();
         listed
             + match (self.name.as_str(), self.faces()) {
                 // Rings and outlines, too.
@@ -202,7 +191,7 @@ impl TextCounts {
         self.files += u64::from(matches!(module.name.as_str(), "mesh" | "import" | "volume"));
         let triangle = size_of::<Triangle>() as u64;
         if let Some([points, triangles]) = module.faces() {
-            self.faces += 24 * points + 12 * triangles;
+            self.faces += LISTS as u64 + 24 * points + 12 * triangles;
             self.making = self.making.max(self.held + 36 * (points + triangles));
             self.held += boxed::<Body>() as u64 + triangle * triangles;
             return;
@@ -394,7 +383,7 @@ mod tests {
             leaves: 1,
             joins: 1,
             children: 1,
-            faces: 24 * 10 + 12 * 16,
+            faces: 32 + 24 * 10 + 12 * 16,
             making: 36 * 26,
             ..of("")
         };

@@ -9,6 +9,7 @@ use std::path::Path;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, LeftOutCount, status};
 use crate::budget::Bytes;
+use crate::jobs::info::boxes;
 use crate::platform::open_file;
 use crate::source::BurnedIn;
 use crate::text::plain;
@@ -201,7 +202,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
             _ => "",
         };
         row("inside", format!("{inside}{how}"))?;
-        row("skin voxels", m.skin_voxels.to_string())?;
+        row(boxes(report.options.surface), m.skin_voxels.to_string())?;
         row("model", Bytes(m.bytes).to_string())?;
         row("time", format!("{:.2} s", m.wall_s))?;
         match m.memory_plan_bytes {

@@ -31,6 +31,9 @@ pub(in crate::source) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<
     while let Some(line) = lines.next().map_err(|cause| unreadable(path, cause))? {
         fields.line(&text(&line)).map_err(refused(path))?;
     }
+    if fields.files.len() == 0 {
+        return Err(refused(path)(missing("the name of its .vol")));
+    }
     check_links(path, &fields.files, options.follow_links)?;
     let files = std::mem::take(&mut fields.files);
     fields.headed().map_err(refused(path))?.open(path, Some(files))
@@ -95,9 +98,6 @@ impl Fields {
         let samples = sample_type(is_float, signed, self.bits);
         let samples = samples.filter(|_| is_float || self.kind.contains("int"));
         let samples = samples.ok_or_else(|| missing("datatype and bitsperelement"))?;
-        if self.files.len() == 0 {
-            return Err(missing("the name of its .vol"));
-        }
         let mut notes = vec![Note::AssumedOrigin];
         let spacing = match self.resolution.as_slice() {
             [x, y, z] => [*x, *y, *z],

@@ -139,8 +139,7 @@ fn mirrored_and_turned_volumes_give_mirrored_and_turned_models() {
                         if backwards[k] { sides[order[k]] - at } else { at }
                     })
                 };
-                for (number, sample) in samples.iter().enumerate() {
-                    let number = number as u32;
+                for (number, sample) in (0_u32..).zip(&samples) {
                     let p = [number % dims[0], number / dims[0] % dims[1], number / dims[0] / dims[1]];
                     let [x, y, z] = there(p, dims.map(|side| side - 1)).map(|c| c as usize);
                     assert!(x < nx && y < ny && z < nz);
@@ -159,8 +158,9 @@ fn mirrored_and_turned_volumes_give_mirrored_and_turned_models() {
                         );
                     furthest = furthest.min((0..3).map(|k| own[k] * wanted[k]).sum());
                 }
-                // Within what 16 bits of a normal are off by.
-                assert!(furthest > 0.9995, "{name}: {furthest}");
+                // Within what 16 bits of a normal are off by; planes of cells that are met near a corner differ by more.
+                let least = if surface == "skin" { 0.9995 } else { 0.99 };
+                assert!(furthest > least, "{name}: {furthest}");
             }
         }
     }
