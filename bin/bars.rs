@@ -58,6 +58,7 @@ pub(crate) struct BatchBars {
     lines: bool,
     /// Lines name files, which is said once, before the first of them.
     notice: Once,
+    boxes: &'static str,
 }
 
 /// The stages of one job after the other.
@@ -79,7 +80,8 @@ impl Progress for JobBar {
 }
 
 impl BatchBars {
-    pub(crate) fn new(jobs: usize, silent: bool) -> Self {
+    /// Bars of jobs; `boxes` is what their models have on the finest level.
+    pub(crate) fn new(jobs: usize, silent: bool, boxes: &'static str) -> Self {
         let bars = (!silent && std::io::stderr().is_terminal()).then(MultiProgress::new);
         let placed = |bar: ProgressBar| match &bars {
             Some(all) => all.add(bar),
@@ -91,7 +93,14 @@ impl BatchBars {
             bar: placed(ProgressBar::new(0).with_style(style("  [{bar:20}] {percent:>3} % {msg}"))),
             name: Mutex::default(),
         };
-        Self { jobs: (0..jobs.max(1)).map(job).collect(), whole, bars, lines: !silent, notice: Once::new() }
+        Self {
+            jobs: (0..jobs.max(1)).map(job).collect(),
+            whole,
+            bars,
+            lines: !silent,
+            notice: Once::new(),
+            boxes,
+        }
     }
 
     /// One line above the bars, whatever a file's name contains.
@@ -138,8 +147,8 @@ impl Watcher for BatchBars {
             (_, Some(m), _) => {
                 let [x, y, z] = m.dims;
                 format!(
-                    "done     {} -> {} {x}x{y}x{z}, {} skin voxels, {:.2} s",
-                    item.input, m.file, m.skin_voxels, m.wall_s
+                    "done     {} -> {} {x}x{y}x{z}, {} {}, {:.2} s",
+                    item.input, m.file, m.skin_voxels, self.boxes, m.wall_s
                 )
             }
             _ => return,

@@ -5,19 +5,58 @@ use std::io::{self, Write};
 use std::path::Path;
 use std::process::ExitCode;
 
-use clap::CommandFactory;
+use clap::builder::PossibleValuesParser;
+use clap::{Arg, Command, CommandFactory, ValueHint};
 use clap_complete::{Shell, generate};
 use clap_mangen::Man;
 use infobyte::Error;
+use infobyte::builder::Gradient;
+use infobyte::clean::Preset;
 use infobyte::text::shown;
 
 use crate::args::Cli;
+
+/// The values of an option that has few, where the command line parses them by a rule of its own.
+fn values(option: &str) -> Option<Vec<&'static str>> {
+    Some(match option {
+        "surface" => vec!["skin", "cells"],
+        "channels" => vec!["normal", "value", "offset", "color", "material", "none"],
+        "gradient" => Gradient::ALL.map(Gradient::name).to_vec(),
+        "normal-bits" => vec!["12", "16", "24"],
+        "connectivity" | "component-connectivity" => vec!["26", "6"],
+        "downsample" => vec!["2", "4"],
+        "preset" => Preset::ALL.map(Preset::name).to_vec(),
+        "dtype" => vec![
+            "u8", "i8", "u16", "i16", "u32", "i32", "f32", "f64", "u16be", "i16be", "u32be", "i32be",
+            "f32be", "f64be",
+        ],
+        "orientation" => vec!["LPS", "LPI", "RAS", "RAI"],
+        "unit" => vec!["um", "mm", "cm", "m", "in"],
+        "up" => vec!["x", "y", "z"],
+        _ => return None,
+    })
+}
+
+/// A command with what completions offer beyond what it parses: words of few, and folders where one is meant.
+fn completed(command: Command) -> Command {
+    let offered = |arg: Arg| {
+        let is_folder = arg.get_value_names().is_some_and(|names| names.iter().any(|name| name == "DIR"));
+        match arg.get_long().and_then(values) {
+            Some(words) if arg.get_action().takes_values() => {
+                arg.value_parser(PossibleValuesParser::new(words))
+            }
+            _ if is_folder => arg.value_hint(ValueHint::DirPath),
+            _ => arg,
+        }
+    };
+    command.mut_args(offered).mut_subcommands(completed)
+}
 
 /// Prints the completions of a shell.
 pub(crate) fn completions(shell: Shell) -> Result<ExitCode, Error> {
     // Written to memory first: the generator does not bear a reader that goes away.
     let mut script = Vec::new();
-    generate(shell, &mut Cli::command(), "oct", &mut script);
+    generate(shell, &mut completed(Cli::command()), "oct", &mut script);
     let mut stdout = io::stdout().lock();
     match stdout.write_all(&script).and_then(|()| stdout.flush()) {
         Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {

@@ -258,7 +258,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     };
     // Thumbnails are made of models that lie there.
     platform::tell_of(&args.out, args.json);
-    let bars = BatchBars::new(jobs, args.quiet || args.json);
+    let boxes = if args.skin.makes_cells() { "cells" } else { "skin voxels" };
+    let bars = BatchBars::new(jobs, args.quiet || args.json, boxes);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
     let report = report?;

@@ -228,7 +228,7 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5 (the default), modified (the paper's),
-    /// label5 (for two values), or auto, which chooses the best of them at every voxel and takes three times as long
+    /// label5 (for two values), or auto, which chooses the best of them for every 32 x 32 voxels and takes three times as long
     #[arg(long, value_name = "NAME", value_parser = parse::gradient)]
     pub(crate) gradient: Option<Gradient>,
     /// Bits of a stored normal: 16 (off by 0.3 degrees), 24 (0.04, a byte more a voxel), or 12 (1.3, smaller when
@@ -241,10 +241,14 @@ pub(crate) struct SkinArgs {
 }
 
 impl SkinArgs {
+    pub(crate) fn makes_cells(&self) -> bool {
+        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
+        self.surface == SurfaceKind::Cells || is_offset
+    }
+
     /// A flag that says nothing about cells, where these are built.
     pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
-        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
-        if self.surface == SurfaceKind::Skin && !is_offset {
+        if !self.makes_cells() {
             return Ok(());
         }
         let given = [

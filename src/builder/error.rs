@@ -146,10 +146,8 @@ impl BuildError {
 
     /// The same error with the smallest cap that was found for the whole job, if it was.
     pub(crate) fn with_minimum(mut self, bytes: Option<u64>) -> Self {
-        if let (Some(bytes), BuildFault::BudgetTooSmall { limit_bytes, minimum_bytes, .. }) =
-            (bytes, self.fault_mut())
-        {
-            *minimum_bytes = bytes.max(limit_bytes.saturating_add(1));
+        if let (Some(bytes), BuildFault::BudgetTooSmall { minimum_bytes, .. }) = (bytes, self.fault_mut()) {
+            *minimum_bytes = bytes;
         }
         self
     }

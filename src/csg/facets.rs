@@ -19,8 +19,10 @@ fn number(at: usize) -> u32 {
 
 /// Joins rings of corners, each as long as the others, by walls; the first and the last ring are closed.
 fn stacked(rings: &[Vec<[f64; 3]>]) -> Faces {
-    let mut faces = Faces::default();
     let count = rings.first().map_or(0, Vec::len);
+    let mut faces = Faces::default();
+    faces.points.reserve_exact(rings.len() * count);
+    faces.triangles.reserve_exact(2 * rings.len() * count);
     for (at, ring) in rings.iter().enumerate() {
         faces.points.extend(ring);
         if at == 0 {
@@ -87,7 +89,9 @@ pub(super) fn prism(outlines: &[Vec<[f64; 2]>], z: [f64; 2]) -> Faces {
         let ring = |z: f64| outline.iter().map(|[x, y]| [*x, *y, z]).collect();
         let one = stacked(&[ring(z[0]), ring(z[1])]);
         let before = number(all.points.len());
+        all.points.reserve_exact(one.points.len());
         all.points.extend(one.points);
+        all.triangles.reserve_exact(one.triangles.len());
         all.triangles.extend(one.triangles.iter().map(|t| t.map(|at| at + before)));
     }
     all

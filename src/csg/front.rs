@@ -20,6 +20,7 @@ use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
+use crate::platform::give_back;
 use crate::volume::VolumeSource;
 
 /// Triangles of a leaf that take no more have room always.
@@ -93,7 +94,7 @@ impl<'a, 't> Front<'a, 't> {
         PlacedTree { place, of_volume, meshes, resampled }: &'a PlacedTree<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
-        let mut number = 0;
+        let (mut number, mut made) = (0, 0);
         let mut sampled = Vec::new();
         let flat = self.flat(self.unit(), &mut |met| {
             let to_lattice = place.to_lattice.after(met.affine);
@@ -117,12 +118,13 @@ impl<'a, 't> Front<'a, 't> {
                 }
                 Some(shape) => {
                     if let Shape::Faces(faces) = shape {
-                        self.check_room(faces)?;
+                        self.check_room(faces, made)?;
                     }
                     leaf::place(shape, &to_lattice, met.line)?
                 }
             };
             let held = leaf.bytes();
+            made += held;
             Ok((leaf, held))
         })?;
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
@@ -139,7 +141,8 @@ impl<'a, 't> Front<'a, 't> {
         let extents = leaves.iter().map(Leaf::extent).collect();
         let text = Some((self.name.to_path_buf(), file_identity(self.name)));
         let name = self.name.display().to_string();
-        Ok((CsgSolid { name, place, leaves, extents, program, sampled, text }, facts))
+        let counts = [leaves.len(), program.len()];
+        Ok((CsgSolid { name, place, leaves, extents, program, sampled, counts, text }, facts))
     }
 
     fn volume(&self, path: &Path) -> Result<&'a dyn VolumeSource, BuildError> {
@@ -165,6 +168,10 @@ impl<'a, 't> Front<'a, 't> {
 
     /// A flat tree of what is made of leaves.
     fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<Flat<T>, BuildError> {
+        if let MemoryCap::Process(_) = self.options.memory {
+            // The lists of a flat tree before this one.
+            give_back();
+        }
         let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
         let flat = flat.map_err(|stop| match stop {
             flat::Stop::Fault(fault) => self.wrong(fault),
@@ -185,10 +192,10 @@ impl<'a, 't> Front<'a, 't> {
         left.saturating_sub(if let MemoryCap::Share(_) = memory { self.tree.bytes() } else { 0 })
     }
 
-    /// Is there room for the triangles of a leaf, and the corners of which they are made?
-    fn check_room(&self, faces: &Faces) -> Result<(), BuildError> {
+    /// Is there room for the triangles of a leaf, and the corners of which they are made, beside the leaves before?
+    fn check_room(&self, faces: &Faces, made: u64) -> Result<(), BuildError> {
         let bytes = 36 * (faces.points.len() + faces.triangles.len()) as u64;
-        self.peak.set(self.peak.get().max(2 * bytes));
+        self.peak.set(self.peak.get().max(made + bytes));
         if bytes > FEW_BYTES && bytes > self.left_bytes() {
             return Err(too_small(self.name, self.options.memory, bytes));
         }

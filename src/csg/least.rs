@@ -4,21 +4,24 @@ use std::cell::Cell;
 use std::path::Path;
 
 use super::front::Front;
-use super::leaf::{Curved, Leaf};
+use super::leaf::{Extent, Leaf};
+use super::place::LatticeGrid;
 use super::read::{count_file, parse_file};
+use super::solid::CsgSolid;
 use super::text::{ParsedTree, TextCounts};
-use super::tree::BOXED;
+use super::tree::room;
 use super::{CsgOptions, solid_of};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, current_rss_bytes};
 use crate::builder::{BuildOptions, Silent, reserve_least_of};
 use crate::geom::Affine;
+use crate::mesh::{Bounds, GridChoice};
 
 /// A tree that is made to find out what it takes, however small the cap.
 const MADE_BYTES: u64 = 1 << 20;
 
 /// The smallest cap, found on a budget without a limit that was made before the tree was read: a small tree is made for it,
-/// of a larger one what its text may become at most is counted. `None` for a tree that cannot be read, or with files, whose
+/// of a larger one what its text becomes is counted. `None` for a tree that cannot be read, or with files, whose
 /// own readers name what they take.
 pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, dry: &Budget) -> Option<u64> {
     // What the process really holds leaves room, as more code is counted than runs before a build.
@@ -28,7 +31,7 @@ pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, d
     };
     match parse_file(path, MADE_BYTES.max(room / 2)).ok()? {
         Ok(parsed) => made(path, &parsed, csg, options, dry)?,
-        Err(_) => counted(&count_file(path)?, dry),
+        Err(_) => counted(path, &count_file(path)?, csg, options, dry)?,
     }
     Some(dry.smallest_limit(1))
 }
@@ -66,18 +69,44 @@ fn made(
     Some(())
 }
 
-/// Reserves the most that a text of so many modules and numbers may take.
-fn counted(counts: &TextCounts, dry: &Budget) {
-    let TextCounts { leaves, spheres, joins, placed, depth, numbers, longest, peak_bytes, .. } = *counts;
+/// Reserves what a tree takes whose text has so many modules; its grid as if it were as long along every side.
+fn counted(
+    path: &Path,
+    counts: &TextCounts,
+    csg: &CsgOptions,
+    options: &BuildOptions,
+    dry: &Budget,
+) -> Option<()> {
+    let TextCounts { files: 0, joins, children, depth, held, making, peak_bytes, .. } = *counts else {
+        return None;
+    };
     let bytes = |size: usize| size as u64;
-    let (tree, worker) = (counts.tree_bytes() + (16 << 10), MIN_WORKER + WORKER_OVERHEAD);
-    drop(dry.reserve(peak_bytes + (16 << 10) + 20 * longest + worker));
-    // A sphere that is only moved has no box; nor is anything known of the others' sizes.
-    let boxed = if placed == 0 { leaves - spheres } else { leaves };
-    let held = boxed * bytes(size_of::<Curved>() + BOXED) + 12 * numbers;
-    let lists = leaves * bytes(size_of::<Leaf>() + 8) + (leaves + joins) * 24 + joins * 24;
-    let open = depth * bytes(size_of::<Affine>() + 16);
-    drop(dry.reserve(tree + held + (lists + open) * 9 / 8 + 12 * longest));
-    // Leaves, extents and programs; and what a worker holds of each leaf, of cells too.
-    drop(dry.reserve(held + leaves * bytes(size_of::<Leaf>() + 96) + worker + (512 << 10)));
+    drop(dry.reserve(peak_bytes + MIN_WORKER + WORKER_OVERHEAD));
+    // As `Flat` counts: its lists, and what is still to be visited.
+    let leaves = counts.leaves + counts.empty;
+    let open = room(depth) * bytes(size_of::<Affine>()) + room(children) * 16;
+    let parts = (room(joins) + room(leaves + joins)) * 24;
+    let lists = |made: usize| leaves * bytes(made + 8) * 9 / 8 + parts + open;
+    let flat = (lists(size_of::<Leaf>()) + held).max(lists(size_of::<Bounds>())).max(making);
+    drop(dry.reserve(counts.tree_bytes() + flat));
+    let count = usize::try_from(leaves).ok()?;
+    let placed = room(leaves) * bytes(size_of::<Leaf>()) + leaves * bytes(size_of::<Extent>() + 8);
+    let _leaves = dry.reserve(held + placed);
+    let choice = match csg.grid? {
+        GridChoice::Voxel { margin, .. } => GridChoice::Side { voxels: 1024, margin },
+        choice => choice,
+    };
+    let place = LatticeGrid::around(choice, &Bounds { low: [0.0; 3], high: [1.0; 3] }).ok()?;
+    let solid = CsgSolid {
+        name: path.display().to_string(),
+        place,
+        leaves: Vec::new(),
+        extents: Vec::new(),
+        program: Vec::new(),
+        sampled: Vec::new(),
+        counts: [count, 2 * count],
+        text: None,
+    };
+    drop(reserve_least_of(&*solid_of(solid, path, options).ok()?, options, dry).ok()?);
+    Some(())
 }

@@ -42,6 +42,8 @@ pub(super) struct CsgSolid<'a> {
     pub(super) extents: Vec<Extent>,
     pub(super) program: Vec<Step>,
     pub(super) sampled: Vec<SampledLeaf<'a>>,
+    /// Leaves, and steps of the program: what workers hold of them.
+    pub(super) counts: [usize; 2],
     /// The text, and what it was before it was read.
     pub(super) text: Option<(PathBuf, u64)>,
 }
@@ -53,7 +55,7 @@ fn levels(tile: &Tile) -> usize {
 
 impl CsgSolid<'_> {
     fn store(&self, tile: &Tile) -> usize {
-        (self.program.len() * tile.columns.div_ceil(BOX) as usize).min(STORE)
+        (self.counts[1] * tile.columns.div_ceil(BOX) as usize).min(STORE)
     }
 
     /// Memory that is held in addition to that of workers.
@@ -67,7 +69,7 @@ impl CsgSolid<'_> {
 
     /// Most steps of the program of a box.
     fn most_steps(&self) -> usize {
-        self.program.len().min(MAX_STEPS)
+        self.counts[1].min(MAX_STEPS)
     }
 
     /// Where the voxels of a box lie, of a leaf that is not sampled.
@@ -142,7 +144,7 @@ impl Solid for CsgSolid<'_> {
             self.sampled.iter().map(|leaf| leaf.solid.worker_bytes(tile) + Sampler::bytes(tile)).sum();
         own as u64
             + Crossings::bytes(1, ROWS)
-            + Description::bytes(self.leaves.len(), self.most_steps())
+            + Description::bytes(self.counts[0], self.most_steps())
             + sampled
     }
 

@@ -161,7 +161,7 @@ impl Tree {
         nodes.iter().for_each(|node| self.check(*node));
         let first = number(self.children.len());
         if self.children.capacity() - self.children.len() < nodes.len() {
-            self.children.reserve_exact(nodes.len() + (self.children.len() / 8).max(64));
+            self.children.reserve_exact(nodes.len() + grown(self.children.len()));
         }
         self.children.extend_from_slice(nodes);
         self.add(Node::Joined { operation, first, count: number(nodes.len()) })
@@ -176,9 +176,9 @@ impl Tree {
     }
 
     pub(super) fn leaf_of_line(&mut self, shape: Shape, line: u64) -> NodeId {
-        self.boxed_bytes += size_of::<Shape>() + BOXED;
+        self.boxed_bytes += boxed::<Shape>();
         if let Shape::Faces(faces) = &shape {
-            self.boxed_bytes += 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
+            self.boxed_bytes += LISTS + 24 * faces.points.capacity() + 12 * faces.triangles.capacity();
         }
         self.add(Node::Leaf { shape: Box::new(shape), line: short(line) })
     }
@@ -188,10 +188,10 @@ impl Tree {
         let [x, y, z] = affine.rows;
         let turns = [[x[0], x[1], x[2]], [y[0], y[1], y[2]], [z[0], z[1], z[2]]];
         if turns == [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]] {
-            self.boxed_bytes += size_of::<([f64; 3], u32)>() + BOXED;
+            self.boxed_bytes += boxed::<([f64; 3], u32)>();
             return self.add(Node::Moved { at: Box::new((affine.origin(), short(line))), node });
         }
-        self.boxed_bytes += size_of::<(Affine, u32)>() + BOXED;
+        self.boxed_bytes += boxed::<(Affine, u32)>();
         self.add(Node::Placed { at: Box::new((affine, short(line))), node })
     }
 
@@ -222,16 +222,40 @@ impl Tree {
     }
 }
 
-/// What the allocator adds to a box.
-pub(super) const BOXED: usize = 16;
+/// What a box takes of the heap: the allocator puts 8 bytes before it, and rounds up.
+pub(super) const fn boxed<T>() -> usize {
+    (size_of::<T>() + 8).next_multiple_of(16)
+}
+
+/// What it adds to the two lists of faces.
+pub(super) const LISTS: usize = 32;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
 /// read.
 pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
     if list.len() == list.capacity() {
-        list.reserve_exact((list.len() / 8).max(64));
+        list.reserve_exact(grown(list.len()));
     }
     list.push(item);
+}
+
+/// By how much a full list grows.
+pub(super) fn grown(len: usize) -> usize {
+    (len / 8).max(64)
+}
+
+/// The room of a list that grew to a length.
+pub(super) fn room(len: u64) -> u64 {
+    let (mut room, len) = (0, usize::try_from(len).unwrap_or(usize::MAX / 2));
+    while room < len {
+        room += grown(room);
+    }
+    room as u64
+}
+
+/// The room that a list keeps which has become shorter; `None` where that is what it has.
+pub(super) fn shrunk(len: usize, capacity: usize) -> Option<usize> {
+    (len + len / 7 + 64 < capacity).then_some(len + len / 16)
 }
 
 /// A line as it is kept.

@@ -362,8 +362,8 @@ fn refuse_file(path: &Path) -> SourceError {
     if mesh::is_named(path) {
         return unusable(Fault::Mesh);
     }
-    let undescribed =
-        || SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse: Misuse::Undescribed });
+    let misuse = if promises("vol") { Misuse::SamplesOnly } else { Misuse::Undescribed };
+    let undescribed = || SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse });
     sidecar::wrong_beside(path).unwrap_or_else(undescribed)
 }
 

@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use super::csg::CsgFault;
 use super::dicom::{DicomFault, SeriesFault};
+use super::headed::HeadedFault;
 use super::header::HeaderFault;
 use super::left_out::{Known, NotVolume};
 use super::mesh::MeshFault;
@@ -254,7 +255,7 @@ pub(crate) enum Fault {
     )]
     ChangedInUse,
     #[error(
-        "is {0}; DICOM, NRRD, NIfTI, MetaImage, .npy, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
+        "is {0}; DICOM, NRRD, NIfTI, MetaImage, .npy, MRC, VTK, VGStudio, Amira, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
     )]
     Known(Known),
     #[error("is not DICOM, in spite of its name; for headerless voxels add {DIMS} and {DTYPE}")]
@@ -280,6 +281,8 @@ pub(crate) enum Fault {
     #[error(transparent)]
     MetaImage(#[from] MetaImageFault),
     #[error(transparent)]
+    Headed(#[from] HeadedFault),
+    #[error(transparent)]
     Npy(#[from] NpyFault),
     #[error(transparent)]
     Tiff(#[from] TiffFault),
@@ -303,6 +306,10 @@ pub(crate) enum Misuse {
         "is not a file of a known kind; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}, or put a side-car with dims and dtype beside it, as NAME.json"
     )]
     Undescribed,
+    #[error(
+        "holds headerless voxels by its name (.vol); put the .vgi that describes it beside it, or add {DIMS} NXxNYxNZ and {DTYPE}"
+    )]
+    SamplesOnly,
     #[error("{0}")]
     Raw(RawFault),
     #[error("{ROI} {x:?},{y:?},{z:?} is empty or not within the volume of {dims} voxels; write X0..X1,Y0..Y1,Z0..Z1 with each end at most the side", x = .roi[0], y = .roi[1], z = .roi[2])]

@@ -66,11 +66,7 @@ pub enum Known {
     Oct,
     Hdf5,
     NetCdf,
-    Vtk,
     VtkXml,
-    Vgi,
-    Amira,
-    Mrc,
     Zarr,
 }
 
@@ -88,13 +84,7 @@ impl fmt::Display for Known {
             Self::NetCdf => {
                 "a NetCDF file (MINC 1 is, too), whose array has to be written as .npy or NRRD first"
             }
-            Self::Vtk => "a VTK file (.vtk), which has to be written as MetaImage or NRRD first",
             Self::VtkXml => "a VTK file in XML (.vti), which has to be written as MetaImage or NRRD first",
-            Self::Vgi => {
-                "a VGStudio header (.vgi), whose .vol holds headerless voxels of the size and type that it states"
-            }
-            Self::Amira => "an Amira or Avizo file (.am), which has to be written as NRRD or MetaImage first",
-            Self::Mrc => "an MRC or CCP4 map (.mrc), which has to be written as TIFF or NRRD first",
             Self::Zarr => "a Zarr folder (OME-Zarr is, too), of which an array has to be written as TIFF or NRRD first",
         })
     }

@@ -21,6 +21,7 @@ mod csg;
 pub(crate) mod dicom;
 mod error;
 mod found;
+pub(crate) mod headed;
 pub(crate) mod header;
 mod left_out;
 mod mesh;

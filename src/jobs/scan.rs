@@ -86,6 +86,7 @@ fn list(number: usize, finding: &Finding) -> Listed {
         size: None,
         warnings: Some(Vec::new()),
         subject: finding.subject.as_ref().map_or(SubjectKind::Volume, Subject::kind),
+        stated: finding.size,
     };
     match &finding.subject {
         Ok(Subject::Mesh(_) | Subject::Tree(_)) => {}

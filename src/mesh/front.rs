@@ -157,7 +157,7 @@ impl Front<'_> {
                 return Err(error);
             }
             let (name, limit_bytes) = (self.name(), self.options.memory.bytes());
-            let minimum_bytes = self.least(&dry)?.max(limit_bytes + 1);
+            let minimum_bytes = self.least(&dry)?;
             Err(BuildFault::BudgetTooSmall { name, limit_bytes, minimum_bytes }.into())
         })
     }

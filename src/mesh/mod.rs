@@ -196,7 +196,7 @@ pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildErr
     let dry = Budget::dry(memory);
     let _most = dry.reserve(bytes);
     let limit_bytes = memory.bytes();
-    let minimum_bytes = dry.smallest_limit(1).max(limit_bytes + 1);
+    let minimum_bytes = dry.smallest_limit(1);
     BuildError::from(BuildFault::BudgetTooSmall { name, limit_bytes, minimum_bytes })
 }
 

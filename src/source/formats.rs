@@ -7,9 +7,10 @@
 //! stack of all such files of its folder. DICOM is asked before both. Formats are recognised by content; a
 //! name may only decide between things that look alike (a gzip file called `.nii.gz`).
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use super::files::FileList;
+use super::headed::{amira, mrc, vgi, vtk};
 use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
 use crate::volume::{Result, VolumeSource};
 
@@ -61,7 +62,16 @@ pub(crate) const FORMATS: &[Format] = &[
         states_no_place: false,
         open: metaimage::open,
     },
+    Format { name: "mrc", recognise: mrc::recognise, states_no_place: false, open: mrc::open },
+    Format { name: "vgi", recognise: vgi::recognise, states_no_place: false, open: vgi::open },
+    Format { name: "vtk", recognise: vtk::recognise, states_no_place: false, open: vtk::open },
+    Format { name: "amira", recognise: amira::recognise, states_no_place: false, open: amira::open },
 ];
+
+/// The header of samples that were given: `brain.hdr` for `brain.img`, `part.vgi` for `part.vol`.
+pub(crate) fn header_of_samples(path: &Path) -> Option<PathBuf> {
+    nifti::header_of_samples(path).or_else(|| vgi::header_of(path))
+}
 
 /// Formats of single slices.
 pub(crate) const STACKS: &[StackFormat] = &[

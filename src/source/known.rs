@@ -8,7 +8,7 @@ use crate::facts::Known;
 pub(crate) const HEAD_BYTES: usize = 1024;
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
-const KNOWN: [(&[u8], Known); 13] = [
+const KNOWN: [(&[u8], Known); 9] = [
     (b"\x1f\x8b", Known::Gzip),
     (b"\xff\xd8\xff", Known::Jpeg),
     (b"ply", Known::Ply),
@@ -17,15 +17,8 @@ const KNOWN: [(&[u8], Known); 13] = [
     (b"\x89HDF\r\n\x1a\n", Known::Hdf5),
     (b"CDF\x01", Known::NetCdf),
     (b"CDF\x02", Known::NetCdf),
-    (b"# vtk DataFile", Known::Vtk),
     (b"<VTKFile", Known::VtkXml),
-    (b"{volume", Known::Vgi),
-    (b"# AmiraMesh", Known::Amira),
-    (b"# Avizo", Known::Amira),
 ];
-
-/// Formats by what stands further behind.
-const MARKED: [(usize, &[u8], Known); 1] = [(208, b"MAP ", Known::Mrc)];
 
 /// Files that a folder of an array in pieces holds.
 const ZARR: [&str; 4] = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
@@ -33,11 +26,8 @@ const ZARR: [&str; 4] = [".zarray", ".zgroup", ".zattrs", "zarr.json"];
 /// Type of a file by its first bytes, if it is known and not DICOM.
 pub(crate) fn known(head: &[u8]) -> Option<Known> {
     let first = KNOWN.iter().find(|(magic, _)| head.starts_with(magic)).map(|(_, what)| *what);
-    let marked = |(at, mark, what): &(usize, &[u8], Known)| {
-        head.get(*at..).is_some_and(|rest| rest.starts_with(mark)).then_some(*what)
-    };
     let is_xml = head.starts_with(b"<?xml") && head.windows(8).any(|part| part == b"<VTKFile");
-    first.or(is_xml.then_some(Known::VtkXml)).or_else(|| MARKED.iter().find_map(marked))
+    first.or(is_xml.then_some(Known::VtkXml))
 }
 
 /// Type of a folder that is one volume of a kind that is not read.

@@ -6,6 +6,7 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
+//! | `headed` | MRC, VGStudio, VTK, Amira: a header before raw samples |
 //! | `formats`, `known` | the lists of what is read, and what is known but not read |
 //! | `options`, `subject`, `finding` | what a caller may choose, what can be built, and what was found |
 //! | `stored`, `axis_reversal` | samples read where they lie, or unrolled first |
@@ -19,6 +20,7 @@ pub mod dicom;
 mod files;
 mod finding;
 mod formats;
+mod headed;
 mod header;
 mod known;
 mod metaimage;
@@ -37,11 +39,11 @@ mod tiff;
 
 pub(crate) use files::{FileList, base_name};
 pub use finding::{BurnedIn, Finding, InputFiles};
-pub(crate) use formats::{FORMATS, STACKS, Slices};
+pub(crate) use formats::{FORMATS, STACKS, Slices, header_of_samples};
 pub(crate) use header::stays;
 pub(crate) use known::{HEAD_BYTES, known, known_folder};
 pub(crate) use natural::natural_cmp;
-pub(crate) use nifti::header_of_samples;
+
 pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;

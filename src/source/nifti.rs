@@ -60,7 +60,7 @@ fn extension(path: &Path) -> Option<(PathBuf, String)> {
 }
 
 /// The header of a pair whose samples were given: `brain.hdr` or `brain.hdr.gz` for `brain.img`.
-pub(crate) fn header_of_samples(path: &Path) -> Option<PathBuf> {
+pub(super) fn header_of_samples(path: &Path) -> Option<PathBuf> {
     let (bare, _) = extension(path).filter(|(_, e)| e == "img")?;
     ["hdr", "hdr.gz", "HDR"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())
 }

@@ -9,7 +9,9 @@ use infobyte::{BuildOptions, Dims, Threshold, Voxels};
 
 use crate::common::containers::{buffer, description, glb, gltf, threemf};
 use crate::common::dicom::{Elements, Image, Syntax, csa, mosaic};
-use crate::common::formats::{Object, Tiff, bzip2, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
+use crate::common::formats::{
+    Object, Tiff, amira, bzip2, gzip, metaimage, mrc, nifti, npy, nrrd, pngs, vgi, vtk, zlib,
+};
 use crate::common::frames::{DEFLATED, ENCAPSULATED, RLE, Spec, deflated, encapsulated, rle, rle16};
 use crate::common::meshes::Body;
 use crate::common::{FULL, NORMALS, corner, shell};
@@ -165,6 +167,10 @@ fn volumes(all: &mut Seeds) {
         all.push(("metaimage", local(false, &object.bytes)));
         all.push(("metaimage", local(true, &zlib(&object.bytes))));
         all.push(("metaimage", local(true, &bzip2(&object.bytes))));
+        all.push(("mrc", mrc(&object, true)));
+        all.push(("vgi", vgi(&object, "case.vol")));
+        all.push(("vtk", vtk(&object)));
+        all.push(("amira", amira(&object, false)));
         for version in [1, 2, 3] {
             all.push(("npy", npy(&object, version, false, version == 3)));
         }

@@ -62,7 +62,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-pub(crate) const TARGETS: [Target; 23] = targets! {
+pub(crate) const TARGETS: [Target; 27] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MAX_BUILT),
@@ -77,6 +77,13 @@ pub(crate) const TARGETS: [Target; 23] = targets! {
     png: |bytes| volume("case.png", bytes, MAX_BUILT),
     npy: |bytes| volume("case.npy", bytes, MAX_BUILT),
     metaimage: |bytes| volume("case.mha", bytes, MAX_BUILT),
+    mrc: |bytes| volume("case.mrc", bytes, MAX_BUILT),
+    vgi: |bytes| {
+        put("case.vol", &[40; 512]);
+        volume("case.vgi", bytes, MAX_BUILT)
+    },
+    vtk: |bytes| volume("case.vtk", bytes, MAX_BUILT),
+    amira: |bytes| volume("case.am", bytes, MAX_BUILT),
     stl: |bytes| mesh("case.stl", bytes),
     ply: |bytes| mesh("case.ply", bytes),
     obj: |bytes| mesh("case.obj", bytes),

@@ -271,6 +271,40 @@ fn results_inside_the_searched_folder_are_not_inputs() {
     }
 }
 
+/// What people read calls cells cells, tells rows of one folder apart, and says where the names of files are.
+#[test]
+fn lists_and_pages_say_what_is_there() {
+    let folder = tempfile::tempdir().unwrap();
+    let top = folder.path().join("in");
+    fs::create_dir(&top).unwrap();
+    write_ball(&top, "1.2.3", 9.0);
+    let out = folder.path().join("out");
+    let run = oct(&["batch", &text(&top), "--out", &text(&out), "--iso", "100", "--surface", "cells"]);
+    assert!(run.code == 0 && run.stderr.contains(" cells, "), "{run:?}");
+    let page = fs::read_to_string(out.join("index.html")).unwrap();
+    assert!(page.contains("<dt>cells</dt>") && !page.contains("skin voxels"));
+    // Slices at one place form no volume: of two series it is said which.
+    let flat = folder.path().join("flat");
+    fs::create_dir(&flat).unwrap();
+    for (name, series, instance) in
+        [("a", "1.2.7", 1), ("b", "1.2.7", 2), ("c", "1.2.8", 1), ("d", "1.2.8", 2)]
+    {
+        let image = Image { series, instance, values: &[instance, 2, 3, 4], ..Image::default() };
+        fs::write(flat.join(name), image.bytes()).unwrap();
+    }
+    let listed = oct(&["scan", &text(&flat), "--json"]).json();
+    let names: Vec<&str> =
+        listed["items"].as_array().unwrap().iter().map(|i| i["name"].as_str().unwrap()).collect();
+    assert!(names.len() == 2 && names[0] != names[1], "{names:?}");
+    let rows = oct(&["scan", &text(&flat)]).stdout;
+    assert!(rows.contains("CT image") && names.iter().all(|name| rows.contains(name)), "{rows}");
+    let _ = oct(&["batch", &text(&flat), "--out", &text(&out), "--iso", "1"]);
+    let page = fs::read_to_string(out.join("index.html")).unwrap();
+    assert!(page.contains("Files are named in report.csv") && !page.contains(&text(&flat)), "{page}");
+    let sheet = fs::read_to_string(out.join("report.csv")).unwrap();
+    assert!(sheet.lines().any(|line| line.contains(names[0]) && line.contains(&text(&flat))), "{sheet}");
+}
+
 #[test]
 fn a_scan_lists_what_a_batch_does() {
     let folder = tempfile::tempdir().unwrap();

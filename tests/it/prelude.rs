@@ -8,7 +8,9 @@ pub(crate) use crate::common::containers::{archive, glb};
 pub(crate) use crate::common::counting::{Taken, measured};
 pub(crate) use crate::common::data::real_data;
 pub(crate) use crate::common::dicom::{Elements, Image, Syntax, Writer, firsts, mosaic};
-pub(crate) use crate::common::formats::{Object, Tiff, file, gzip, metaimage, nifti, npy, nrrd, pngs, zlib};
+pub(crate) use crate::common::formats::{
+    Object, Tiff, amira, file, gzip, metaimage, mrc, nifti, npy, nrrd, pngs, vgi, vtk, zlib,
+};
 pub(crate) use crate::common::frames::{
     Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, header_of, image, native, rle,
     rle16, words,

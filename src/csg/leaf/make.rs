@@ -140,12 +140,12 @@ fn slanted(low: [f64; 3], high: [f64; 3], m: &Affine, line: u64) -> Result<Leaf,
 }
 
 /// Does every axis run along one of the lattice?
-fn along_axes(columns: &[[f64; 3]; 3]) -> bool {
+pub(in crate::csg) fn along_axes(columns: &[[f64; 3]; 3]) -> bool {
     columns.iter().all(|column| column.iter().filter(|c| **c != 0.0).count() == 1)
 }
 
 /// The length of three axes that are as long as each other and at right angles.
-fn round(axes: &[[f64; 3]; 3]) -> Option<f64> {
+pub(in crate::csg) fn round(axes: &[[f64; 3]; 3]) -> Option<f64> {
     let squared = dot(axes[0], axes[0]);
     let near = |a: usize, b: usize, of: f64| (dot(axes[a], axes[b]) - of).abs() <= ROUND * squared;
     let same = near(1, 1, squared) && near(2, 2, squared);

@@ -20,12 +20,13 @@ mod make;
 mod plain;
 
 use super::place::centre;
+use super::tree::boxed;
 use crate::builder::{Cover, VoxelBox};
 use crate::mesh::Crossings;
 pub(super) use body::Body;
 pub(super) use curved::{Curved, Round};
 pub(super) use extent::Extent;
-pub(super) use make::place;
+pub(super) use make::{along_axes, place, round};
 pub(super) use plain::{Ball, Block, Half};
 
 /// A placed leaf.
@@ -146,10 +147,10 @@ impl Leaf {
     pub(super) fn bytes(&self) -> u64 {
         let bytes = match self {
             Self::Nothing | Self::Ball(_) | Self::Sampled(_) => 0,
-            Self::Block(_) => size_of::<Block>(),
-            Self::Half(_) => size_of::<Half>(),
-            Self::Curved(_) => size_of::<Curved>(),
-            Self::Body(body) => size_of::<Body>() + body.held_bytes(),
+            Self::Block(_) => boxed::<Block>(),
+            Self::Half(_) => boxed::<Half>(),
+            Self::Curved(_) => boxed::<Curved>(),
+            Self::Body(body) => boxed::<Body>() + body.held_bytes(),
         };
         bytes as u64
     }

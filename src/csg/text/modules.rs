@@ -9,13 +9,13 @@ use crate::facts::CsgFault;
 use crate::geom::Affine;
 
 /// Most sides of a facetted sphere or cylinder.
-const MAX_SIDES: f64 = 256.0;
+pub(super) const MAX_SIDES: f64 = 256.0;
 
 /// A module with children.
 #[derive(Debug)]
-pub(super) enum Block {
+pub(super) enum Block<A> {
     Joined(Operation),
-    Placed(Box<Affine>),
+    Placed(A),
     /// Children grown by a distance.
     Offset(f64),
 }
@@ -23,7 +23,7 @@ pub(super) enum Block {
 #[derive(Debug)]
 pub(super) enum Meaning {
     Leaf(Shape),
-    Block(Block),
+    Block(Block<Affine>),
     /// Flat shapes within are extruded between these heights.
     Extruded([f64; 2]),
 }
@@ -54,7 +54,7 @@ pub(super) fn meaning(
                 let [x, y, _] = affine.rows;
                 affine.rows = [[x[0], x[1], 0.0, x[3]], [y[0], y[1], 0.0, y[3]], [0.0, 0.0, 1.0, 0.0]];
             }
-            Ok(Meaning::Block(Block::Placed(Box::new(affine))))
+            Ok(Meaning::Block(Block::Placed(affine)))
         }
         "offset3d" if extruded.is_none() => Ok(Meaning::Block(Block::Offset(of.need("r", Some(0))?))),
         "linear_extrude" => match extruded {
@@ -73,6 +73,12 @@ pub(super) fn meaning(
             Ok(Meaning::Leaf(shape))
         }
     }
+}
+
+/// Has a module children?
+pub(super) fn is_block(name: &str) -> bool {
+    let joining = matches!(name, "group" | "union" | "difference" | "intersection" | "complement");
+    joining || matches!(name, "render" | "color" | "multmatrix" | "linear_extrude" | "offset3d")
 }
 
 pub(in crate::csg) fn is_module(name: &str) -> bool {

@@ -7,12 +7,12 @@ use super::Stop;
 use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, made_bytes, meaning};
 use super::values::Arguments;
-use crate::csg::tree::{BOXED, NodeId, Operation, Tree, push};
+use crate::csg::tree::{NodeId, Operation, Tree, boxed, push, shrunk};
 use crate::facts::{CsgFault, CsgToken};
 use crate::geom::Affine;
 
 struct OpenBlock {
-    block: Block,
+    block: Block<()>,
     /// Where its children begin among all that wait.
     first: usize,
     /// Heights between which its flat shapes are extruded.
@@ -24,8 +24,15 @@ struct OpenBlock {
     single: bool,
 }
 
-/// What an open block takes, at most.
-pub(super) const OPEN_BYTES: usize = size_of::<OpenBlock>() * 9 / 8 + size_of::<Affine>() + BOXED;
+/// What an open block takes.
+pub(super) const OPEN_BYTES: u64 = size_of::<OpenBlock>() as u64;
+
+/// Gives room back that a list has no more use for, as the tree grows while the blocks of a deep one are closed.
+fn shrink<T>(list: &mut Vec<T>) {
+    if let Some(capacity) = shrunk(list.len(), list.capacity()) {
+        list.shrink_to(capacity);
+    }
+}
 
 struct Parser<'a> {
     lexer: Lexer<'a>,
@@ -33,6 +40,9 @@ struct Parser<'a> {
     most_bytes: u64,
     tree: Tree,
     open: Vec<OpenBlock>,
+    /// Where open blocks place what is in them. (Boxes of their own would leave holes in the allocator's heap that the
+    /// smaller ones of the tree do not fill.)
+    places: Vec<Affine>,
     /// Nodes that wait for their block to be closed.
     waiting: Vec<NodeId>,
     /// Bytes of the boxes of open blocks.
@@ -66,6 +76,7 @@ pub(in crate::csg) fn parse(
             left_out: false,
             single: false,
         }],
+        places: Vec::new(),
         waiting: Vec::new(),
         boxed_bytes: 0,
         peak_bytes: 0,
@@ -86,16 +97,16 @@ pub(in crate::csg) struct ParsedTree {
     pub(in crate::csg) peak_bytes: u64,
 }
 
-/// Bytes of a block's boxes.
-fn boxed_bytes(block: &Block, extruded: bool) -> u64 {
-    let placed = if matches!(block, Block::Placed(_)) { size_of::<Affine>() + BOXED } else { 0 };
-    (placed + if extruded { size_of::<[f64; 2]>() + BOXED } else { 0 }) as u64
+/// Bytes of a block's box.
+fn boxed_bytes(extruded: bool) -> u64 {
+    if extruded { boxed::<[f64; 2]>() as u64 } else { 0 }
 }
 
 impl Parser<'_> {
     fn bytes(&self) -> u64 {
-        let lists =
-            self.waiting.capacity() * size_of::<NodeId>() + self.open.capacity() * size_of::<OpenBlock>();
+        let lists = self.waiting.capacity() * size_of::<NodeId>()
+            + self.open.capacity() * size_of::<OpenBlock>()
+            + self.places.capacity() * size_of::<Affine>();
         self.tree.bytes() + lists as u64 + self.boxed_bytes
     }
 
@@ -190,10 +201,18 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn begin(&mut self, block: Block, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
+    fn begin(&mut self, block: Block<Affine>, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
         let first = self.waiting.len();
-        self.boxed_bytes += boxed_bytes(&block, extruded.is_some());
+        self.boxed_bytes += boxed_bytes(extruded.is_some());
         let extruded = extruded.map(Box::new);
+        let block = match block {
+            Block::Placed(affine) => {
+                push(&mut self.places, affine);
+                Block::Placed(())
+            }
+            Block::Joined(operation) => Block::Joined(operation),
+            Block::Offset(by) => Block::Offset(by),
+        };
         push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false });
     }
 
@@ -213,21 +232,25 @@ impl Parser<'_> {
     /// Makes a node of the children of the block that was opened last.
     fn close_last(&mut self) -> Result<(), Stop> {
         let Some(block) = self.open.pop() else { return Ok(()) };
-        self.boxed_bytes =
-            self.boxed_bytes.saturating_sub(boxed_bytes(&block.block, block.extruded.is_some()));
+        self.boxed_bytes = self.boxed_bytes.saturating_sub(boxed_bytes(block.extruded.is_some()));
+        let place = if matches!(block.block, Block::Placed(())) { self.places.pop() } else { None };
+        shrink(&mut self.open);
+        shrink(&mut self.places);
         if block.left_out {
             return Ok(());
         }
         let children = &self.waiting[block.first..];
         let operation = match block.block {
             Block::Joined(operation) => operation,
-            Block::Placed(_) | Block::Offset(_) => Operation::Union,
+            Block::Placed(()) | Block::Offset(_) => Operation::Union,
         };
         let is_one = children.len() == 1 && operation != Operation::Complement;
         let mut node = if is_one { children[0] } else { self.tree.join(operation, children) };
         match block.block {
             Block::Joined(_) => {}
-            Block::Placed(affine) => node = self.tree.placed_of_line(*affine, node, block.line),
+            Block::Placed(()) => {
+                node = place.map_or(node, |place| self.tree.placed_of_line(place, node, block.line));
+            }
             Block::Offset(by) => {
                 let made = self.tree.offset_within(by, node, block.line, self.most_bytes)?;
                 node = made.ok_or_else(|| Stop::Memory { bytes: self.bytes() })?;
@@ -235,10 +258,6 @@ impl Parser<'_> {
         }
         self.waiting.truncate(block.first);
         push(&mut self.waiting, node);
-        // The tree grows while the blocks of a deep one are closed.
-        if self.open.len() < self.open.capacity() / 2 {
-            self.open.shrink_to(self.open.len() + self.open.len() / 8 + 16);
-        }
         Ok(())
     }
 }

@@ -43,7 +43,11 @@ impl List {
         if !whole {
             return (self.numbers.is_empty() && self.depth <= 2).then(Vec::new);
         }
-        self.rows().map(|row| row.try_into().ok()).collect()
+        let mut rows = Vec::with_capacity(self.ends.len());
+        for row in self.rows() {
+            rows.push(row.try_into().ok()?);
+        }
+        Some(rows)
     }
 
     /// Memory that it holds.

@@ -12,6 +12,7 @@ use base64::write::EncoderWriter;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, LeftOutCount, status};
 use crate::budget::Bytes;
+use crate::jobs::info::boxes;
 use crate::platform::open_file;
 use crate::source::BurnedIn;
 use crate::text::html;
@@ -86,9 +87,13 @@ pub(super) fn write(
         if item.model.is_some() { card(&item, report, out, embed, w) } else { Ok(()) }
     })?;
     w.write_all(b"</main>\n")?;
-    for (ended, head) in
-        [(Status::Failed, "<h2 id=\"failed\">Not converted</h2>"), (Status::Skipped, "<h2>Left alone</h2>")]
-    {
+    for (ended, head) in [
+        (
+            Status::Failed,
+            "<h2 id=\"failed\">Not converted</h2><p class=\"sum\" style=\"margin:0 28px 8px\">Files are named in report.csv, which stays at home, in the line of the same name.</p>",
+        ),
+        (Status::Skipped, "<h2>Left alone</h2>"),
+    ] {
         let mut any = false;
         journal.for_each(&mut |item| {
             if item.model.is_some() || item.status != ended {
@@ -200,7 +205,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
             _ => "",
         };
         row("inside", format!("{inside}{how}"))?;
-        row("skin voxels", m.skin_voxels.to_string())?;
+        row(boxes(report.options.surface), m.skin_voxels.to_string())?;
         row("model", Bytes(m.bytes).to_string())?;
         row("time", format!("{:.2} s", m.wall_s))?;
         match m.memory_plan_bytes {

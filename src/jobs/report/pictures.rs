@@ -96,6 +96,11 @@ impl Bench<'_> {
         let mut plain: Option<(u32, Vec<Image>)> = None;
         let mut rows = Vec::new();
         for Frame { choice, usual, smaller, how } in FRAMES {
+            // Discrete rays meet voxels, not the surfaces within cells.
+            let discrete = how(RenderRequest::default()).traversal == picture::Traversal::Discrete;
+            if discrete && model.view().cells().is_some() {
+                continue;
+            }
             let side = (self.pixels / smaller).max(1);
             let mut seconds = 0.0;
             let mut images = Vec::new();

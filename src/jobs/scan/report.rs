@@ -44,6 +44,9 @@ pub struct Listed {
     /// A volume, a mesh or a tree of solids.
     #[serde(skip)]
     pub subject: SubjectKind,
+    /// Size in voxels as far as the headers state it, of refused volumes, too.
+    #[serde(skip)]
+    pub stated: Option<[u32; 3]>,
 }
 
 /// Size of a usable volume.
@@ -97,10 +100,13 @@ impl Listed {
     pub fn text(&self) -> String {
         let part = if self.part.is_empty() { String::new() } else { format!(", {}", shown(&self.part)) };
         let (input, format) = (shown(&self.input), &self.format);
-        let head = format!("{:>3}. {input} ({format}{part}, {} file(s))", self.number, self.files);
+        let kind = if self.kind == self.format { String::new() } else { format!(", {}", self.kind) };
+        let head = format!("{:>3}. {input} ({format}{kind}{part}, {} file(s))", self.number, self.files);
         if let Some(reason) = &self.reason {
             let end = if self.copy_of.is_some() { "skipped" } else { "refused" };
-            return format!("{head}\n  {end}: {}\n", shown(reason));
+            // The name has the number of the series; which of several it is would not be seen from the folder.
+            let size = self.stated.map_or(String::new(), |[x, y, z]| format!("{x}x{y}x{z}, "));
+            return format!("{head}\n  {size}{}\n  {end}: {}\n", self.name, shown(reason));
         }
         let mut text = match &self.size {
             None => {

@@ -474,3 +474,75 @@ pub(crate) fn file(folder: &Path, name: &str, bytes: &[u8]) -> PathBuf {
     fs::write(&path, bytes).unwrap();
     path
 }
+
+/// An MRC map: columns along x, in a rectangular cell; bytes are unsigned by IMOD's mark.
+pub(crate) fn mrc(object: &Object, big: bool) -> Vec<u8> {
+    let mode = match object.scalar {
+        ScalarType::U8 | ScalarType::I8 => 0,
+        ScalarType::I16 => 1,
+        ScalarType::U16 => 6,
+        _ => 2,
+    };
+    let mut words = [0_u32; 256];
+    for axis in 0..3 {
+        let side = object.dims[axis];
+        (words[axis], words[7 + axis], words[16 + axis]) = (side, side, 1 + axis as u32);
+        words[10 + axis] = ((1e7 * f64::from(side) * object.step[axis].abs()) as f32).to_bits();
+        words[13 + axis] = 90_f32.to_bits();
+    }
+    (words[3], words[22]) = (mode, 1);
+    words[38] = if object.scalar == ScalarType::U8 { 1_146_047_817 } else { 0 };
+    let mut file: Vec<u8> =
+        words.iter().flat_map(|word| if big { word.to_be_bytes() } else { word.to_le_bytes() }).collect();
+    file[208..212].copy_from_slice(b"MAP ");
+    file[212..214].fill(if big { 0x11 } else { 0x44 });
+    file.extend(object.ordered(big));
+    file
+}
+
+/// VTK's structured points, binary.
+pub(crate) fn vtk(object: &Object) -> Vec<u8> {
+    let names =
+        ["unsigned_char", "char", "unsigned_short", "short", "unsigned_int", "int", "float", "double"];
+    let ([nx, ny, nz], [a, b, c]) = (object.dims, object.step.map(f64::abs));
+    let head = format!(
+        "# vtk DataFile Version 3.0\nASCII is only a title\nBINARY\nDATASET STRUCTURED_POINTS\nDIMENSIONS {nx} {ny} {nz}\n\
+         SPACING {a} {b} {c}\nORIGIN 0 0 0\nPOINT_DATA {}\nSCALARS values {} 1\nLOOKUP_TABLE default\n",
+        nx * ny * nz,
+        names[object.scalar as usize],
+    );
+    [head.into_bytes(), object.ordered(true)].concat()
+}
+
+/// An Amira lattice, raw.
+pub(crate) fn amira(object: &Object, big: bool) -> Vec<u8> {
+    let names = ["byte", "", "ushort", "short", "", "int", "float", "double"];
+    let ([nx, ny, nz], step) = (object.dims, object.step.map(f64::abs));
+    let [x, y, z] = [0, 1, 2].map(|axis| f64::from(object.dims[axis] - 1) * step[axis]);
+    let order = if big { "BINARY" } else { "BINARY-LITTLE-ENDIAN" };
+    let head = format!(
+        "# AmiraMesh {order} 2.1\n\n\ndefine Lattice {nx} {ny} {nz}\n\nParameters {{\n    Units {{\n        Coordinates \"mm\"\n    }}\n    \
+         Content \"{nx}x{ny}x{nz} values, uniform coordinates\",\n    BoundingBox 0 {x} 0 {y} 0 {z},\n    \
+         CoordType \"uniform\"\n}}\n\nLattice {{ {} Data }} @1\n\n# Data section follows\n@1\n",
+        names[object.scalar as usize],
+    );
+    [head.into_bytes(), object.ordered(big)].concat()
+}
+
+/// A VGStudio header of samples in a file of their own.
+pub(crate) fn vgi(object: &Object, samples: &str) -> Vec<u8> {
+    let kind = match object.scalar {
+        ScalarType::F32 | ScalarType::F64 => "float",
+        ScalarType::I8 | ScalarType::I16 | ScalarType::I32 => "signed integer",
+        _ => "unsigned integer",
+    };
+    let ([nx, ny, nz], [a, b, c]) = (object.dims, object.step.map(f64::abs));
+    let bits = 8 * object.scalar.bytes();
+    format!(
+        "{{volume1}}\n[representation]\nsize = {nx} {ny} {nz}\ndatatype = {kind}\ndatarange = 0 -1\nbitsperelement = {bits}\n\
+         [file1]\nSkipHeader = 0\nFileFormat = raw\nSize = {nx} {ny} {nz}\nName = {samples}\nDatatype = {kind}\n\
+         BitsPerElement = {bits}\n{{volumeprimitive12}}\n[geometry]\nresolution = {a} {b} {c}\nunit = mm\n[volume]\n\
+         volume = volume1\n"
+    )
+    .into_bytes()
+}

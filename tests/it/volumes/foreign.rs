@@ -67,6 +67,13 @@ fn a_random_volume_gives_the_same_model_by_every_route() {
             ),
             (file(at, "a.tif", &Tiff::default().write(&object)), &spaced),
             (file(at, "d.tif", &packed.write(&object)), &spaced),
+            (file(at, "a.mrc", &mrc(&object, false)), &[]),
+            (file(at, "b.map", &mrc(&object, true)), &[]),
+            (file(at, "a.vtk", &vtk(&object)), &[]),
+            (file(at, "a.am", &amira(&object, false)), &[]),
+            (file(at, "b.am", &amira(&object, true)), &[]),
+            (file(at, "a.vgi", &vgi(&object, "a.vol")), &[]),
+            (file(at, "a.vol", &object.bytes), &[]),
         ];
         if matches!(scalar, ScalarType::U8 | ScalarType::U16) {
             pngs(&object, &at.join("pngs"));
@@ -84,46 +91,204 @@ fn a_random_volume_gives_the_same_model_by_every_route() {
     }
 }
 
+/// Where the skin lies, and its normals.
+fn skin_of(model: &Path) -> std::collections::BTreeMap<[u32; 3], [f64; 3]> {
+    let model = Model::open(model).unwrap();
+    model.voxels().map(|found| (found.voxel, found.normal.unwrap())).collect()
+}
+
+/// A volume whose axes run in another order, and some of them backwards, is the same model, turned and mirrored.
+#[test]
+fn mirrored_and_turned_volumes_give_mirrored_and_turned_models() {
+    for seed in 0..3 * u64::from(long()) {
+        let folder = tempfile::tempdir().unwrap();
+        let (at, mut random) = (folder.path(), Random(seed));
+        let dims: [u32; 3] = std::array::from_fn(|_| 30 + random.below(20_u32));
+        let object = Object::new(dims, ScalarType::I16, [1.0; 3]);
+        let samples: Vec<i16> =
+            object.bytes.as_chunks::<2>().0.iter().map(|b| i16::from_le_bytes(*b)).collect();
+        let model = at.join("m.oct");
+        for surface in ["skin", "cells"] {
+            let build = |name: &str, [x, y, z]: [u32; 3], bytes: &[u8]| {
+                let size = format!("{x}x{y}x{z}");
+                let how = ["--dims", &size, "--dtype", "i16", "--spacing", "1x1x1", "--iso", "1000.5"];
+                let run = command::build(
+                    &[&file(at, name, bytes)],
+                    &model,
+                    &[&how[..], &["--surface", surface]].concat(),
+                );
+                assert_eq!(run.code, 0, "{run:?}");
+                skin_of(&model)
+            };
+            let plain = build("a.raw", dims, &object.bytes);
+            assert!(plain.len() > 1000);
+            // Cells lie between samples: one more along every axis, from half a voxel before the first.
+            let sides = dims.map(|side| side - u32::from(surface == "skin"));
+            for (order, backwards) in [
+                ([0, 1, 2], [true, false, false]),
+                ([0, 1, 2], [false, true, true]),
+                ([2, 0, 1], [false; 3]),
+                ([1, 0, 2], [false, false, true]),
+            ] {
+                let turned = order.map(|axis: usize| dims[axis]);
+                let [nx, ny, nz] = turned.map(|side| side as usize);
+                let mut bytes = vec![0; object.bytes.len()];
+                let there = |p: [u32; 3], sides: [u32; 3]| -> [u32; 3] {
+                    std::array::from_fn(|k| {
+                        let at = p[order[k]];
+                        if backwards[k] { sides[order[k]] - at } else { at }
+                    })
+                };
+                for (number, sample) in (0_u32..).zip(&samples) {
+                    let p = [number % dims[0], number / dims[0] % dims[1], number / dims[0] / dims[1]];
+                    let [x, y, z] = there(p, dims.map(|side| side - 1)).map(|c| c as usize);
+                    assert!(x < nx && y < ny && z < nz);
+                    let slot = 2 * (x + nx * (y + ny * z));
+                    bytes[slot..slot + 2].copy_from_slice(&sample.to_le_bytes());
+                }
+                let found = build("b.raw", turned, &bytes);
+                let name = format!("seed {seed}: {surface} {order:?} {backwards:?}");
+                assert_eq!(found.len(), plain.len(), "{name}");
+                let mut furthest = 1.0_f64;
+                for (p, normal) in &plain {
+                    let own = found.get(&there(*p, sides)).unwrap_or_else(|| panic!("{name}: {p:?}"));
+                    let wanted: [f64; 3] =
+                        std::array::from_fn(
+                            |k| if backwards[k] { -normal[order[k]] } else { normal[order[k]] },
+                        );
+                    furthest = furthest.min((0..3).map(|k| own[k] * wanted[k]).sum());
+                }
+                // Within what 16 bits of a normal are off by; planes of cells that are met near a corner differ by more.
+                let least = if surface == "skin" { 0.9995 } else { 0.99 };
+                assert!(furthest > least, "{name}: {furthest}");
+            }
+        }
+    }
+}
+
 #[test]
 fn kinds_that_are_not_read_are_named_with_the_way_out() {
     let folder = tempfile::tempdir().unwrap();
     let at = folder.path();
-    let mut map = vec![0; 1100];
-    map[208..212].copy_from_slice(b"MAP ");
     fs::create_dir_all(at.join("a.zarr/0/0")).unwrap();
     file(at, "a.zarr/.zgroup", b"{}");
     file(at, "a.zarr/0/0/0", &[1; 100]);
     for (name, bytes, words) in [
         ("a.h5", &b"\x89HDF\r\n\x1a\n\0\0\0\0"[..], ["an HDF5 file", "as .npy or NRRD first"]),
         ("a.nc", b"CDF\x01\0\0\0\0", ["a NetCDF file", "as .npy or NRRD first"]),
-        ("a.vtk", b"# vtk DataFile Version 3.0\n", ["a VTK file", "as MetaImage or NRRD first"]),
         (
             "a.vti",
             b"<?xml version=\"1.0\"?>\n<VTKFile type=\"ImageData\">",
             ["in XML (.vti)", "as MetaImage or NRRD first"],
         ),
         ("b.vti", b"<VTKFile type=\"ImageData\">", ["in XML (.vti)", "as MetaImage or NRRD first"]),
-        (
-            "a.vgi",
-            b"{volume1}\n[representation]\n",
-            ["a VGStudio header", "whose .vol holds headerless voxels"],
-        ),
-        (
-            "a.am",
-            b"# AmiraMesh BINARY-LITTLE-ENDIAN 2.1\n",
-            ["an Amira or Avizo file", "as NRRD or MetaImage first"],
-        ),
-        (
-            "b.am",
-            b"# Avizo BINARY-LITTLE-ENDIAN 2.1\n",
-            ["an Amira or Avizo file", "as NRRD or MetaImage first"],
-        ),
-        ("a.mrc", &map, ["an MRC or CCP4 map", "as TIFF or NRRD first"]),
         ("a.zarr", b"", ["a Zarr folder", "as TIFF or NRRD first"]),
     ] {
         let path = if name == "a.zarr" { at.join(name) } else { file(at, name, bytes) };
         command::build(&[&path], &at.join("m.oct"), &["--iso", "1"]).refused(3, &words);
     }
+}
+
+/// A text with a part of it replaced, which it has.
+fn replaced(bytes: &[u8], from: &[u8], to: &[u8]) -> Vec<u8> {
+    let at = bytes.windows(from.len()).position(|part| part == from).unwrap();
+    [&bytes[..at], to, &bytes[at + from.len()..]].concat()
+}
+
+#[test]
+fn headers_before_raw_samples_are_placed_or_refused_with_the_way_out() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let object = Object::new([12, 10, 8], ScalarType::I16, [0.5, 0.25, 2.0]);
+    let float = Object::new([12, 10, 8], ScalarType::F32, [1.0; 3]);
+    let model = at.join("m.oct");
+    let build = |name: &str, bytes: &[u8]| {
+        file(at, "a.vol", &object.bytes);
+        command::build(&[&file(at, name, bytes)], &model, &["--iso", "1000"])
+    };
+    let text = |bytes: &[u8], from: &str, to: &str| replaced(bytes, from.as_bytes(), to.as_bytes());
+    let [am, vtk, vgi] = [amira(&object, false), vtk(&object), vgi(&object, "a.vol")];
+    let word = |bytes: &[u8], words: &[(usize, u32)]| {
+        let mut bytes = bytes.to_vec();
+        for (at, value) in words {
+            bytes[4 * at - 4..4 * at].copy_from_slice(&value.to_le_bytes());
+        }
+        bytes
+    };
+    let map = mrc(&object, false);
+    // Columns, rows and sections along z, x and y of the cell, from another first section.
+    let turned = word(&map, &[(17, 3), (18, 1), (19, 2), (7, 5)]);
+    let placed = word(&map, &[(50, 1e7_f32.to_bits()), (52, (-2e7_f32).to_bits())]);
+    let slanted = word(&map, &[(16, 60_f32.to_bits())]);
+    let unsigned = [("datatype = signed", "datatype = unsigned"), ("unit = mm", "unit = um")];
+    let unsigned = unsigned.iter().fold(vgi.clone(), |all, (from, to)| text(&all, from, to));
+    let diagonal = |x: f64, y: f64, z: f64| [[x, 0.0, 0.0, 0.0], [0.0, y, 0.0, 0.0], [0.0, 0.0, z, 0.0]];
+    let plain = diagonal(0.5, 0.25, 2.0);
+    let mut moved = plain;
+    (moved[0][3], moved[2][3]) = (1.0, -2.0);
+    let cell = [12.0 * 0.5, 10.0 * 0.25, 8.0 * 2.0];
+    // The intervals stay those of x, y and z.
+    let [x, y, z] = [cell[0] / 12.0, cell[1] / 10.0, cell[2] / 8.0];
+    let axes = [[0.0, x, 0.0, 0.0], [0.0, 0.0, y, 5.0 * y], [z, 0.0, 0.0, 0.0]];
+    let half = 60_f64.to_radians();
+    let mut leaning = plain;
+    (leaning[0][1], leaning[1][1]) = (0.25 * half.cos(), 0.25 * half.sin());
+    let mut shifted = plain;
+    (shifted[0][3], shifted[1][3]) = (-3.0, 7.5);
+    for (name, bytes, wanted) in [
+        ("a.mrc", map.clone(), plain),
+        ("b.mrc", turned, axes),
+        ("c.mrc", placed, moved),
+        ("d.ccp4", slanted, leaning),
+        ("a.vtk", text(&vtk, "ORIGIN 0 0 0", "ORIGIN -3 7.5 0"), shifted),
+        ("b.vtk", text(&vtk, "SPACING", "ASPECT_RATIO"), plain),
+        ("a.am", text(&am, "\"mm\"", "\"cm\""), diagonal(5.0, 2.5, 20.0)),
+        ("b.am", text(&am, "AmiraMesh", "Avizo"), plain),
+        ("a.vgi", unsigned, diagonal(5e-4, 2.5e-4, 2e-3)),
+    ] {
+        let run = build(name, &bytes);
+        assert_eq!(run.code, 0, "{name}: {run:?}");
+        assert!(run.stdout.contains("its axes are taken as LPS"), "{name}: {run:?}");
+        let info = oct(&["info", &model.display().to_string(), "--json"]).json();
+        for (row, numbers) in wanted.iter().enumerate() {
+            for (column, wanted) in numbers.iter().enumerate() {
+                let got = info["affine"][row][column].as_f64().unwrap();
+                assert!((got - wanted).abs() < 1e-6, "{name}: {row} {column} {got} for {wanted}");
+            }
+        }
+    }
+    let stack = word(&map, &[(10, 1), (23, 0)]);
+    for (name, bytes, words) in [
+        ("a.vtk", text(&vtk, "BINARY", "ASCII"), ["holds text (ASCII)", "write it as BINARY"]),
+        (
+            "a.vtk",
+            text(&vtk, "STRUCTURED_POINTS", "POLYDATA"),
+            ["a DATASET POLYDATA", "as structured points"],
+        ),
+        ("a.vtk", text(&vtk, "values short 1", "values short 3"), ["several values a voxel", "one of them"]),
+        ("a.vtk", text(&vtk, "values short", "values bit"), ["of the type `bit`", "whole numbers or floats"]),
+        ("a.vtk", text(&vtk, "POINT_DATA", "CELL_DATA"), ["values of cells", "as structured points"]),
+        ("a.vtk", text(&vtk, "ORIGIN", "ORIGINS"), ["does not state ORIGIN", "damaged"]),
+        ("a.am", text(&am, "@1\n\n", "@1(HxByteRLE,123)\n\n"), ["packed by HxByteRLE", "as raw binary"]),
+        ("a.am", text(&am, "@1\n\n", "@1(HxZip,99)\n\n"), ["packed by HxZip", "as raw binary"]),
+        ("a.am", text(&am, "BINARY-LITTLE-ENDIAN", "3D ASCII"), ["holds text (ASCII)", "as raw binary"]),
+        ("a.am", text(&am, "\"uniform\"", "\"curvilinear\""), ["CoordType \"curvilinear\"", "resample"]),
+        ("a.am", text(&am, "{ short Data", "{ short[3] Data"), ["type `short[3]`", "one value a voxel"]),
+        ("a.am", text(&am, "define Lattice", "define VERTEX"), ["does not state", "a lattice"]),
+        ("a.am", am[..am.len() - 9].to_vec(), ["promises", "are there"]),
+        ("a.mrc", word(&mrc(&float, false), &[(4, 4)]), ["complex numbers", "as MODE 2"]),
+        ("a.mrc", word(&map, &[(4, 101)]), ["samples of MODE 101", "as MODE 0"]),
+        ("a.mrc", word(&map, &[(17, 2)]), ["does not state MAPC", "damaged"]),
+        ("a.mrc", stack, ["a stack of 8 pictures", "reconstruct a volume"]),
+        ("a.vgi", text(&vgi, "= raw", "= tiff"), ["the format `tiff`", "export it as raw"]),
+        ("a.vgi", text(&vgi, "Name = a.vol", "Name = /etc/passwd"), ["not in the folder", "/etc/passwd"]),
+        ("a.vgi", text(&vgi, "size =", "sizes ="), ["does not state size", "damaged"]),
+    ] {
+        build(name, &bytes).refused(3, &words);
+    }
+    let bare = file(at, "bare.vol", &object.bytes);
+    let words = ["headerless voxels by its name (.vol)", ".vgi", "--dims NXxNYxNZ and --dtype"];
+    command::build(&[&bare], &model, &["--iso", "1"]).refused(2, &words);
 }
 
 #[test]
@@ -134,10 +299,7 @@ fn what_headers_say_twice_or_of_axes_alone() {
     let model = at.join("m.oct");
     let build =
         |name: &str, bytes: &[u8]| command::build(&[&file(at, name, bytes)], &model, &["--iso", "1000"]);
-    let text = |bytes: &[u8], from: &str, to: &str| {
-        let at = bytes.windows(from.len()).position(|part| part == from.as_bytes()).unwrap();
-        [&bytes[..at], to.as_bytes(), &bytes[at + from.len()..]].concat()
-    };
+    let text = |bytes: &[u8], from: &str, to: &str| replaced(bytes, from.as_bytes(), to.as_bytes());
     let whole = nrrd(&object, "raw", false, "");
     let twice = text(&whole, "kinds:", "sizes: 10 12 8\nkinds:");
     build("a.nrrd", &twice).refused(3, &["states `sizes` twice"]);

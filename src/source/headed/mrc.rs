@@ -1,0 +1,117 @@
+//! MRC and CCP4 maps (<https://www.ccpem.ac.uk/mrc-format/mrc2014/>): 1024 bytes of 4-byte words, an extended header,
+//! samples.
+//!
+//! Lengths are in ångströms. `MAPC`, `MAPR` and `MAPS` say along which axes of the cell columns, rows and sections run;
+//! cells need not be rectangular. The place is `ORIGIN`, or where that is 0 the first column, row and section.
+
+use std::path::Path;
+
+use super::{Headed, Read, missing, refused, sample_type, unread};
+use crate::facts::{Carrier, Note};
+use crate::geom::Affine;
+use crate::platform::{FileExt, open_file};
+use crate::source::OpenOptions;
+use crate::source::header::unreadable;
+use crate::volume::{Endian, Result, VolumeSource};
+
+const HEADER: usize = 1024;
+const MM: f64 = 1e-7;
+/// IMOD's mark, and its flag for signed bytes.
+const IMOD: i32 = 1_146_047_817;
+
+pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {
+    head.get(208..211).is_some_and(|mark| mark == b"MAP")
+}
+
+pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
+    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let mut head = [0; HEADER];
+    file.read_exact_at(&mut head, 0).map_err(|cause| unreadable(path, cause))?;
+    header(&head).map_err(refused(path))?.open(path, None)
+}
+
+fn header(head: &[u8; HEADER]) -> Read<Headed> {
+    let endian = match head[212] {
+        0x44 => Endian::Little,
+        0x11 => Endian::Big,
+        // Left out: of the two, the order in which the kind of samples makes sense.
+        _ if i32::from_le_bytes([head[12], head[13], head[14], head[15]]) < 256 => Endian::Little,
+        _ => Endian::Big,
+    };
+    // Words are counted from 1, as the format does.
+    let bytes = |word: usize| {
+        let at = 4 * (word - 1);
+        let bytes = [head[at], head[at + 1], head[at + 2], head[at + 3]];
+        if endian == Endian::Big { bytes } else { [bytes[3], bytes[2], bytes[1], bytes[0]] }
+    };
+    let whole = |word| i32::from_be_bytes(bytes(word));
+    let real = |word| f64::from(f32::from_be_bytes(bytes(word)));
+    let whole3 = |word| [whole(word), whole(word + 1), whole(word + 2)];
+    let real3 = |word| [real(word), real(word + 1), real(word + 2)];
+    let signed = whole(39) != IMOD || whole(40) & 1 != 0;
+    let samples = match whole(4) {
+        0 => sample_type(false, signed, 8),
+        1 => sample_type(false, true, 16),
+        2 => sample_type(true, true, 32),
+        6 => sample_type(false, false, 16),
+        12 => sample_type(true, true, 16),
+        3 | 4 => return Err(unread("complex numbers", "write their amplitudes as MODE 2")),
+        mode => {
+            return Err(unread(format!("samples of MODE {mode}"), "write them as MODE 0, 1, 2, 6 or 12"));
+        }
+    };
+    let samples = samples.ok_or_else(|| missing("MODE"))?;
+    let size = whole3(1).map(|n| u64::try_from(n).unwrap_or(0));
+    let (group, sections) = (whole(23), u64::try_from(whole(10)).unwrap_or(0));
+    if group == 0 && sections == 1 && size[2] > 1 {
+        let cure = "reconstruct a volume first; of the slices of one volume, set MZ to their number";
+        return Err(unread(format!("a stack of {} pictures (ISPG 0, MZ 1)", size[2]), cure));
+    }
+    let is_stack = group >= 401 && sections > 0 && size[2].is_multiple_of(sections);
+    let volumes = if is_stack { size[2] / sections } else { 1 };
+    let mut notes = Vec::new();
+    let (intervals, cell) = (whole3(8), real3(11));
+    let is_stated = (0..3).all(|k| intervals[k] > 0 && cell[k] > 0.0);
+    let affine = if is_stated {
+        let order = whole3(17).map(|axis| axis - 1);
+        let along = cell_axes(real3(14)).ok_or_else(|| missing("the angles of its cell"))?;
+        let axes = if order == [-1; 3] { [0, 1, 2] } else { order };
+        let mut affine = Affine::from_spacing([1.0; 3]);
+        let (origin, start) = (real3(50), whole3(5));
+        for axis in 0..3 {
+            let k = usize::try_from(axes[axis])
+                .ok()
+                .filter(|k| *k < 3 && (0..axis).all(|a| axes[a] != axes[axis]));
+            let k = k.ok_or_else(|| missing("MAPC, MAPR and MAPS"))?;
+            let step = cell[k] / f64::from(intervals[k]) * MM;
+            for (row, part) in affine.rows.iter_mut().zip(along[k]) {
+                row[axis] = part * step;
+                row[3] += part * step * f64::from(start[axis]);
+            }
+        }
+        if origin.iter().any(|c| *c != 0.0) {
+            (0..3).for_each(|k| affine.rows[k][3] = origin[k] * MM);
+        }
+        affine
+    } else {
+        notes.push(Note::AssumedSpacing { by: Carrier::Header });
+        Affine::from_spacing([1.0; 3])
+    };
+    // The bytes of the extended header.
+    let more = u64::try_from(whole(24)).map_err(|_| missing("NSYMBT"))?;
+    let size = [size[0], size[1], size[2] / volumes.max(1)];
+    let at = HEADER as u64 + more;
+    Ok(Headed { format: "mrc", size, volumes, samples, endian, at, affine, notes })
+}
+
+/// The axes of a cell of unit length: a along x, b in the plane of x and y. Angles of 0 were left out.
+fn cell_axes(degrees: [f64; 3]) -> Option<[[f64; 3]; 3]> {
+    if degrees.iter().all(|angle| *angle == 90.0 || *angle == 0.0) {
+        return Some([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]]);
+    }
+    let [alpha, beta, gamma] = degrees.map(f64::to_radians);
+    let y = (alpha.cos() - beta.cos() * gamma.cos()) / gamma.sin();
+    let z = (1.0 - beta.cos().powi(2) - y * y).sqrt();
+    let axes = [[1.0, 0.0, 0.0], [gamma.cos(), gamma.sin(), 0.0], [beta.cos(), y, z]];
+    axes.iter().flatten().all(|c| c.is_finite()).then_some(axes)
+}
