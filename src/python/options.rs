@@ -15,7 +15,7 @@ use crate::geom::{Affine, Dims, Orientation};
 use crate::jobs::build::GridOptions;
 use crate::jobs::render::RenderRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
-use crate::render::{NamedView, ViewPoint};
+use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
 use crate::volume::{Placement, Rescale, ScalarType};
 
@@ -298,7 +298,9 @@ pub(super) struct PictureAsked {
     projection: String,
     fov: f64,
     shading: String,
-    ao_rays: u32,
+    blended: bool,
+    samples: String,
+    ao_rays: Option<u32>,
     lod: bool,
     annotate: bool,
     smooth_edges: bool,
@@ -318,9 +320,16 @@ impl PictureAsked {
         };
         let usual = RenderRequest::default();
         let [width, height] = self.size;
-        let shadings = [("stored", (false, 0)), ("blended", (true, 0)), ("ao", (false, self.ao_rays))];
-        let (blended, ambient_rays) =
+        let shadings = [
+            ("plain", (Shading::Plain, Smoothing::Smooth)),
+            ("soft", (Shading::Soft, Smoothing::Smooth)),
+            ("ao", (Shading::Ao, Smoothing::Smooth)),
+            ("stored", (Shading::Plain, Smoothing::Stored)),
+            ("blended", (Shading::Plain, Smoothing::Blended)),
+        ];
+        let (shading, smoothing) =
             choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
+        let samples = choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
         Ok(RenderRequest {
             width,
             height,
@@ -329,9 +338,10 @@ impl PictureAsked {
             fov_deg: self.fov,
             threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             lod: self.lod,
-            smooth_edges: self.smooth_edges,
-            blended,
-            ambient_rays,
+            samples: if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples },
+            shading,
+            smoothing: if self.blended { Smoothing::Blended } else { smoothing },
+            ambient_rays: self.ao_rays.unwrap_or(0),
             annotate: self.annotate,
             ..usual
         })

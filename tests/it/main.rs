@@ -45,6 +45,7 @@ mod normals;
 mod oracle;
 mod pack;
 mod picture_memory;
+mod picture_normals;
 mod prelude;
 mod privacy;
 mod report;

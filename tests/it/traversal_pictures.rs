@@ -183,7 +183,7 @@ fn pictures_have_the_same_bytes_at_any_number_of_threads() {
     for projection in [Projection::Parallel, Projection::Perspective] {
         let mut asked = request(NamedView::Iso, projection);
         (asked.width, asked.height) = (203, 117);
-        (asked.smooth_edges, asked.depth, asked.normals) = (true, true, true);
+        (asked.depth, asked.normals) = (true, true);
         asked.threads = 1;
         let (one, report) = render(&torus.tree.view(), torus.dims, &unit_affine(), &asked).unwrap();
         show(&one, &format!("torus-iso-{projection:?}"));
@@ -210,7 +210,7 @@ fn pictures_have_the_same_bytes_on_every_machine() {
     let mut sums = Vec::new();
     for projection in [Projection::Parallel, Projection::Perspective] {
         let mut asked = request(NamedView::Iso, projection);
-        (asked.smooth_edges, asked.depth, asked.normals) = (true, true, true);
+        (asked.depth, asked.normals) = (true, true);
         let (image, _) = render(&torus.tree.view(), torus.dims, &affine, &asked).unwrap();
         show(&image, &format!("torus-sheared-{projection:?}"));
         let depth: Vec<u8> = image.depth.unwrap().iter().flat_map(|d| d.to_le_bytes()).collect();
@@ -337,7 +337,7 @@ fn thumbnails_use_the_coarser_levels_and_look_alike() {
     let (coarse, report) = thumbnail(&ball.tree.view(), ball.dims, &unit_affine(), 32, 1).unwrap();
     assert_eq!(report.smallest_box, 4);
     assert_eq!((coarse.width, coarse.height), (32, 32));
-    let exact = RenderRequest { width: 32, height: 32, smooth_edges: true, ..RenderRequest::default() };
+    let exact = RenderRequest { width: 32, height: 32, ..RenderRequest::default() };
     let (fine, exact_report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
     assert_eq!(exact_report.smallest_box, 1);
     assert!(report.steps < exact_report.steps);
@@ -399,7 +399,7 @@ fn a_real_head_shows_its_face_to_the_front() {
         });
         for view in NamedView::ALL {
             let mut asked = request(view, Projection::Parallel);
-            (asked.width, asked.height, asked.smooth_edges) = (320, 320, true);
+            (asked.width, asked.height) = (320, 320);
             let (image, report) = render(&head.tree.view(), head.dims, &affine, &asked).unwrap();
             show(&image, &format!("head-{name}-{}", view.name()));
             assert!(report.hits > 20_000, "{report:?}");
