@@ -14,7 +14,8 @@ use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
 use crate::render::{
-    Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing, ViewPoint,
+    Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing,
+    ViewPoint,
 };
 
 /// What picture to make.

@@ -329,7 +329,8 @@ impl PictureAsked {
         ];
         let (shading, smoothing) =
             choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
-        let samples = choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
+        let samples =
+            choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
         Ok(RenderRequest {
             width,
             height,

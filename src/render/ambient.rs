@@ -156,7 +156,8 @@ impl<S: Surface> Painter<'_, S> {
         lot.closed = [0; RAYS];
         let (mut traced, mut lod_edge_log2) = (0, self.canvas.lod_edge_log2);
         let struck = hits.iter().enumerate().filter_map(|(at, hit)| Some((at, hit.as_ref()?)));
-        for ((at, hit), normal) in struck.clone().filter_map(|(at, hit)| Some(((at, hit), normals.get(at)?))) {
+        for ((at, hit), normal) in struck.clone().filter_map(|(at, hit)| Some(((at, hit), normals.get(at)?)))
+        {
             // Larger leaves are not coarse boxes.
             let is_leaf = self.view.is_leaf(NodeIndex::new(hit.box_number));
             let own = if is_leaf { 0 } else { hit.edge_log2 };

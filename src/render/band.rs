@@ -190,7 +190,8 @@ impl<S: Surface> Painter<'_, S> {
                     let limit = (rows - row * TILE).min(TILE);
                     let mut counts = Counts::default();
                     let tiles = hits.chunks_mut(TILE_PIXELS).zip(normals.chunks_mut(TILE_PIXELS));
-                    for (tile, ((hits, normals), open)) in tiles.zip(open.chunks_mut(TILE_PIXELS)).enumerate() {
+                    for (tile, ((hits, normals), open)) in tiles.zip(open.chunks_mut(TILE_PIXELS)).enumerate()
+                    {
                         let corner = [tile * TILE, top + row * TILE];
                         counts = counts.plus(self.look_at(kept, corner, limit, (hits, normals, open)));
                         self.watch.step();

@@ -104,7 +104,8 @@ mod tests {
     /// share.
     #[test]
     fn rays_of_a_pixel_are_spread_evenly() {
-        for (samples, count) in [(Samples::One, 0), (Samples::Four, 4), (Samples::Auto, 8), (Samples::Sixteen, 16)]
+        for (samples, count) in
+            [(Samples::One, 0), (Samples::Four, 4), (Samples::Auto, 8), (Samples::Sixteen, 16)]
         {
             let places: Vec<usize> = (0..64).filter(|at| samples.places() >> at & 1 == 1).collect();
             assert_eq!(places.len(), count, "{samples:?}");

@@ -44,9 +44,9 @@ mod band;
 pub mod batch;
 pub mod camera;
 mod caster;
-mod choices;
 #[doc(hidden)]
 pub mod cells;
+mod choices;
 mod colors;
 #[doc(hidden)]
 pub mod discrete;

@@ -244,7 +244,9 @@ pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
     let (width, height) = (u64::from(width).next_multiple_of(TILE as u64), u64::from(height));
     let rows = (BAND_PIXELS as u64 / width).max(TILE as u64).min(height.next_multiple_of(TILE as u64));
     let kept = (KEPT_ROWS * TILE) as u64;
-    4 * width * height + width * ((rows + kept) * Band::PIXEL_BYTES + 8 * rows) + threads as u64 * WORKER_BYTES
+    4 * width * height
+        + width * ((rows + kept) * Band::PIXEL_BYTES + 8 * rows)
+        + threads as u64 * WORKER_BYTES
 }
 
 /// Bytes that [`paint_parts`] takes for such a picture, besides the model and the program: the fewest, in bands of 8 rows.
@@ -257,7 +259,8 @@ pub(crate) fn parts_bytes(canvas: &Canvas) -> u64 {
         + if canvas.normals { 3 } else { 0 }
         + if canvas.ids { 6 } else { 0 };
     let kept = (rows + (KEPT_ROWS * TILE) as u64).min(all);
-    row * (rows.min(all) * 2 * layers + kept * Band::PIXEL_BYTES) + canvas.threads.max(1) as u64 * WORKER_BYTES
+    row * (rows.min(all) * 2 * layers + kept * Band::PIXEL_BYTES)
+        + canvas.threads.max(1) as u64 * WORKER_BYTES
 }
 
 /// Paints a model as a camera sees it.

@@ -139,7 +139,8 @@ impl Light {
         let (h2, h8) = (h * h, h * h * (h * h) * (h * h) * (h * h));
         let h32 = h8 * h8 * (h8 * h8);
         let shine = OF_SHINE * open * (h32 * (h2 * h2) * (h2 * h2));
-        let by_key = OF_KEY * k * (KEY_FLAT + (1.0 - KEY_FLAT) * k) * (KEY_CLOSED + (1.0 - KEY_CLOSED) * open);
+        let by_key =
+            OF_KEY * k * (KEY_FLAT + (1.0 - KEY_FLAT) * k) * (KEY_CLOSED + (1.0 - KEY_CLOSED) * open);
         let by_eye = OF_EYE * cosine * cosine * open;
         let by_sky = (OF_SKY + OF_ZENITH * (1.0 + turn * dot(normal, up))) * open;
         [0, 1, 2].map(|c| color[c] * (by_key * KEY_COLOR[c] + by_eye + by_sky * SKY_COLOR[c]) + shine)
@@ -241,7 +242,9 @@ mod tests {
                 // Brightest between the eye and the key lamp.
                 let [_, key] = light.rig.unwrap();
                 assert!((dot(key, key) - 1.0).abs() < 1e-9);
-                assert!(of(key, 1.0)[0] > facing[0] && of([key[0], key[1], -key[2]], 1.0)[0] < of(key, 1.0)[0]);
+                assert!(
+                    of(key, 1.0)[0] > facing[0] && of([key[0], key[1], -key[2]], 1.0)[0] < of(key, 1.0)[0]
+                );
             } else {
                 assert_eq!(facing, SURFACE);
             }

@@ -5,7 +5,6 @@
 
 use crate::prelude::*;
 use bodies::{Body, iso, scan};
-use infobyte::Smoothing;
 
 const CLEAN: Scan = Scan { spread: 0.8, thick: 1, noise: 0.0 };
 const NOISY: Scan = Scan { noise: 0.025, ..CLEAN };
@@ -74,7 +73,7 @@ const ROWS: [(&str, usize, Scan, f64, f64, f64); 5] = [
     ("ball, 2.5 % noise", 0, NOISY, 0.9, 0.1, 0.8),
     ("torus", 1, CLEAN, 0.8, 0.3, 0.9),
     ("torus, slices 6 x", 1, THICK, 6.5, 10.0, 1.0),
-    ("box", 2, CLEAN, 2.6, 5.0, 1.1),
+    ("box", 2, CLEAN, 3.6, 8.0, 1.05),
 ];
 
 #[test]

@@ -85,8 +85,8 @@ fn named_views_show_the_letter_the_right_way_round() {
     ];
     for (view, full, empty) in table {
         for projection in [Projection::Parallel, Projection::Perspective] {
-            let (image, report) =
-                render(&scene.tree.view(), scene.dims, &unit_affine(), &request(view, projection)).unwrap();
+            let one = RenderRequest { samples: Samples::One, ..request(view, projection) };
+            let (image, report) = render(&scene.tree.view(), scene.dims, &unit_affine(), &one).unwrap();
             show(&image, &format!("letter-{}-{projection:?}", view.name()));
             assert!(report.hits > 2000 && report.rays == 160 * 160, "{report:?}");
             if projection == Projection::Parallel {
@@ -128,8 +128,8 @@ fn a_lit_ball_is_bright_where_it_faces_the_eye() {
     let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
     for view in NamedView::ALL {
         for projection in [Projection::Parallel, Projection::Perspective] {
-            let (image, _) =
-                render(&ball.tree.view(), ball.dims, &unit_affine(), &request(view, projection)).unwrap();
+            let plain = RenderRequest { shading: Shading::Plain, ..request(view, projection) };
+            let (image, _) = render(&ball.tree.view(), ball.dims, &unit_affine(), &plain).unwrap();
             show(&image, &format!("ball-{}-{projection:?}", view.name()));
             let centre = red(&image, 80, 80);
             assert!(centre > 230, "{view:?} {projection:?}: {centre}");

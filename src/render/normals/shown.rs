@@ -337,7 +337,8 @@ impl<'a> Normals<'a> {
 
     /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
     pub(in crate::render) fn judged_together(&self) -> Option<f64> {
-        let plain = self.cells.is_none() && !self.fine && self.smoothing != Smoothing::Blended && self.has_cubes();
+        let plain =
+            self.cells.is_none() && !self.fine && self.smoothing != Smoothing::Blended && self.has_cubes();
         plain.then(|| self.space.spacing_mm()[0])
     }
 

@@ -152,9 +152,11 @@ pub(super) fn smooth(
     let length = dot(own, own).sqrt();
     let unit = own.map(|c| c / length);
     let side = f64::from(1_u32 << view.depth().min(31));
-    #[expect(clippy::cast_possible_truncation, reason = "clamped to the grid; a direction in single precision")]
-    let (cell, code) =
-        (at.map(|c| c.clamp(0.0, side - 1.0) as i64), unit.map(|c| (c * 32_768.0) as i32));
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "clamped to the grid; a direction in single precision"
+    )]
+    let (cell, code) = (at.map(|c| c.clamp(0.0, side - 1.0) as i64), unit.map(|c| (c * 32_768.0) as i32));
     let key = (box_number, cell, code);
     #[expect(clippy::cast_possible_truncation, reason = "a few bits")]
     let slot = (box_number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize % KEPT;
