@@ -18,10 +18,10 @@ use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
-use infobyte::format::Channels;
+use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
-use infobyte::jobs::build::BuildJob;
+use infobyte::jobs::build::{BuildJob, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::opened::open_fine_model;
@@ -163,13 +163,14 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let is_piped = args.input.iter().any(|path| is_dash(path));
     let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
     args.refuse_foreign(kind)?;
+    let surface = args.skin.surface(args.mesh.grid.is_thin());
     let usual = match kind {
-        SubjectKind::Mesh => usual_channels(args.skin.surface),
+        SubjectKind::Mesh => usual_channels(surface),
         SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
     };
     let options = BuildOptions {
         threshold: args.selection.threshold(),
-        surface: args.skin.surface,
+        surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels.unwrap_or(usual),
         gradient: args.skin.gradient.unwrap_or_default(),
@@ -203,7 +204,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
-    let (clean, grid) = (args.clean.options(), args.mesh.options(args.raw.dims, &args.which.links));
+    let clean = args.clean.options();
+    let grid = args.mesh.options(args.raw.dims, &args.which.links);
+    let grid = GridOptions { keep_colors: args.skin.keeps_colors(), ..grid };
     let job =
         BuildJob { clean: &clean, grid: &grid, options: &options, output: &args.output, progress: &bars };
     let summary = jobs::build::convert(kind, &inputs, &how, &job);
@@ -232,7 +235,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
-            surface: args.skin.surface,
+            surface: args.skin.surface(false),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or_default(),
             gradient: args.skin.gradient.unwrap_or_default(),
@@ -249,7 +252,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
-        grid: args.mesh.options(&args.search.links),
+        grid: GridOptions { keep_colors: args.skin.keeps_colors(), ..args.mesh.options(&args.search.links) },
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
@@ -450,6 +453,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let options = BuildOptions {
         threshold: Threshold::Iso(args.iso),
+        surface: SurfaceKind::Cells,
         memory: MemoryCap::Process(args.memory),
         threads,
         ..BuildOptions::default()

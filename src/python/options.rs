@@ -45,7 +45,7 @@ pub(super) struct BuildAsked {
     iso: Option<f64>,
     range: Option<[f64; 2]>,
     preset: Option<String>,
-    surface: String,
+    surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
     normal_bits: Option<u32>,
@@ -113,7 +113,16 @@ impl BuildAsked {
 
     fn surface(&self) -> Result<SurfaceKind, String> {
         let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
-        choice("surface", &self.surface, all)
+        // Cells, unless something is asked for that only skin has.
+        let of_normals = |names: &Vec<String>| names.iter().all(|name| name == Channel::Normal.name());
+        let only_skin = self.gradient.is_some()
+            || self.normal_bits.is_some_and(|bits| bits != 16)
+            || self.connectivity == Some(6)
+            || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))
+            || self.keep_thin
+            || self.fill.as_deref() == Some("surface");
+        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))
     }
 
     /// The channels, or those that are usual.
@@ -230,6 +239,7 @@ impl BuildAsked {
             fill,
             keep_thin: self.keep_thin,
             follow_links: self.follow_links,
+            keep_colors: self.surface.is_none() && self.channels.is_none() && self.error.is_none(),
         })
     }
 
