@@ -265,6 +265,7 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
         assert_eq!(names.iter().filter(|name| *name == "fcTL").count(), 5, "{names:?}");
         for (output, second) in [("frames/", "frames/0001.png"), ("turn-%02d.png", "turn-01.png")] {
             let line = format!("render {} -o {} --size 40x30 --turntable 3 --json", at(input), at(output));
+            let line = if input == "ring.oct" { line + " --samples 1" } else { line };
             let json = oct(&line.split(' ').collect::<Vec<_>>());
             assert_eq!(json.json()["rays"].as_u64(), Some(3 * 40 * 30));
             let names = chunks(&folder.path().join(second));
