@@ -209,9 +209,11 @@ impl Compare<'_> {
         let size = self.step.at(z_first);
         let step = z_second - z_first;
         let least = JUMP * size + JUMP * step.abs();
-        // Not smaller: what lies beyond the model is another surface, too.
-        let differs_before = !((step - (z_first - z_before)).abs() <= least);
-        let differs_behind = !((z_behind - z_second - step).abs() <= least);
+        // What lies beyond the model is another surface, too.
+        let bend_before = (step - (z_first - z_before)).abs();
+        let bend_behind = (z_behind - z_second - step).abs();
+        let differs_before = (bend_before > least) | bend_before.is_nan();
+        let differs_behind = (bend_behind > least) | bend_behind.is_nan();
         let jumps = (step.abs() > size) & differs_before & differs_behind;
         let part = |a: usize| self.normal[a][first.1][first.0] * self.normal[a][second.1][second.0];
         let bends = part(0) + part(1) + part(2) < self.step.crease;

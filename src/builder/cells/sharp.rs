@@ -203,7 +203,6 @@ struct Sums {
 /// Normals of the planes that fit the crossings best, near the directions in `normal`: that of least squares among
 /// the guess of length 1 plus something at right angles to it, which `held` keeps small.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "an item indexes several arrays")]
 pub(super) fn fit_near(
     normal: &mut [[f32; BATCH]; 3],
     crossing: &[[f32; BATCH]; 12],

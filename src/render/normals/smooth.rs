@@ -91,8 +91,8 @@ impl Neighbourhood {
             let stored = cells.normal(cell).map(|c| c as f32);
             let length = (stored[0] * stored[0] + stored[1] * stored[1] + stored[2] * stored[2]).sqrt();
             let unit = stored.map(|c| c / length);
-            for a in 0..3 {
-                self.normal[a][slot] = unit[a];
+            for (all, part) in self.normal.iter_mut().zip(unit) {
+                all[slot] = part;
             }
             if let Some(plane) = cells.plane(cell) {
                 (self.has_plane[slot], self.offset[slot]) = (1.0, plane.offset as f32 / (2.0 * length));
@@ -115,6 +115,7 @@ impl LanesKernel for Mean<'_> {
 
     // Lane by lane, and lanes together in the end: every form adds in one order.
     #[inline(always)]
+    #[expect(clippy::needless_range_loop, reason = "loops like this one are vectorised")]
     fn run(self, _: impl Lanes) -> [f32; 3] {
         let Self { around, at } = self;
         let mut sums = [[0.0_f32; LANES]; 3];
@@ -158,7 +159,6 @@ pub(super) fn smooth(
     )]
     let (cell, code) = (at.map(|c| c.clamp(0.0, side - 1.0) as i64), unit.map(|c| (c * 32_768.0) as i32));
     let key = (box_number, cell, code);
-    #[expect(clippy::cast_possible_truncation, reason = "a few bits")]
     let slot = (box_number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32) as usize % KEPT;
     let mut kept = std::mem::take(&mut around.smooth);
     if kept.0.is_empty() {
