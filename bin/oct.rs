@@ -19,10 +19,10 @@ use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
-use infobyte::format::Channels;
+use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
-use infobyte::jobs::build::BuildJob;
+use infobyte::jobs::build::{BuildJob, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::opened::open_fine_model;
@@ -166,13 +166,14 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let is_piped = args.input.iter().any(|path| is_dash(path));
     let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
     args.refuse_foreign(kind)?;
+    let surface = args.skin.surface(args.mesh.grid.is_thin());
     let usual = match kind {
-        SubjectKind::Mesh => usual_channels(args.skin.surface),
+        SubjectKind::Mesh => usual_channels(surface),
         SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
     };
     let options = BuildOptions {
         threshold: args.selection.threshold(),
-        surface: args.skin.surface,
+        surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels.unwrap_or(usual),
         gradient: args.skin.gradient.unwrap_or_default(),
@@ -206,7 +207,9 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
         ..OpenOptions::default()
     };
     let bars = Bars::new(args.quiet || args.json);
-    let (clean, grid) = (args.clean.options(), args.mesh.options(args.raw.dims, &args.which.links));
+    let clean = args.clean.options();
+    let grid = args.mesh.options(args.raw.dims, &args.which.links);
+    let grid = GridOptions { keep_colors: args.skin.keeps_colors(), ..grid };
     let job =
         BuildJob { clean: &clean, grid: &grid, options: &options, output: &args.output, progress: &bars };
     let summary = jobs::build::convert(kind, &inputs, &how, &job);
@@ -235,7 +238,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
-            surface: args.skin.surface,
+            surface: args.skin.surface(false),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or_default(),
             gradient: args.skin.gradient.unwrap_or_default(),
@@ -252,13 +255,14 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
-        grid: args.mesh.options(&args.search.links),
+        grid: GridOptions { keep_colors: args.skin.keeps_colors(), ..args.mesh.options(&args.search.links) },
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
     // Thumbnails are made of models that lie there.
     platform::tell_of(&args.out, args.json);
-    let boxes = if args.skin.makes_cells() { "cells" } else { "skin voxels" };
+    let is_cells = request.build.surface == SurfaceKind::Cells;
+    let boxes = if is_cells { "cells" } else { "skin voxels" };
     let bars = BatchBars::new(jobs, args.quiet || args.json, boxes);
     let report = jobs::batch::batch(&request, &bars);
     bars.finish();
@@ -469,6 +473,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let options = BuildOptions {
         threshold: Threshold::Iso(args.iso),
+        surface: SurfaceKind::Cells,
         memory: MemoryCap::Process(args.memory),
         threads,
         ..BuildOptions::default()

@@ -42,6 +42,7 @@ def main():
     args.add_argument("--dtype", default="u16")
     args.add_argument("--iso", default="500")
     args.add_argument("--demo", type=int, metavar="N", help="use the synthetic head, N cubed, instead of a file")
+    args.add_argument("--surface", default="skin", help="skin (the default, as the figures are), or cells")
     args.add_argument("--oct", help="program to time (default: the release build)")
     args.add_argument("--budgets", default="8MiB,1GiB")
     args.add_argument("--threads", default="1,2")
@@ -64,7 +65,7 @@ def main():
         for _ in range(args.rounds):
             cats.append(cat(path))
             for budget, threads in settings:
-                done = measure.run([oct_path, "build", path, "-o", out, *options, "--memory", budget,
+                done = measure.run([oct_path, "build", path, "-o", out, *options, "--surface", args.surface, "--memory", budget,
                                     "--threads", threads, "--scratch", folder, "--json"])
                 if done.code != 0:
                     raise SystemExit(f"build at {budget}, {threads} threads failed ({done.code}): {done.message()}")

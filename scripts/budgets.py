@@ -195,7 +195,8 @@ class Builds:
     """Builds of one input under several caps."""
 
     def __init__(self, oct_path, arguments, out):
-        self.command = [oct_path, "build", *arguments, "-o", out, "--json", "--quiet"]
+        surface = [] if "--surface" in arguments else ["--surface", "skin"]
+        self.command = [oct_path, "build", *arguments, *surface, "-o", out, "--json", "--quiet"]
 
     def run(self, cap):
         """A build: its exit code, its peak, and the cap that a refusal names."""

@@ -50,7 +50,8 @@ def build(oct, inputs, model, *options, memory="64MiB", timeout=300):
     """`oct build`; `inputs` is one path or a list."""
     inputs = inputs if isinstance(inputs, (list, tuple)) else [inputs]
     model.unlink(missing_ok=True)
-    return Run([oct, "build", *inputs, "-o", model, "--json", "--memory", memory, *options], timeout)
+    surface = [] if "--surface" in options else ["--surface", "skin"]
+    return Run([oct, "build", *inputs, "-o", model, "--json", "--memory", memory, *surface, *options], timeout)
 
 
 def info(oct, model):

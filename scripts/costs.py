@@ -99,8 +99,9 @@ class Lab:
 
     def build(self, source, *extra, memory="64MiB", threads=1, ok=(0,)):
         """One build, watched."""
+        surface = [] if "--surface" in extra else ["--surface", "skin"]
         done = Watched([self.oct, "build", source, "-o", self.at("m.oct"), "--memory", memory, "--threads", threads,
-                        "--json", *extra])
+                        "--json", *surface, *extra])
         if done.code not in ok:
             raise SystemExit(f"{source} {extra}: exit {done.code}: {done.stderr.strip()}")
         return done
@@ -197,7 +198,7 @@ def spreads(lab, raw):
     source, extra = lab.at(raw[0]), (*raw[1:], "--iso=-300")
     plans = [lab.build(source, *extra).json["memory_plan_bytes"] for _ in range(lab.runs)]
     lab.tell("HELD_SPREAD", max(plans) - min(plans), f"plans of {lab.runs} equal builds")
-    refused = [measure.run([lab.oct, "build", source, "-o", lab.at("m.oct"), *extra, "--memory", "1MiB"]).peak_bytes
+    refused = [measure.run([lab.oct, "build", source, "-o", lab.at("m.oct"), "--surface", "skin", *extra, "--memory", "1MiB"]).peak_bytes
                for _ in range(lab.runs)]
     lab.tell("OPENING_SPREAD", max(refused) - min(refused), f"peaks of {lab.runs} refused builds")
 

@@ -52,8 +52,8 @@ CSG
 "$oct" render solids.oct -o figure-07-solids.png --view iso --size "${side}x$side" >/dev/null
 
 # Figures 8 to 10: a scanned head, its skin and its skull, and both with a piece cut away.
-"$oct" build synthetic:head@256 -o skin.oct --iso=-400 --surface cells --quiet
-"$oct" build synthetic:head@256 -o skull.oct --iso 400 --surface cells --quiet
+"$oct" build synthetic:head@256 -o skin.oct --iso=-400 --quiet
+"$oct" build synthetic:head@256 -o skull.oct --iso 400 --quiet
 "$oct" render skin.oct -o figure-08-skin.png --view iso --size "${side}x$side" >/dev/null
 "$oct" render skull.oct -o figure-09-skull.png --view iso --size "${side}x$side" --shading ao >/dev/null
 cat >cut.toml <<TOML

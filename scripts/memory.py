@@ -131,7 +131,7 @@ def build(oct_path, raw, out, volume, budget, threads, cgroup):
     kind, dims, dtype = volume
     level = measure.DEMO_ISO if kind == "demo" else iso(dtype)
     command = [oct_path, "build", raw, "-o", out, "--dims", "x".join(map(str, dims)), "--dtype", dtype,
-               f"--iso={level}", "--memory", budget, "--threads", threads, "--json"]
+               "--surface", "skin", f"--iso={level}", "--memory", budget, "--threads", threads, "--json"]
     if not cgroup:
         return measure.run(command)
     with Group(measure.size_bytes(budget) + (1 << 20)) as procs:

@@ -167,7 +167,9 @@ pub use jobs::export::triangles;
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
 pub use progress::Progress;
-pub use render::{Hits, Image, NamedView, Projection, RayCaster, SurfacePoint, ViewPoint};
+pub use render::{
+    Hits, Image, NamedView, Projection, RayCaster, Samples, Shading, Smoothing, SurfacePoint, ViewPoint,
+};
 pub use source::{OpenOptions, Subject};
 pub use volume::{Rescale, ScalarType, Slices, VolumeInfo, VolumeSource, VolumeView, Voxels};
 

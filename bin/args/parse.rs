@@ -10,7 +10,7 @@ use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::picture::Traversal;
-use infobyte::render::{NamedView, Projection};
+use infobyte::render::{NamedView, Projection, Samples};
 use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
@@ -339,6 +339,11 @@ pub(super) fn placement(text: &str) -> Result<Affine, String> {
 pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
     PossibleValuesParser::new(ExportForm::ALL.map(ExportForm::name))
         .try_map(|name| ExportForm::ALL.into_iter().find(|form| form.name() == name).ok_or("no such form"))
+}
+
+pub(super) fn samples() -> impl TypedValueParser<Value = Samples> {
+    PossibleValuesParser::new(Samples::ALL.iter().map(|samples| samples.name()))
+        .try_map(|name| Samples::ALL.iter().copied().find(|s| s.name() == name).ok_or("no such number"))
 }
 
 pub(super) fn traversals() -> impl TypedValueParser<Value = Traversal> {

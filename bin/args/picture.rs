@@ -8,17 +8,24 @@ use infobyte::jobs::render::RenderRequest;
 use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
-use infobyte::render::{NamedView, Projection, ViewPoint};
+use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
 
 use super::{Switch, ThreadArgs, parse};
 use crate::failure::Refusal;
 
-/// Which normals a surface is shaded by.
+/// The light, and the normals that it falls on.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Shading {
-    Stored,
-    Blended,
+pub(crate) enum Shade {
+    /// One lamp at the eye
+    Plain,
+    /// A key lamp, a lamp at the eye and the sky; hollows turn dark by one ray a pixel
+    Soft,
+    /// One lamp at the eye, and ambient occlusion: hollows turn dark
     Ao,
+    /// Plain light by the normals as they are stored
+    Stored,
+    /// Plain light by normals blended between the boxes around a hit
+    Blended,
 }
 
 #[derive(Debug, Args)]
@@ -64,11 +71,16 @@ pub(crate) struct RenderArgs {
     /// Peak resident memory of the whole process; by default as much as the picture takes
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) memory: Option<u64>,
-    /// Shade by the normals as they are stored, or blended between the boxes around a hit: no facets in close-ups; or
-    /// by stored normals and ambient occlusion: hollows turn dark
-    #[arg(long, value_enum, default_value_t = Shading::Stored)]
-    pub(crate) shading: Shading,
-    /// Rays of each pixel for ambient occlusion; 32 by default
+    /// The light; soft by default, for a scene its own
+    #[arg(long, value_enum)]
+    pub(crate) shading: Option<Shade>,
+    /// Blend the normals of voxels between the boxes around a hit, in any light: no facets in close-ups
+    #[arg(long)]
+    pub(crate) blended: bool,
+    /// Rays of each pixel's colour: eight where neighbours differ in depth or normal, else one; or so many
+    #[arg(long, default_value = "auto", value_parser = parse::samples())]
+    pub(crate) samples: Samples,
+    /// Rays of each pixel that look around, for soft light 1 by default, for ambient occlusion 4 (in scenes 32)
     #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) ao_rays: Option<u32>,
     /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
@@ -129,7 +141,19 @@ impl RenderArgs {
     }
 
     fn ambient_rays(&self) -> Option<u32> {
-        (self.shading == Shading::Ao).then_some(self.ao_rays.unwrap_or(32))
+        (self.shading == Some(Shade::Ao)).then_some(self.ao_rays.unwrap_or(32))
+    }
+
+    /// The light of a picture of a model, and the normals that it falls on.
+    fn light(&self) -> (Shading, Smoothing) {
+        let (shading, smoothing) = match self.shading {
+            None | Some(Shade::Soft) => (Shading::Soft, Smoothing::Smooth),
+            Some(Shade::Plain) => (Shading::Plain, Smoothing::Smooth),
+            Some(Shade::Ao) => (Shading::Ao, Smoothing::Smooth),
+            Some(Shade::Stored) => (Shading::Plain, Smoothing::Stored),
+            Some(Shade::Blended) => (Shading::Plain, Smoothing::Blended),
+        };
+        (shading, if self.blended { Smoothing::Blended } else { smoothing })
     }
 
     /// Refuses a flag that would change nothing; a scene has a projection of its own.
@@ -138,9 +162,10 @@ impl RenderArgs {
             Some(projection) => projection == Projection::Parallel,
             None => !is_scene,
         };
+        let looks_around = self.shading == Some(Shade::Ao) || (!is_scene && self.light().0 == Shading::Soft);
         let given = [
             (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
-            (self.ao_rays.is_some() && self.shading != Shading::Ao, "--ao-rays", "--shading ao"),
+            (self.ao_rays.is_some() && !looks_around, "--ao-rays", "--shading ao"),
             (self.lod_bias != 0 && self.lod == Switch::Off, "--lod-bias", "--lod on"),
         ];
         match given.into_iter().find(|(given, ..)| *given) {
@@ -153,6 +178,7 @@ impl RenderArgs {
     pub(crate) fn request(&self) -> RenderRequest {
         let usual = RenderRequest::default();
         let [width, height] = self.size.unwrap_or([usual.width, usual.height]);
+        let (shading, smoothing) = self.light();
         RenderRequest {
             width,
             height,
@@ -163,8 +189,10 @@ impl RenderArgs {
             lod: self.lod == Switch::On,
             lod_bias: self.lod_bias,
             memory_bytes: self.memory,
-            blended: self.shading == Shading::Blended,
-            ambient_rays: self.ambient_rays().unwrap_or(0),
+            shading,
+            smoothing,
+            samples: self.samples,
+            ambient_rays: self.ao_rays.unwrap_or(0),
             traversal: self.traversal,
             annotate: self.annotate,
             ..usual
@@ -198,7 +226,11 @@ impl RenderArgs {
         let given = [
             (self.lod == Switch::On, "--lod"),
             (self.memory.is_some(), "--memory"),
-            (self.shading == Shading::Blended, "--shading blended"),
+            (self.shading == Some(Shade::Blended), "--shading blended"),
+            (self.shading == Some(Shade::Plain), "--shading plain"),
+            (self.shading == Some(Shade::Soft), "--shading soft"),
+            (self.blended, "--blended"),
+            (self.samples != Samples::Auto, "--samples"),
             (self.traversal != Traversal::Exact, "--traversal"),
             (self.ids.is_some(), "--ids"),
         ];

@@ -214,10 +214,11 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Surface of the model: skin voxels, or cells between samples (of meshes and trees: voxel centres) with a plane in
-    /// each, true to a few hundredths of a voxel
-    #[arg(long, value_name = "skin|cells", default_value = "skin", value_parser = parse::surface)]
-    pub(crate) surface: SurfaceKind,
+    /// Surface of the model: cells between samples (of meshes and trees: voxel centres) with a plane in each, true to a few
+    /// hundredths of a voxel; or skin voxels. By default cells, but skin for what only that has: channels besides normals,
+    /// colours of meshes, sheets and thin walls, --gradient, --normal-bits, --connectivity 6
+    #[arg(long, value_name = "skin|cells", value_parser = parse::surface)]
+    pub(crate) surface: Option<SurfaceKind>,
     /// Join cells into larger leaves where these stay that near to the surface: in voxels of the finest spacing (0.1), or
     /// in mm (0.05mm); up to a voxel
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
@@ -241,14 +242,26 @@ pub(crate) struct SkinArgs {
 }
 
 impl SkinArgs {
-    pub(crate) fn makes_cells(&self) -> bool {
-        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
-        self.surface == SurfaceKind::Cells || is_offset
+    /// The surface that is built: as it is said, or cells unless something is asked for that these have not.
+    pub(crate) fn surface(&self, thin: bool) -> SurfaceKind {
+        let only_skin = self.gradient.is_some()
+            || self.normal_bits != NormalBits::default()
+            || self.connectivity != Connectivity::default()
+            || self.channels.is_some_and(|channels| channels != Channels::default())
+            || thin;
+        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        self.surface.unwrap_or(usual)
     }
 
-    /// A flag that says nothing about cells, where these are built.
+    /// Is nothing said of the surface, so that a mesh may keep its colours?
+    pub(crate) fn keeps_colors(&self) -> bool {
+        self.surface.is_none() && self.channels.is_none() && self.error.is_none()
+    }
+
+    /// A flag that says nothing about cells, where these are asked for.
     pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
-        if !self.makes_cells() {
+        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
+        if self.surface != Some(SurfaceKind::Cells) && !is_offset {
             return Ok(());
         }
         let given = [
@@ -524,7 +537,13 @@ impl GridArgs {
             fill,
             keep_thin: self.keep_thin,
             follow_links: links.follow_links,
+            keep_colors: false,
         }
+    }
+
+    /// Is what is built of a mesh thinner than its inside?
+    pub(crate) fn is_thin(&self) -> bool {
+        self.keep_thin || matches!(self.fill, Some(FillRule::Surface))
     }
 
     /// The options of the library, each mesh and tree on a grid of its own.

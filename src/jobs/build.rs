@@ -27,7 +27,7 @@ use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
-use crate::mesh::{GridChoice, MeshOptions, build_mesh, least_share};
+use crate::mesh::{GridChoice, MeshOptions, build_mesh, has_colors, least_share, usual_channels};
 use crate::platform::{give_back, open_file};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
@@ -46,19 +46,22 @@ pub struct GridOptions {
     pub keep_thin: bool,
     /// May links lead from files that a mesh or a tree names out of its folder?
     pub follow_links: bool,
+    /// Build a mesh that has colours of skin voxels, where cells would be built, which have none?
+    pub keep_colors: bool,
 }
 
 impl Default for GridOptions {
     /// No grid, units of a millimetre.
     fn default() -> Self {
-        Self { grid: None, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
+        let (grid, fill, unit_mm) = (None, None, 1.0);
+        Self { grid, unit_mm, fill, keep_thin: false, follow_links: false, keep_colors: false }
     }
 }
 
 impl GridOptions {
     /// The options of a mesh, if the grid is given.
     pub fn mesh(&self) -> Option<MeshOptions> {
-        let Self { grid, unit_mm, fill, keep_thin, follow_links } = *self;
+        let Self { grid, unit_mm, fill, keep_thin, follow_links, .. } = *self;
         grid.map(|grid| MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
     }
 
@@ -275,7 +278,15 @@ impl BuildJob<'_> {
             let path = inputs.first().cloned().unwrap_or_default();
             return Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into());
         };
-        let made = build_mesh(inputs, &mesh, self.options, self.output, self.progress)?;
+        let skin = BuildOptions {
+            surface: SurfaceKind::Skin,
+            channels: usual_channels(SurfaceKind::Skin),
+            ..self.options.clone()
+        };
+        let may_lose = self.options.volume_surface() == SurfaceKind::Cells && self.grid.keep_colors;
+        let loses = may_lose && has_colors(inputs, &mesh, &skin, self.output, self.progress);
+        let options = if loses { &skin } else { self.options };
+        let made = build_mesh(inputs, &mesh, options, self.output, self.progress)?;
         let notes = made.notes.iter().map(ToString::to_string);
         let warnings = std::iter::once(made.facts.to_string()).chain(notes).collect();
         Ok(Built { report: made.build, cleaned: None, warnings, hints: Vec::new() })

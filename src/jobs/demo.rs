@@ -101,7 +101,7 @@ pub fn demo(
     };
     progress.stage("verify", 1);
     let verify_s = timed(&mut || verify_file(&files.model).map(|_| ()))?;
-    let request = RenderRequest { threads, smooth_edges: true, ..RenderRequest::default() };
+    let request = RenderRequest { threads, ..RenderRequest::default() };
     progress.stage("render", 1);
     let render_s = timed(&mut || {
         render_file(&files.model, &Outputs::of(&files.picture), &request, progress).map(|_| ())

@@ -13,7 +13,10 @@ use crate::render::annotate::annotate;
 use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
-use crate::render::{Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, ViewPoint};
+use crate::render::{
+    Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing,
+    ViewPoint,
+};
 
 /// What picture to make.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -36,18 +39,21 @@ pub struct RenderRequest {
     pub lod_bias: i8,
     /// Cap of the whole process's resident memory in bytes; looked after by what renders files.
     pub memory_bytes: Option<u64>,
-    /// Soften the silhouette with four more rays per pixel on it.
-    pub smooth_edges: bool,
+    /// Rays of a pixel's colours.
+    pub samples: Samples,
     /// Make a depth image, too.
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
     /// Make an image of the numbers of boxes, too ([`Image::ids`]).
     pub ids: bool,
-    /// Blend normals between the boxes around a hit: smoother close-ups, some microseconds a pixel.
-    pub blended: bool,
-    /// Rays of each pixel, at most 1024, that tell how open its surroundings are: hollows turn dark, ridges stay bright.
-    /// 0 for none; 32 is a fair number. Half a microsecond each, in cells one.
+    /// The light.
+    pub shading: Shading,
+    /// The normals that are shown, in the normal image, too.
+    pub smoothing: Smoothing,
+    /// Rays of each pixel, at most 1024, that tell how open its surroundings are, unless light is plain; a mean over the pixels
+    /// around makes them some sixteen times as many. 0 for the usual number: 1 for soft light, 4 for ambient occlusion.
+    /// Half a microsecond each, in cells one.
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
@@ -61,7 +67,7 @@ impl RenderRequest {
 }
 
 impl Default for RenderRequest {
-    /// 1024 x 1024, parallel from the front, exact voxels, one thread per core.
+    /// 1024 x 1024, parallel from the front, exact voxels, soft light, smooth edges, one thread per core.
     fn default() -> Self {
         Self {
             width: 1024,
@@ -73,11 +79,12 @@ impl Default for RenderRequest {
             lod: false,
             lod_bias: 0,
             memory_bytes: None,
-            smooth_edges: false,
+            samples: Samples::Auto,
             depth: false,
             normals: false,
             ids: false,
-            blended: false,
+            shading: Shading::Soft,
+            smoothing: Smoothing::Smooth,
             ambient_rays: 0,
             traversal: Traversal::Exact,
             annotate: false,
@@ -97,6 +104,10 @@ pub struct RenderReport {
     pub threads: usize,
     /// Traversal of the rays.
     pub traversal: Traversal,
+    /// Light.
+    pub shading: Shading,
+    /// Rays of a pixel.
+    pub samples: Samples,
     /// Rays traced, those for soft edges included.
     pub rays: u64,
     /// Rays that hit the model.
@@ -107,8 +118,12 @@ pub struct RenderReport {
     pub trace_s: f64,
     /// Seconds of shading.
     pub shade_s: f64,
-    /// Seconds of ambient occlusion, whose rays are not in `rays`; 0 without it.
+    /// Seconds of looking around for soft light or ambient occlusion, whose rays are not in `rays`; 0 without it.
     pub ambient_s: f64,
+    /// Rays that looked around.
+    pub ambient_rays: u64,
+    /// Pixels of several rays.
+    pub refined_pixels: u64,
     /// Seconds from start to end.
     pub wall_s: f64,
     /// `rays` / `trace_s`.
@@ -140,6 +155,8 @@ impl RenderReport {
             trace_s,
             shade_s: self.shade_s + other.shade_s,
             ambient_s: self.ambient_s + other.ambient_s,
+            ambient_rays: self.ambient_rays + other.ambient_rays,
+            refined_pixels: self.refined_pixels + other.refined_pixels,
             wall_s: self.wall_s + other.wall_s,
             #[expect(clippy::cast_precision_loss, reason = "a rate")]
             rays_per_s: if trace_s > 0.0 { rays as f64 / trace_s } else { 0.0 },
@@ -193,7 +210,7 @@ pub(super) fn render_view_relieved(
 ) -> Result<(Image, RenderReport), RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
     scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
-    progress.stage("render", scene.rounds(request));
+    progress.stage("render", scene.canvas.height.into());
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, watch)?;
@@ -218,7 +235,7 @@ pub(super) fn render_view_parts(
     take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
 ) -> Result<RenderReport, RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
-    progress.stage("render", scene.rounds(request));
+    progress.stage("render", scene.canvas.height.into());
     scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
@@ -297,22 +314,19 @@ impl Prepared {
             height: request.height,
             threads: request.threads,
             lod_edge_log2,
-            smooth_edges: request.smooth_edges,
+            samples: request.samples,
+            // Pictures by level of detail are made for speed.
+            creases: !request.lod,
+            shading: request.shading,
+            smoothing: request.smoothing,
             depth_range_mm: request.depth.then_some(range_mm),
             normals: request.normals,
             ids: request.ids,
-            blended: request.blended,
             ambient_rays: request.ambient_rays,
             traversal: request.traversal,
             most_band_pixels: None,
         };
         Ok(Self { start, space, camera, canvas, setup: start.elapsed(), range_mm })
-    }
-
-    /// Rows to be told of.
-    fn rounds(&self, request: &RenderRequest) -> u64 {
-        let rounds = if request.ambient_rays > 0 { 2 } else { 1 };
-        rounds * u64::from(self.canvas.height)
     }
 
     /// Boxes side by side in the farthest pixel.
@@ -335,12 +349,16 @@ impl Prepared {
             height: request.height,
             threads: request.threads.max(1),
             traversal: request.traversal,
+            shading: request.shading,
+            samples: request.samples,
             rays: counts.rays,
             hits: counts.hits,
             setup_s: self.setup.as_secs_f64(),
             trace_s,
             shade_s: counts.shade.as_secs_f64(),
             ambient_s: counts.ambient.as_secs_f64(),
+            ambient_rays: counts.ambient_rays,
+            refined_pixels: counts.refined,
             wall_s: wall.as_secs_f64(),
             #[expect(clippy::cast_precision_loss, reason = "a rate")]
             rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
@@ -415,7 +433,6 @@ pub fn thumbnail(
         point: ViewPoint::Named(thumbnail_view(dims, affine)),
         threads,
         lod: true,
-        smooth_edges: true,
         ..RenderRequest::default()
     };
     render_view(view, dims, affine, &request)

@@ -374,6 +374,13 @@ impl Front<'_> {
         }
     }
 
+    /// Are there colours that are asked for?
+    pub(super) fn has_colors(&self) -> bool {
+        let budget = Budget::of_job(self.options.memory);
+        let Ok(_reading) = self.reserve(&budget, READER_BYTES) else { return false };
+        self.open(budget.left_bytes() / 2).is_ok_and(|files| self.wanted(&files).colors)
+    }
+
     fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
         match fault {
             paint::Fault::Mesh(fault) => SourceError::from(SourceFault::Unusable {

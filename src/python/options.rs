@@ -15,7 +15,7 @@ use crate::geom::{Affine, Dims, Orientation};
 use crate::jobs::build::GridOptions;
 use crate::jobs::render::RenderRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
-use crate::render::{NamedView, ViewPoint};
+use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
 use crate::volume::{Placement, Rescale, ScalarType};
 
@@ -45,7 +45,7 @@ pub(super) struct BuildAsked {
     iso: Option<f64>,
     range: Option<[f64; 2]>,
     preset: Option<String>,
-    surface: String,
+    surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
     normal_bits: Option<u32>,
@@ -113,7 +113,16 @@ impl BuildAsked {
 
     fn surface(&self) -> Result<SurfaceKind, String> {
         let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
-        choice("surface", &self.surface, all)
+        // Cells, unless something is asked for that only skin has.
+        let of_normals = |names: &Vec<String>| names.iter().all(|name| name == Channel::Normal.name());
+        let only_skin = self.gradient.is_some()
+            || self.normal_bits.is_some_and(|bits| bits != 16)
+            || self.connectivity == Some(6)
+            || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))
+            || self.keep_thin
+            || self.fill.as_deref() == Some("surface");
+        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))
     }
 
     /// The channels, or those that are usual.
@@ -230,6 +239,7 @@ impl BuildAsked {
             fill,
             keep_thin: self.keep_thin,
             follow_links: self.follow_links,
+            keep_colors: self.surface.is_none() && self.channels.is_none() && self.error.is_none(),
         })
     }
 
@@ -298,7 +308,9 @@ pub(super) struct PictureAsked {
     projection: String,
     fov: f64,
     shading: String,
-    ao_rays: u32,
+    blended: bool,
+    samples: String,
+    ao_rays: Option<u32>,
     lod: bool,
     annotate: bool,
     smooth_edges: bool,
@@ -318,9 +330,17 @@ impl PictureAsked {
         };
         let usual = RenderRequest::default();
         let [width, height] = self.size;
-        let shadings = [("stored", (false, 0)), ("blended", (true, 0)), ("ao", (false, self.ao_rays))];
-        let (blended, ambient_rays) =
+        let shadings = [
+            ("plain", (Shading::Plain, Smoothing::Smooth)),
+            ("soft", (Shading::Soft, Smoothing::Smooth)),
+            ("ao", (Shading::Ao, Smoothing::Smooth)),
+            ("stored", (Shading::Plain, Smoothing::Stored)),
+            ("blended", (Shading::Plain, Smoothing::Blended)),
+        ];
+        let (shading, smoothing) =
             choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
+        let samples =
+            choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
         Ok(RenderRequest {
             width,
             height,
@@ -329,9 +349,10 @@ impl PictureAsked {
             fov_deg: self.fov,
             threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             lod: self.lod,
-            smooth_edges: self.smooth_edges,
-            blended,
-            ambient_rays,
+            samples: if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples },
+            shading,
+            smoothing: if self.blended { Smoothing::Blended } else { smoothing },
+            ambient_rays: self.ao_rays.unwrap_or(0),
             annotate: self.annotate,
             ..usual
         })

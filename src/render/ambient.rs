@@ -5,13 +5,10 @@
 //!
 //! A ray starts where it leaves the boxes around the one that was hit (`leave`).
 //!
-//! Directions are a spiral by the golden angle, turned in sixteen ways over four by four pixels: they depend on the pixel
-//! alone. All of it is additions, products, quotients and roots in one order, the same on every machine. Cost: 0.3 microseconds
+//! Directions are a spiral by the golden angle. Scenes have it turned in sixteen ways over four by four pixels. Pictures of one
+//! model share one spiral out over these, so that few rays a pixel do, one or four: `soften` takes the mean over the pixels
+//! around. Directions depend on the pixel alone. All of it is additions, products, quotients and roots in one order, the same on every machine. Cost: 0.3 microseconds
 //! a ray, those of a pixel in one batch.
-
-use std::time::{Duration, Instant};
-
-use rayon::prelude::*;
 
 use crate::geom::{add_scaled, cross, dot};
 use crate::load::ModelView;
@@ -21,13 +18,12 @@ use crate::geom::NodeIndex;
 
 use super::form::Form;
 use super::leave;
-use super::normals::around::Surroundings;
-use super::picture::{Openness, Painter};
+use super::picture::Painter;
 use super::ray::Ray;
 use super::space::GridSpace;
 use super::surface::Surface;
-use super::tile::{RAYS, TILE, Tile, Tracer};
-use super::traverse::{Hit, Trace};
+use super::tile::{RAYS, TILE};
+use super::traverse::Hit;
 
 /// Most rays of a pixel.
 pub(crate) const MAX_RAYS: u32 = 1024;
@@ -50,16 +46,34 @@ pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
-/// The memory of a worker, from pixel to pixel.
+/// The memory of a worker, from tile to tile.
 pub(super) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
+    /// The pixel of each ray.
+    of: Vec<u8>,
     met: Vec<bool>,
+    /// Rays of each pixel that met something.
+    closed: [u16; RAYS],
 }
 
 impl Lot {
-    fn new(form: Form) -> Self {
-        Self { batch: Batch::new(form), rays: Vec::new(), met: Vec::new() }
+    pub(super) fn new(form: Form) -> Self {
+        let (rays, of, met) = (Vec::new(), Vec::new(), Vec::new());
+        Self { batch: Batch::new(form), rays, of, met, closed: [0; RAYS] }
+    }
+
+    /// Traces the rays that wait.
+    fn flush<S: Surface>(&mut self, view: &ModelView<'_>, surface: &S, lod_edge_log2: u32) {
+        if self.rays.is_empty() {
+            return;
+        }
+        self.batch.any(view, surface, &self.rays, lod_edge_log2, &mut self.met);
+        for (pixel, met) in self.of.iter().zip(&self.met) {
+            self.closed[usize::from(*pixel) % RAYS] += u16::from(*met);
+        }
+        self.rays.clear();
+        self.of.clear();
     }
 }
 
@@ -104,35 +118,19 @@ impl Sky {
         self.turned.get(PIXELS[x % 4 + y % 4 * 4]).map_or(&[], Vec::as_slice)
     }
 
-    /// Part of a pixel's directions above a place that the model leaves open: 0 to 255.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-    pub(super) fn openness<S: Surface>(
-        &self,
-        lot: &mut Lot,
-        (view, surface): (&ModelView<'_>, &S),
-        place: &ShadedPoint<'_>,
-        pixel: [usize; 2],
-        between: &dyn Fn(),
-    ) -> u8 {
-        let directions = self.of(pixel);
-        let [right, ahead] = tangents(place.normal);
-        let mut closed = 0;
-        for directions in directions.chunks(STEP_RAYS) {
-            lot.rays.clear();
-            lot.rays.extend(directions.iter().filter_map(|d| {
-                let world =
-                    std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2]);
-                place.ray(world)
-            }));
-            // Larger leaves are not coarse boxes.
-            let is_leaf = view.is_leaf(NodeIndex::new(place.hit.box_number));
-            let lod_edge_log2 = if is_leaf { 0 } else { place.hit.edge_log2 };
-            lot.batch.any(view, surface, &lot.rays, lod_edge_log2, &mut lot.met);
-            closed += lot.met.iter().filter(|met| **met).count();
-            between();
+    /// So many directions for each of four by four pixels that make one spiral together.
+    pub(crate) fn shared(rays: u32) -> Self {
+        let rays = rays.clamp(1, MAX_RAYS) as usize;
+        let all = (rays * PIXELS.len()) as f64;
+        let mut shared = vec![Vec::with_capacity(rays); PIXELS.len()];
+        let mut around = [1.0, 0.0];
+        for i in 0..rays * PIXELS.len() {
+            let square = (i as f64 + 0.5) / all;
+            let (across, up) = (square.sqrt(), (1.0 - square).sqrt());
+            shared[i % PIXELS.len()].push([around[0] * across, around[1] * across, up]);
+            around = turned(around, GOLDEN);
         }
-        let closed = closed as f64 / directions.len().max(1) as f64;
-        ((1.0 - closed) * 255.0 + 0.5) as u8
+        Self { turned: shared }
     }
 }
 
@@ -145,62 +143,62 @@ impl ShadedPoint<'_> {
 }
 
 impl<S: Surface> Painter<'_, S> {
-    /// Finds how open the surroundings of every pixel of some rows are, if that is asked for; the time it took.
-    pub(super) fn look_around(&mut self, from: usize, rows: usize) -> Duration {
-        let start = Instant::now();
-        let rows_done = self.watch.rows_done;
-        if self.canvas.ambient_rays == 0 {
-            return Duration::ZERO;
-        }
-        let sky = Sky::new(self.canvas.ambient_rays);
-        let width = self.canvas.width as usize;
-        let mut open = vec![u8::MAX; width * rows];
-        open.par_chunks_mut(width * TILE).enumerate().for_each_init(
-            || (Tracer::new(self.form), Surroundings::new(), Lot::new(self.form)),
-            |(tracer, around, lot), (tile_row, rows)| {
-                let (top, height) = (from + tile_row * TILE, rows.len() / width);
-                for left in (0..width).step_by(TILE) {
-                    let limits = (TILE.min(width - left), height);
-                    let tile = Tile { corner: (left, top), limits, lod_edge_log2: self.canvas.lod_edge_log2 };
-                    let hits = tracer.trace(self.view, &self.surface, &self.sight, tile);
-                    self.watch.step();
-                    for ray in 0..RAYS {
-                        let (Some(hit), (x, y)) = (hits.hit(ray), (left + ray % TILE, ray / TILE)) else {
-                            continue;
-                        };
-                        if let Some(open) = rows.get_mut(y * width + x) {
-                            *open = self.openness(&sky, (around, lot), hit, [x, top + y]);
-                        }
-                    }
-                }
-                #[expect(clippy::cast_possible_truncation, reason = "rows of a tile")]
-                rows_done(height as u32);
-            },
-        );
-        self.open = Openness { top: from, pixels: open };
-        start.elapsed()
-    }
-
-    /// How open the surroundings of a pixel's hit are.
-    fn openness(
+    /// How open the surroundings of a tile's pixels are, 0 to 255: by its hits and the unit normals of the world there.
+    /// The number of rays.
+    pub(super) fn look_around(
         &self,
         sky: &Sky,
-        (around, lot): (&mut Surroundings, &mut Lot),
-        hit: Hit,
-        pixel: [usize; 2],
-    ) -> u8 {
-        let [x, y] = pixel.map(|c| c as f64 + 0.5);
-        let line @ (origin, sight) = self.sight.line(x, y);
-        let seen = self.seen(&Trace { hit: Some(hit), steps: 0 }, x, y);
-        let normal = self.normals.normal(around, seen, line);
-        let away = dot(normal, sight) > 0.0;
-        let place = ShadedPoint {
-            space: self.sight.space(),
-            hit: &hit,
-            point: add_scaled(origin, hit.t, sight),
-            normal: if away { normal.map(|c| -c) } else { normal },
-        };
-        sky.openness(lot, (self.view, &self.surface), &place, pixel, self.watch.between)
+        lot: &mut Lot,
+        corner: [usize; 2],
+        hits: &[Option<Hit>; RAYS],
+        (normals, open): (&[[f32; 3]], &mut [u8]),
+    ) -> u64 {
+        lot.closed = [0; RAYS];
+        let (mut traced, mut lod_edge_log2) = (0, self.canvas.lod_edge_log2);
+        let struck = hits.iter().enumerate().filter_map(|(at, hit)| Some((at, hit.as_ref()?)));
+        for ((at, hit), normal) in struck.clone().filter_map(|(at, hit)| Some(((at, hit), normals.get(at)?)))
+        {
+            // Larger leaves are not coarse boxes.
+            let is_leaf = self.view.is_leaf(NodeIndex::new(hit.box_number));
+            let own = if is_leaf { 0 } else { hit.edge_log2 };
+            if own != lod_edge_log2 {
+                lot.flush(self.view, &self.surface, lod_edge_log2);
+                lod_edge_log2 = own;
+            }
+            let pixel = [corner[0] + at % TILE, corner[1] + at / TILE];
+            let (origin, sight) = self.sight.line(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
+            let normal = normal.map(f64::from);
+            let away = dot(normal, sight) > 0.0;
+            let place = ShadedPoint {
+                space: self.sight.space(),
+                hit,
+                point: add_scaled(origin, hit.t, sight),
+                normal: if away { normal.map(|c| -c) } else { normal },
+            };
+            let [right, ahead] = tangents(place.normal);
+            for d in sky.of(pixel) {
+                let way = |a: usize| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2];
+                traced += 1;
+                if let Some(ray) = place.ray([way(0), way(1), way(2)]) {
+                    lot.rays.push(ray);
+                    lot.of.push(at.to_le_bytes()[0]);
+                }
+                if lot.rays.len() >= STEP_RAYS {
+                    lot.flush(self.view, &self.surface, lod_edge_log2);
+                    self.watch.step();
+                }
+            }
+        }
+        lot.flush(self.view, &self.surface, lod_edge_log2);
+        for (at, _) in struck {
+            let all = sky.of([at % TILE, at / TILE]).len().max(1) as f64;
+            if let Some(open) = open.get_mut(at) {
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+                let part = ((1.0 - f64::from(lot.closed[at % RAYS]) / all) * 255.0 + 0.5) as u8;
+                *open = part;
+            }
+        }
+        traced
     }
 }
 
@@ -225,7 +223,7 @@ mod tests {
     use crate::render::picture::{Canvas, Traversal, paint};
     use crate::render::single;
     use crate::render::surface::Skin;
-    use crate::render::{Camera, NamedView, Projection, ViewPoint};
+    use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
 
     fn space(side: u32) -> GridSpace {
         GridSpace::new(Dims::new(side, side, side).unwrap(), &Affine::from_spacing([1.0; 3])).unwrap()
@@ -236,11 +234,17 @@ mod tests {
         for rays in [1, 7, 64, 5000] {
             let sky = Sky::new(rays);
             for pixel in 0..16 {
-                let directions = sky.of([pixel % 4, pixel / 4]);
-                assert_eq!(directions.len(), rays.clamp(1, MAX_RAYS) as usize);
-                assert!(directions.iter().all(|d| (dot(*d, *d) - 1.0).abs() < 1e-12 && d[2] > 0.0));
+                for sky in [&sky, &Sky::shared(rays)] {
+                    let directions = sky.of([pixel % 4, pixel / 4]);
+                    assert_eq!(directions.len(), rays.clamp(1, MAX_RAYS) as usize);
+                    assert!(directions.iter().all(|d| (dot(*d, *d) - 1.0).abs() < 1e-12 && d[2] > 0.0));
+                }
             }
         }
+        // One ray of each of four by four pixels: all sides alike, too.
+        let shared = Sky::shared(1);
+        let mean = |a: usize| (0..16).map(|at| shared.of([at % 4, at / 4])[0][a]).sum::<f64>() / 16.0;
+        assert!((mean(2) - 2.0 / 3.0).abs() < 0.01 && mean(0).abs() < 0.06 && mean(1).abs() < 0.06);
         // The mean height of directions by the cosine is 2/3, and they have no side that they favour.
         let sky = Sky::new(256);
         let mean = |a: usize| sky.of([0, 0]).iter().map(|d| d[a]).sum::<f64>() / 256.0;
@@ -266,11 +270,13 @@ mod tests {
                 height: 48,
                 threads,
                 lod_edge_log2: 0,
-                smooth_edges: true,
+                samples: Samples::Auto,
+                creases: true,
+                shading: if ambient_rays > 0 { Shading::Ao } else { Shading::Plain },
+                smoothing: Smoothing::Smooth,
                 depth_range_mm: None,
                 normals: false,
                 ids: false,
-                blended: false,
                 ambient_rays,
                 traversal: Traversal::Exact,
                 most_band_pixels: None,

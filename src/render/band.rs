@@ -1,21 +1,35 @@
-//! From what a band of a picture saw to its bytes: light, depth, normals and numbers of boxes.
+//! From rays to the bytes of a band of a picture: hits, normals and openness tile by tile, then light.
 //!
-//! Hits are coloured tile by tile, their light by a kernel over all rays of a tile. Every pixel depends on its own hit
-//! only; what a worker keeps from one to the next it forgets at each row of tiles.
+//! A pixel's hit, normal and own openness depend on its own ray; its colour on those of the pixels around, too. So colours
+//! lag behind by a row of tiles, and two rows of tiles are kept from one band to the next. What a worker keeps from one
+//! pixel to the next it forgets at each row of tiles.
 
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::colors::{color_of, has_colors};
+use super::ambient::Lot;
+use super::colors::has_colors;
+use super::form::Form;
 use super::image::Image;
 use super::normals::around::Surroundings;
 use super::normals::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
 use super::normals::shown::{Line, PixelHit, towards_eye};
-use super::picture::{Painter, depth_code, normal_code};
-use super::shade::{Lit, Shader, TileLight};
+use super::picture::{Counts, Painter, depth_code, normal_code};
+use super::shade::{Lit, TileLight};
+use super::soften::{Patch, WIDE};
 use super::surface::Surface;
-use super::tile::{RAYS as TILE_PIXELS, TILE};
+use super::tile::{RAYS as TILE_PIXELS, TILE, Tile, Tracer};
+use super::{Samples, Smoothing};
+use crate::load::NodeView;
+
+/// Pixels that saw something, each with its place.
+fn hits_of<T>(
+    out: impl Iterator<Item = T>,
+    row: impl Iterator<Item = Option<(PixelHit, [f32; 3], u8)>>,
+) -> impl Iterator<Item = (T, (PixelHit, [f32; 3], u8))> {
+    out.zip(row).filter_map(|(out, seen)| Some((out, seen.filter(|(hit, ..)| hit.is_hit())?)))
+}
 
 /// The number of a box, counted from 1, in an image of them: the highest of 48 bits first.
 #[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
@@ -24,12 +38,57 @@ fn id_code(number: u64) -> [u16; 3] {
     [(id >> 32) as u16, (id >> 16) as u16, id as u16]
 }
 
-/// Row `y` of a band whose hits stand tile after tile.
-fn row_of(seen: &[PixelHit], width: usize, y: usize) -> impl Iterator<Item = PixelHit> {
-    let first = y / TILE * width.div_ceil(TILE) * TILE_PIXELS + y % TILE * TILE;
-    (0..width).map(move |x| {
-        seen.get(first + x / TILE * TILE_PIXELS + x % TILE).copied().unwrap_or(PixelHit::NOTHING)
-    })
+/// What the rays through the middles of some rows' pixels saw, tile after tile. Memory: 29 bytes a pixel.
+///
+/// Rows are added below, and forgotten above when nothing looks at them any more: a pixel's colour depends on those around
+/// it, up to four rows away.
+pub(super) struct Band {
+    width: usize,
+    tiles_across: usize,
+    /// First row of the picture; a multiple of [`TILE`].
+    first: usize,
+    hits: Vec<PixelHit>,
+    /// Unit normals of the world that are shown.
+    normals: Vec<[f32; 3]>,
+    /// How open the surroundings are, by each pixel's own rays.
+    open: Vec<u8>,
+}
+
+impl Band {
+    pub(super) fn new(width: usize) -> Self {
+        let tiles_across = width.div_ceil(TILE);
+        Self { width, tiles_across, first: 0, hits: Vec::new(), normals: Vec::new(), open: Vec::new() }
+    }
+
+    /// Bytes of a pixel.
+    pub(super) const PIXEL_BYTES: u64 = (size_of::<PixelHit>() + size_of::<[f32; 3]>() + 1) as u64;
+
+    fn row_pixels(&self) -> usize {
+        self.tiles_across * TILE_PIXELS
+    }
+
+    #[inline]
+    fn index(&self, x: usize, y: usize) -> Option<usize> {
+        let row = y.checked_sub(self.first)?;
+        let tile = row / TILE * self.tiles_across + x / TILE;
+        (x < self.width).then_some(tile * TILE_PIXELS + row % TILE * TILE + x % TILE)
+    }
+
+    /// Hit, normal and openness of a pixel of the picture, if it lies here.
+    #[inline]
+    pub(super) fn at(&self, x: usize, y: usize) -> Option<(PixelHit, [f32; 3], u8)> {
+        let at = self.index(x, y)?;
+        Some((*self.hits.get(at)?, *self.normals.get(at)?, *self.open.get(at)?))
+    }
+
+    /// Forgets the rows above one, a multiple of [`TILE`].
+    pub(super) fn forget_above(&mut self, row: usize) {
+        let past = ((row - self.first) / TILE * self.row_pixels()).min(self.hits.len());
+        self.hits.drain(..past);
+        self.normals.drain(..past);
+        self.open.drain(..past);
+        self.first = row;
+    }
 }
 
 /// The pixels of a tile that `wanted` names.
@@ -57,8 +116,10 @@ enum Normal {
 }
 
 /// The memory of a worker, from one pixel to the next.
-struct WorkerState {
-    around: Surroundings,
+pub(super) struct WorkerState {
+    pub(super) tracer: Tracer,
+    pub(super) around: Surroundings,
+    lot: Lot,
     stored: Stored,
     doubts: Doubts,
     /// Round, box and face, and the normal that is shown there.
@@ -67,10 +128,12 @@ struct WorkerState {
 }
 
 impl WorkerState {
-    fn new() -> Self {
+    fn new(form: Form) -> Self {
         let nothing = (0, 0, Normal::Awaited(0));
         Self {
+            tracer: Tracer::new(form),
             around: Surroundings::new(),
+            lot: Lot::new(form),
             stored: Stored::NOTHING,
             doubts: Doubts::NOTHING,
             normals: vec![nothing; 1 << KEPT_BITS],
@@ -103,140 +166,264 @@ impl WorkerState {
 }
 
 impl<S: Surface> Painter<'_, S> {
-    /// Linear RGB of a pixel that saw a surface with this normal.
-    #[inline]
-    pub(super) fn light(&self, seen: PixelHit, normal: [f64; 3], line: Line, [x, y]: [usize; 2]) -> [f64; 3] {
-        let light = match color_of(self.view, &self.shader, seen) {
-            Some(color) => Shader::lit(color, normal, line.1),
-            None => self.shader.light(normal, line.1),
-        };
-        match self.open.at(self.canvas.width as usize, [x, y]) {
-            Some(open) => light.map(|c| c * (f64::from(open) / 255.0)),
-            None => light,
-        }
+    /// Traces `rows` more rows of the picture, from `top` on: hits, normals and openness.
+    pub(super) fn look(&self, band: &mut Band, top: usize, rows: usize) -> Counts {
+        let start = Instant::now();
+        let row_pixels = band.row_pixels();
+        let before = band.hits.len();
+        let all = before + rows.div_ceil(TILE) * row_pixels;
+        band.hits.resize(all, PixelHit::NOTHING);
+        band.normals.resize(all, [0.0; 3]);
+        band.open.resize(all, u8::MAX);
+        let (_, hits) = band.hits.split_at_mut(before);
+        let (_, normals) = band.normals.split_at_mut(before);
+        let (_, open) = band.open.split_at_mut(before);
+        let counts = hits
+            .par_chunks_mut(row_pixels)
+            .zip(normals.par_chunks_mut(row_pixels))
+            .zip(open.par_chunks_mut(row_pixels))
+            .enumerate()
+            .map_init(
+                || WorkerState::new(self.form),
+                |kept, (row, ((hits, normals), open))| {
+                    kept.forget();
+                    let limit = (rows - row * TILE).min(TILE);
+                    let mut counts = Counts::default();
+                    let tiles = hits.chunks_mut(TILE_PIXELS).zip(normals.chunks_mut(TILE_PIXELS));
+                    for (tile, ((hits, normals), open)) in tiles.zip(open.chunks_mut(TILE_PIXELS)).enumerate()
+                    {
+                        let corner = [tile * TILE, top + row * TILE];
+                        counts = counts.plus(self.look_at(kept, corner, limit, (hits, normals, open)));
+                        self.watch.step();
+                    }
+                    counts
+                },
+            )
+            .reduce(Counts::default, Counts::plus);
+        counts.within(start.elapsed())
     }
 
-    /// Colours the rows of a traced band: `top` and those below it of an image that begins at the picture's row `from`.
-    pub(super) fn shade_band(
+    /// The same for a tile of at most so many rows.
+    fn look_at(
         &self,
-        seen: &[PixelHit],
-        image: &mut Image,
-        from: usize,
-        top: usize,
+        kept: &mut WorkerState,
+        corner: [usize; 2],
         rows: usize,
-    ) -> Duration {
+        (hits, normals, open): (&mut [PixelHit], &mut [[f32; 3]], &mut [u8]),
+    ) -> Counts {
+        let start = Instant::now();
+        let limits = (self.canvas.width as usize - corner[0], rows);
+        let lod_edge_log2 = self.canvas.lod_edge_log2;
+        let tile = Tile { corner: (corner[0], corner[1]), limits, lod_edge_log2 };
+        let mut struck = [None; TILE_PIXELS];
+        let mut counts = self.trace_tile(&mut kept.tracer, hits, &mut struck, tile);
+        counts.trace = start.elapsed();
+        if counts.hits > 0 {
+            let start = Instant::now();
+            self.fill_normals(kept, corner, hits, normals);
+            counts.shade = start.elapsed();
+        }
+        if let (Some(sky), 1..) = (&self.sky, counts.hits) {
+            let start = Instant::now();
+            counts.ambient_rays = self.look_around(sky, &mut kept.lot, corner, &struck, (normals, open));
+            counts.ambient = start.elapsed();
+        }
+        counts
+    }
+
+    /// Colours the rows of the picture from `top` on that `image` holds, which is blank; `band` knows them and those
+    /// around.
+    pub(super) fn shade(&self, band: &Band, image: &mut Image, top: usize) -> Counts {
         let start = Instant::now();
         let width = self.canvas.width as usize;
-        self.color(seen, &mut image.rgba, [from, top, rows]);
+        let row = move |y: usize| (0..width).map(move |x| band.at(x, top + y));
         if let (Some(depth), Some(range)) = (&mut image.depth, self.canvas.depth_range_mm) {
-            depth.par_chunks_mut(width).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                for (pixel, out) in row_of(seen, width, y).zip(row) {
-                    *out = if pixel.is_hit() { depth_code(range, pixel.depth()) } else { 0 };
+            depth.par_chunks_mut(width).enumerate().for_each(|(y, out)| {
+                for (out, (hit, ..)) in hits_of(out.iter_mut(), row(y)) {
+                    *out = depth_code(range, hit.depth());
                 }
             });
         }
         if let Some(ids) = &mut image.ids {
-            ids.par_chunks_mut(width * 3).skip(top).take(rows).enumerate().for_each(|(y, row)| {
-                for (pixel, out) in row_of(seen, width, y).zip(row.as_chunks_mut::<3>().0) {
-                    *out = if pixel.is_hit() { id_code(pixel.box_number()) } else { [0; 3] };
+            ids.par_chunks_mut(width * 3).enumerate().for_each(|(y, out)| {
+                for (out, (hit, ..)) in hits_of(out.as_chunks_mut::<3>().0.iter_mut(), row(y)) {
+                    *out = id_code(hit.box_number());
                 }
             });
         }
         if let Some(normals) = &mut image.normals {
-            self.fill_normals(seen, normals, [from, top, rows]);
+            normals.par_chunks_mut(width * 3).enumerate().for_each(|(y, out)| {
+                for (out, (_, normal, _)) in hits_of(out.as_chunks_mut::<3>().0.iter_mut(), row(y)) {
+                    *out = normal.map(|part| normal_code(part.into()));
+                }
+            });
         }
-        start.elapsed()
+        let counts = image
+            .rgba
+            .par_chunks_mut(width * 4 * TILE)
+            .enumerate()
+            .map_init(
+                || (WorkerState::new(self.form), Patch::new()),
+                |(kept, patch), (row, out)| {
+                    self.shade_row(kept, patch, band, top + row * TILE, out.as_chunks_mut::<4>().0)
+                },
+            )
+            .reduce(Counts::default, Counts::plus);
+        let wall = start.elapsed();
+        let mut counts = counts.within(wall);
+        counts.shade = wall.saturating_sub(counts.trace + counts.ambient);
+        counts
     }
 
-    /// The pixels of a traced band that hit something, tile after tile, with a worker's memory: column and row of the
-    /// tile's corner, the tile's hits, and the bytes of its row of tiles, `N` a pixel.
-    fn each_tile<const N: usize>(
+    /// Colours a row of tiles.
+    fn shade_row(
         &self,
-        seen: &[PixelHit],
-        out: &mut [u8],
-        [from, top, rows]: [usize; 3],
-        paint: impl Fn(&mut WorkerState, [usize; 2], &[PixelHit], &mut [[u8; N]]) + Sync,
+        kept: &mut WorkerState,
+        patch: &mut Patch,
+        band: &Band,
+        top: usize,
+        out: &mut [[u8; 4]],
+    ) -> Counts {
+        let width = self.canvas.width as usize;
+        let rows = out.len() / width;
+        let needs_patch = self.sky.is_some() || self.canvas.samples != Samples::One;
+        let mut counts = Counts::default();
+        for left in (0..width).step_by(WIDE) {
+            if needs_patch {
+                if !patch.fill(band, [left, top]) && self.canvas.samples == Samples::Auto {
+                    continue;
+                }
+                if self.sky.is_some() {
+                    patch.soften(self.form, &self.step);
+                }
+                if self.canvas.samples == Samples::Auto {
+                    patch.compare(self.form, &self.step);
+                }
+            }
+            let wide = WIDE.min(width - left);
+            for tile in (0..wide).step_by(TILE) {
+                self.shade_tile(band, patch, [left, tile], top, out);
+            }
+            for (x, y) in (0..rows).flat_map(|y| (0..wide).map(move |x| (x, y))) {
+                if self.is_refined(patch, x, y)
+                    && let Some(out) = out.get_mut(y * width + left + x)
+                {
+                    let start = Instant::now();
+                    counts.refined += 1;
+                    *out = self.refined(kept, patch, [x, y], [left + x, top + y], &mut counts);
+                    counts.trace += start.elapsed();
+                }
+            }
+            self.watch.step();
+        }
+        counts
+    }
+
+    /// Colours the hits of a tile; `left` and `tile` are the columns of its patch, and its own there.
+    fn shade_tile(
+        &self,
+        band: &Band,
+        patch: &Patch,
+        [left, tile]: [usize; 2],
+        top: usize,
+        out: &mut [[u8; 4]],
     ) {
         let width = self.canvas.width as usize;
-        let tile_row = width.div_ceil(TILE) * TILE_PIXELS;
-        let out = out.par_chunks_mut(width * N * TILE).skip(top / TILE).take(rows.div_ceil(TILE));
-        let tiles = out.zip(seen.par_chunks(tile_row)).enumerate();
-        tiles.for_each_init(WorkerState::new, |kept, (n, (out, seen))| {
-            kept.forget();
-            let (out, _) = out.as_chunks_mut::<N>();
-            for (tile, seen) in seen.chunks(TILE_PIXELS).enumerate() {
-                if seen.iter().any(|pixel| pixel.is_hit()) {
-                    paint(kept, [tile * TILE, from + top + n * TILE], seen, out);
-                    self.watch.step();
-                }
-            }
-        });
-    }
-
-    /// Colours of the hits of a traced band.
-    fn color(&self, seen: &[PixelHit], out: &mut [u8], place: [usize; 3]) {
-        let width = self.canvas.width as usize;
-        let has_colors = has_colors(self.view);
-        self.each_tile::<4>(seen, out, place, |kept, corner, seen, out| {
-            let (lit, to_eye) = self.lit(kept, corner, seen);
-            let mut codes = [[0; TILE_PIXELS]; 3];
-            self.form.run(TileLight { sight: &self.sight, corner, lit: &lit, out: &mut codes });
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
-                    let faces_eye = to_eye >> at & 1 == 1;
-                    let [r, g, b] = if faces_eye || has_colors {
-                        let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
-                        let own = lit.normals.map(|parts| parts[at % TILE_PIXELS]);
-                        let normal = if faces_eye {
-                            towards_eye(line)
-                        } else {
-                            self.sight.space().normal_to_world(own)
-                        };
-                        let light = self.light(*pixel, normal, line, [x, corner[1] + y]);
-                        light.map(|c| self.shader.encode(c))
-                    } else {
-                        [
-                            self.shader.code(codes[0][at]),
-                            self.shader.code(codes[1][at]),
-                            self.shader.code(codes[2][at]),
-                        ]
-                    };
-                    *out = [r, g, b, 255];
-                }
-            }
-        });
-    }
-
-    /// The normals and openness of a tile's hits; and the pixels whose normals look towards the eye, since no normal in the
-    /// frame of the boxes does that.
-    fn lit(&self, kept: &mut WorkerState, corner: [usize; 2], seen: &[PixelHit]) -> (Lit, u64) {
-        let width = self.canvas.width as usize;
+        let corner = [left + tile, top];
         let mut lit = Lit::NOTHING;
+        let mut hits = [PixelHit::NOTHING; TILE_PIXELS];
+        let mut any = false;
+        for (at, hit) in hits.iter_mut().enumerate() {
+            let (x, y) = (at % TILE, at / TILE);
+            let Some((seen, normal, _)) = band.at(corner[0] + x, top + y).filter(|(seen, ..)| seen.is_hit())
+            else {
+                continue;
+            };
+            (*hit, any) = (seen, true);
+            for (out, part) in lit.normals.iter_mut().zip(normal) {
+                out[at] = part.into();
+            }
+            if self.sky.is_some() {
+                lit.open[at] = patch.open(tile + x, y);
+            }
+        }
+        if !any {
+            return;
+        }
+        let has_colors = has_colors(self.view);
+        let mut codes = [[0; TILE_PIXELS]; 3];
+        if !has_colors {
+            let (sight, light) = (&self.sight, &self.light);
+            self.form.run(TileLight { sight, light, corner, lit: &lit, out: &mut codes });
+        }
+        for (at, hit) in hits.iter().enumerate().filter(|(_, hit)| hit.is_hit()) {
+            let (x, y) = (corner[0] + at % TILE, at / TILE);
+            let Some(out) = out.get_mut(y * width + x) else { continue };
+            let [r, g, b] = if has_colors {
+                let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
+                let normal = lit.normals.map(|parts| parts[at]);
+                let light = self.light.of(self.color(*hit), normal, line.1, lit.open[at]);
+                light.map(|c| self.shader.encode(c))
+            } else {
+                codes.map(|codes| self.shader.code(codes[at]))
+            };
+            *out = [r, g, b, 255];
+        }
+    }
+
+    /// The unit normals of the world that are shown at a tile's hits.
+    fn fill_normals(
+        &self,
+        kept: &mut WorkerState,
+        corner: [usize; 2],
+        hits: &[PixelHit],
+        normals: &mut [[f32; 3]],
+    ) {
+        let (in_boxes, to_eye) = self.normals_of(kept, corner, hits);
+        for ((at, _), out) in hits.iter().enumerate().zip(normals).filter(|((_, hit), _)| hit.is_hit()) {
+            let normal = if to_eye >> at & 1 == 1 {
+                towards_eye(self.sees(corner, at))
+            } else {
+                self.sight.space().normal_to_world(in_boxes.map(|parts| parts[at % TILE_PIXELS]))
+            };
+            #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+            let single = normal.map(|c| c as f32);
+            *out = single;
+        }
+    }
+
+    /// The line of sight through a pixel of the tile at `corner`.
+    #[inline]
+    fn sees(&self, corner: [usize; 2], at: usize) -> Line {
+        self.sight.line((corner[0] + at % TILE) as f64 + 0.5, (corner[1] + at / TILE) as f64 + 0.5)
+    }
+
+    /// The normals of a tile's hits in the frame of the boxes, of any length; and the pixels whose normals look towards the
+    /// eye, since no normal in that frame does.
+    fn normals_of(
+        &self,
+        kept: &mut WorkerState,
+        corner: [usize; 2],
+        seen: &[PixelHit],
+    ) -> ([[f64; TILE_PIXELS]; 3], u64) {
+        let mut normals = [[1.0; TILE_PIXELS]; 3];
         let (mut noted, mut alone, mut to_eye) = (0_u64, 0_u64, 0_u64);
         let edge_mm = self.normals.judged_together();
-        // Tiles at the border reach over it; what is there may be of an earlier band.
-        let is_seen = |at: usize, pixel: &PixelHit| pixel.is_hit() && corner[0] + at % TILE < width;
-        for (at, pixel) in seen.iter().enumerate().filter(|(at, pixel)| is_seen(*at, pixel)) {
+        for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
             if edge_mm.is_some() && self.normals.note(&mut kept.stored, at, *pixel) {
                 noted |= 1 << (at % TILE_PIXELS);
             } else {
                 alone |= 1 << (at % TILE_PIXELS);
             }
-            if let Some(open) = self.open.at(width, [corner[0] + at % TILE, corner[1] + at / TILE]) {
-                lit.open[at % TILE_PIXELS] = f64::from(open) / 255.0;
-            }
         }
         let mut judged = Verdicts::NOTHING;
         if let (Some(edge_mm), 1..) = (edge_mm, noted) {
             self.form.run(Judge { stored: &kept.stored, edge_mm, out: &mut judged });
-            lit.normals = judged.normals;
+            normals = judged.normals;
         }
-        let sees = |at: usize| {
-            self.sight.line((corner[0] + at % TILE) as f64 + 0.5, (corner[1] + at / TILE) as f64 + 0.5)
-        };
+        let sees = |at: usize| self.sees(corner, at);
         let mut put = |at: usize, normal: [f64; 3]| {
-            for (out, part) in lit.normals.iter_mut().zip(normal) {
+            for (out, part) in normals.iter_mut().zip(normal) {
                 out[at % TILE_PIXELS] = part;
             }
         };
@@ -273,32 +460,19 @@ impl<S: Surface> Painter<'_, S> {
                 kept.keep(pixel, Normal::Known(normal));
             }
         }
-        (lit, to_eye)
-    }
-
-    /// Normals of the hits of a traced band.
-    fn fill_normals(&self, seen: &[PixelHit], out: &mut [u8], place: [usize; 3]) {
-        let width = self.canvas.width as usize;
-        self.each_tile::<3>(seen, out, place, |kept, corner, seen, out| {
-            for (at, pixel) in seen.iter().enumerate().filter(|(_, pixel)| pixel.is_hit()) {
-                let (x, y) = (corner[0] + at % TILE, at / TILE);
-                if let (true, Some(out)) = (x < width, out.get_mut(y * width + x)) {
-                    let line = self.sight.line(x as f64 + 0.5, (corner[1] + y) as f64 + 0.5);
-                    let normal = match self.normal_of(kept, *pixel, || line) {
-                        Some(normal) => self.sight.space().normal_to_world(normal),
-                        None => towards_eye(line),
-                    };
-                    *out = normal.map(normal_code);
-                }
-            }
-        });
+        (normals, to_eye)
     }
 
     /// As `Normals::in_boxes`; pixels of one face have one normal, which is found once.
     #[inline]
     fn normal_of(&self, kept: &mut WorkerState, seen: PixelHit, line: impl Fn() -> Line) -> Option<[f64; 3]> {
         // Without a face it may depend on the line of sight.
-        if !seen.is_of_face() || self.canvas.blended {
+        let by_place = match self.canvas.smoothing {
+            Smoothing::Stored => false,
+            Smoothing::Smooth => self.view.cells().is_some(),
+            Smoothing::Blended => true,
+        };
+        if !seen.is_of_face() || by_place {
             return self.normals.in_boxes(&mut kept.around, seen, line);
         }
         match kept.recall(seen) {

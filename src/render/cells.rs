@@ -60,6 +60,11 @@ impl<'a> Cells<'a> {
         }
     }
 
+    /// What is stored of them.
+    pub(crate) fn items(&self) -> CellItems<'a> {
+        self.items
+    }
+
     /// Has the cell corners instead of a plane?
     #[inline]
     pub(crate) fn has_corners(&self, cell: u64) -> bool {

@@ -114,6 +114,29 @@ impl Image {
         self.ids.iter_mut().for_each(|ids| refill(ids, pixels * 3, 0));
     }
 
+    /// Makes room for so many rows in all.
+    pub(crate) fn reserve(&mut self, rows: u32) {
+        let pixels = self.width as usize * rows as usize;
+        self.rgba.reserve_exact(pixels * 4);
+        self.normals.iter_mut().for_each(|normals| normals.reserve_exact(pixels * 3));
+        self.depth.iter_mut().for_each(|depth| depth.reserve_exact(pixels));
+        self.ids.iter_mut().for_each(|ids| ids.reserve_exact(pixels * 3));
+    }
+
+    /// Adds the rows of a part that has the same layers.
+    pub(crate) fn append(&mut self, part: &Self) {
+        fn add<T: Copy>(to: &mut Option<Vec<T>>, from: &Option<Vec<T>>) {
+            if let (Some(to), Some(from)) = (to, from) {
+                to.extend_from_slice(from);
+            }
+        }
+        self.height += part.height;
+        self.rgba.extend_from_slice(&part.rgba);
+        add(&mut self.depth, &part.depth);
+        add(&mut self.normals, &part.normals);
+        add(&mut self.ids, &part.ids);
+    }
+
     /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.
     pub(crate) fn write_frames_to<E: From<RenderError>>(
         file: ImageFile,

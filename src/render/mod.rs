@@ -24,7 +24,9 @@
 //! | `leave` | rays that start at a surface, beyond the box that was hit |
 //! | `ambient` | how open a point's surroundings are: hollows turn dark |
 //! | `normals` | the normal that is shown at a hit |
+//! | `choices` | what is asked of light, normals and samples |
 //! | [`shade`], [`picture`], `band`, [`image`] | light, the way from camera to pixels, the pixels of a band of rows, files |
+//! | `soften`, `refine` | openness as a mean over pixels, and where neighbours differ; more rays there |
 //! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
@@ -44,6 +46,7 @@ pub mod camera;
 mod caster;
 #[doc(hidden)]
 pub mod cells;
+mod choices;
 mod colors;
 #[doc(hidden)]
 pub mod discrete;
@@ -67,6 +70,7 @@ pub mod picture;
 pub mod ray;
 #[doc(hidden)]
 pub mod reference;
+mod refine;
 #[doc(hidden)]
 pub mod selfcheck;
 pub mod shade;
@@ -74,6 +78,7 @@ pub mod shade;
 pub mod sight;
 #[doc(hidden)]
 pub mod single;
+mod soften;
 pub mod space;
 #[doc(hidden)]
 pub mod surface;
@@ -84,6 +89,7 @@ pub mod traverse;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
 pub use caster::{Hits, RayCaster, SurfacePoint};
+pub use choices::{Samples, Shading, Smoothing};
 pub use error::RenderError;
 pub(crate) use error::{CameraFault, Layer, RenderFault};
 pub use image::Image;

@@ -1,12 +1,18 @@
-//! Light and colour: a lamp at the eye, a bone-grey surface, sRGB out.
+//! Light and colour: a bone-grey surface, sRGB out; a lamp at the eye alone, or the soft light of a photographer's rig.
+//!
+//! Soft light has a key lamp from the left and above, that gives shape; a lamp at the eye, that keeps what it does not reach
+//! from turning black; and the sky, that is brighter above. How open a point's surroundings are (`ambient`) dims the
+//! last two in proportion and the key lamp by up to 70 %.
 //!
 //! All arithmetic is IEEE addition, multiplication, division and square root in a fixed order, so pixels
 //! are the same on every machine; powers are not taken from the system.
 
+use super::Shading;
 use super::form::LanesKernel;
 use super::lanes::Lanes;
 use super::sight::Sight;
 use super::tile::RAYS;
+use crate::geom::dot;
 
 /// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
 /// to be seen on a white one.
@@ -56,29 +62,10 @@ impl Shader {
         Self { srgb, lights }
     }
 
-    /// Linear RGB of a surface with this unit normal, seen along `sight` (any length, not null).
-    ///
-    /// Both sides of a surface are lit alike, so that a model can be looked at from within.
-    #[inline]
-    pub(crate) fn light(&self, normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
-        Self::lit(SURFACE, normal, sight)
-    }
-
     /// Linear light of a colour (sRGB).
     #[inline]
     pub(crate) fn decode(&self, color: [u8; 3]) -> [f64; 3] {
         color.map(|code| self.lights.get(usize::from(code)).copied().unwrap_or_default())
-    }
-
-    /// [`Shader::light`] of a surface of this colour (linear RGB).
-    #[inline]
-    pub(crate) fn lit(color: [f64; 3], normal: [f64; 3], sight: [f64; 3]) -> [f64; 3] {
-        let along = normal[0] * sight[0] + normal[1] * sight[1] + normal[2] * sight[2];
-        let length = (sight[0] * sight[0] + sight[1] * sight[1] + sight[2] * sight[2]).sqrt();
-        let cosine = (along / length).abs().min(1.0);
-        let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
-        let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
-        color.map(|c| c * strength)
     }
 
     /// sRGB code at a place in the table.
@@ -96,11 +83,75 @@ impl Shader {
     }
 }
 
+/// The key lamp's direction in the camera's frame: from the left, above and before the surface; of length 1.
+const KEY: [f64; 3] = [-0.451_129_236_405_376_94, 0.551_380_177_828_794_1, 0.701_756_589_963_919_7];
+/// Linear RGB of the key lamp and of the sky: warm and cool.
+const KEY_COLOR: [f64; 3] = [1.0, 0.97, 0.93];
+const SKY_COLOR: [f64; 3] = [0.88, 0.94, 1.0];
+/// Shares of the key lamp, of the lamp at the eye, of the sky from everywhere and of that from above, and of the shine.
+const OF_KEY: f64 = 0.66;
+const OF_EYE: f64 = 0.22;
+const OF_SKY: f64 = 0.015;
+const OF_ZENITH: f64 = 0.0375;
+const OF_SHINE: f64 = 0.07;
+/// Part of the key lamp's light that falls off with the cosine, not with its square.
+const KEY_FLAT: f64 = 0.35;
+/// Part of it that comes into what is closed: a lamp has one direction, hollows are open to some.
+const KEY_CLOSED: f64 = 0.3;
+
+/// Lamps, and the surface that they shine on.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Light {
+    /// Linear RGB of a surface without colours of its own.
+    pub(super) surface: [f64; 3],
+    /// Upwards in the picture and towards the key lamp, unit vectors of the world; `None` for the one lamp at the eye.
+    rig: Option<[[f64; 3]; 2]>,
+}
+
+impl Light {
+    /// For a camera with these axes: to the right, up and forward in the picture.
+    pub(super) fn new(shading: Shading, [right, up, forward]: [[f64; 3]; 3]) -> Self {
+        let key = std::array::from_fn(|a| KEY[0] * right[a] + KEY[1] * up[a] - KEY[2] * forward[a]);
+        Self { surface: SURFACE, rig: (shading == Shading::Soft).then_some([up, key]) }
+    }
+
+    /// Linear RGB of a surface of this colour and unit normal, so far open, seen along `sight` (any length, not null); may
+    /// be more than 1.
+    ///
+    /// Both sides of a surface are lit alike, so that a model can be looked at from within.
+    #[inline(always)]
+    pub(super) fn of(&self, color: [f64; 3], normal: [f64; 3], sight: [f64; 3], open: f64) -> [f64; 3] {
+        let length = dot(sight, sight).sqrt();
+        let along = dot(normal, sight) / length;
+        let cosine = along.abs();
+        let cosine = if cosine < 1.0 { cosine } else { 1.0 };
+        let Some([up, key]) = self.rig else {
+            let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
+            let strength = (AMBIENT + (1.0 - AMBIENT) * falloff) * open;
+            return [color[0] * strength, color[1] * strength, color[2] * strength];
+        };
+        let turn = if along > 0.0 { -1.0 } else { 1.0 };
+        let positive = |c: f64| if c > 0.0 { c } else { 0.0 };
+        let k = positive(turn * dot(normal, key));
+        let half = [0, 1, 2].map(|a| key[a] - sight[a] / length);
+        let h = positive(turn * dot(normal, half) / dot(half, half).sqrt());
+        // Its 40th power.
+        let (h2, h8) = (h * h, h * h * (h * h) * (h * h) * (h * h));
+        let h32 = h8 * h8 * (h8 * h8);
+        let shine = OF_SHINE * open * (h32 * (h2 * h2) * (h2 * h2));
+        let by_key =
+            OF_KEY * k * (KEY_FLAT + (1.0 - KEY_FLAT) * k) * (KEY_CLOSED + (1.0 - KEY_CLOSED) * open);
+        let by_eye = OF_EYE * cosine * cosine * open;
+        let by_sky = (OF_SKY + OF_ZENITH * (1.0 + turn * dot(normal, up))) * open;
+        [0, 1, 2].map(|c| color[c] * (by_key * KEY_COLOR[c] + by_eye + by_sky * SKY_COLOR[c]) + shine)
+    }
+}
+
 /// Normals and openness of a tile's pixels, axis by axis.
 pub(super) struct Lit {
-    /// Normals in the frame of the boxes, of any length, not null.
+    /// Unit normals of the world.
     pub(super) normals: [[f64; RAYS]; 3],
-    /// Part of the light that comes through.
+    /// How far the surroundings are open.
     pub(super) open: [f64; RAYS],
 }
 
@@ -108,9 +159,10 @@ impl Lit {
     pub(super) const NOTHING: Self = Self { normals: [[1.0; RAYS]; 3], open: [1.0; RAYS] };
 }
 
-/// Colours of a tile's pixels: the same as those of [`Shader::light`] and [`Shader::encode`] one by one.
+/// Colours of a tile's pixels: the same as those of [`Light::of`] and [`Shader::encode`] one by one.
 pub(super) struct TileLight<'a> {
     pub(super) sight: &'a Sight<'a>,
+    pub(super) light: &'a Light,
     /// Column and row of the tile's first pixel.
     pub(super) corner: [usize; 2],
     pub(super) lit: &'a Lit,
@@ -121,32 +173,20 @@ pub(super) struct TileLight<'a> {
 impl LanesKernel for TileLight<'_> {
     type Output = ();
 
-    // Loops over arrays instead of lanes or closures: they are vectorised for the form that runs them.
+    // Loops over arrays: they are vectorised for the form that runs them.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn run(self, _: impl Lanes) {
-        let Self { sight, corner, lit, out } = self;
-        let rows = sight.space().normal_rows();
+        let Self { sight, light, corner, lit, out } = self;
         let mut sights = [[0.0; RAYS]; 3];
         sight.directions(corner, &mut sights);
         for i in 0..RAYS {
             let n = [lit.normals[0][i], lit.normals[1][i], lit.normals[2][i]];
             let s = [sights[0][i], sights[1][i], sights[2][i]];
-            let mut world = [0.0; 3];
-            for a in 0..3 {
-                world[a] = rows[a][0] * n[0] + rows[a][1] * n[1] + rows[a][2] * n[2];
-            }
-            let length = (world[0] * world[0] + world[1] * world[1] + world[2] * world[2]).sqrt();
-            let unit = if length > 0.0 { length } else { 1.0 };
-            let along = world[0] / unit * s[0] + world[1] / unit * s[1] + world[2] / unit * s[2];
-            let length = (s[0] * s[0] + s[1] * s[1] + s[2] * s[2]).sqrt();
-            let cosine = (along / length).abs();
-            let cosine = if cosine < 1.0 { cosine } else { 1.0 };
-            let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
-            let strength = AMBIENT + (1.0 - AMBIENT) * falloff;
+            let colors = light.of(light.surface, n, s, lit.open[i]);
             for c in 0..3 {
-                let light = SURFACE[c] * strength * lit.open[i];
-                out[c][i] = (light * STEPS as f64 + 0.5) as i32 as u16;
+                let part = if colors[c] < 1.0 { colors[c] } else { 1.0 };
+                out[c][i] = (part * STEPS as f64 + 0.5) as i32 as u16;
             }
         }
     }
@@ -187,12 +227,27 @@ mod tests {
 
     #[test]
     fn faces_towards_the_eye_are_brightest_and_edges_keep_some_light() {
-        let shader = Shader::new();
-        let facing = shader.light([0.0, -1.0, 0.0], [0.0, 3.0, 0.0]);
-        let half = shader.light([0.8, -0.6, 0.0], [0.0, 1.0, 0.0]);
-        let edge = shader.light([1.0, 0.0, 0.0], [0.0, 1.0, 0.0]);
-        assert!(facing[0] > half[0] && half[0] > edge[0] && edge[0] > 0.05);
-        assert_eq!(facing, SURFACE);
-        assert_eq!(shader.light([0.0, 1.0, 0.0], [0.0, 3.0, 0.0]), facing);
+        // To the right, up, forward: as a camera at the front has them.
+        let axes = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
+        for shading in Shading::ALL {
+            let light = Light::new(*shading, axes);
+            let of = |normal, open| light.of(SURFACE, normal, [0.0, 3.0, 0.0], open);
+            let (facing, half, edge) =
+                (of([0.0, -1.0, 0.0], 1.0), of([0.8, -0.6, 0.0], 1.0), of([1.0, 0.0, 0.0], 1.0));
+            assert!(facing[0] > half[0] && half[0] > edge[0] && edge[0] > 0.02, "{shading:?}");
+            // Both sides are lit alike, and what is closed is darker.
+            assert_eq!(of([0.0, 1.0, 0.0], 1.0), facing);
+            assert!(of([0.0, -1.0, 0.0], 0.5)[0] < facing[0]);
+            if *shading == Shading::Soft {
+                // Brightest between the eye and the key lamp.
+                let [_, key] = light.rig.unwrap();
+                assert!((dot(key, key) - 1.0).abs() < 1e-9);
+                assert!(
+                    of(key, 1.0)[0] > facing[0] && of([key[0], key[1], -key[2]], 1.0)[0] < of(key, 1.0)[0]
+                );
+            } else {
+                assert_eq!(facing, SURFACE);
+            }
+        }
     }
 }

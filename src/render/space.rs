@@ -86,11 +86,6 @@ impl GridSpace {
         Ray::new(self.dims.depth(), o, d, 0.0)
     }
 
-    /// Rows of the matrix of [`GridSpace::normal_to_world`].
-    pub(super) fn normal_rows(&self) -> &[[f64; 3]; 3] {
-        &self.normal_rows
-    }
-
     /// Unit world normal of a box-frame vector that is not null.
     #[inline]
     pub(crate) fn normal_to_world(&self, n: [f64; 3]) -> [f64; 3] {

@@ -21,7 +21,7 @@ use crate::render::normals::shown::{Line, Normals};
 use crate::render::ray::Ray;
 use crate::render::surface::Skin;
 use crate::render::traverse::{Hit, Trace};
-use crate::render::{GridSpace, RenderError, single};
+use crate::render::{GridSpace, RenderError, Smoothing, single};
 
 use super::clip::{Clip, Span};
 use super::material::{Colors, Material};
@@ -180,7 +180,7 @@ impl<'a> Body<'a> {
         let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
         Self {
             part,
-            normals: Normals::new(part.view, &part.space, true, 0),
+            normals: Normals::new(part.view, &part.space, Smoothing::Blended, 0),
             cells: part.view.cells().map(Cells::new),
             form,
             reach: if knows_sides { 0 } else { REACH },

@@ -267,7 +267,6 @@ fn picture<D: AsRef<[u8]>>(model: &Model<D>) -> bool {
         },
         projection: Projection::Perspective,
         lod: true,
-        smooth_edges: true,
         ..request
     };
     let mut any = false;

@@ -41,7 +41,7 @@ fn names_follow_content_wherever_it_lies_and_whatever_it_is_called() {
     assert_eq!(counts(&batch(&moved, &out, &[]).1), [0, 2, 0]);
     // From within.
     let here = Command::new(binary())
-        .args(["batch", ".", "--iso", "500", "--json", "--out", &text(&out)])
+        .args(["batch", ".", "--surface", "skin", "--iso", "500", "--json", "--out", &text(&out)])
         .current_dir(&moved)
         .output()
         .unwrap();

@@ -323,7 +323,6 @@ fn a_picture_of_cells_does_not_depend_on_threads_and_coarse_boxes_are_solid() {
             height: 96,
             threads,
             lod,
-            smooth_edges: true,
             depth: true,
             normals: true,
             ..Default::default()

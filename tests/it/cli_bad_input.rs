@@ -636,11 +636,11 @@ fn an_option_that_changes_nothing_is_refused() {
     stage.refused(&mesh, &["--grid", "9", "--gradient", "sobel"], 2, &["--gradient is for volumes"]);
     let [model, picture] = [stage.output(), stage.path("p.png")].map(|path| text(&path));
     for (extra, with) in [
-        (["--fov", "40"], "--projection perspective"),
-        (["--ao-rays", "9"], "--shading ao"),
-        (["--lod-bias", "1"], "--lod on"),
+        (&["--fov", "40"][..], "--projection perspective"),
+        (&["--ao-rays", "9", "--shading", "plain"], "--shading ao"),
+        (&["--lod-bias", "1"], "--lod on"),
     ] {
-        let run = oct(&["render", &model, "-o", &picture, extra[0], extra[1]]);
+        let run = oct(&[&["render", &model, "-o", &picture], extra].concat());
         run.refused(2, &[&format!("{} changes nothing without {with}", extra[0])]);
     }
 }

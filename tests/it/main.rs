@@ -46,6 +46,7 @@ mod oracle;
 mod pack;
 mod page;
 mod picture_memory;
+mod picture_normals;
 mod prelude;
 mod privacy;
 mod report;

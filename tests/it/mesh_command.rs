@@ -242,3 +242,36 @@ fn content_decides_what_is_built_and_names_count_where_it_is_silent() {
     oct(&["build", &volume, "-o", &model, "--iso", "1", "--json"]).json();
     oct(&["build", &volume, "-o", &model, "--grid", "9"]).refused(2, &["--grid is for meshes"]);
 }
+
+/// What is built where nothing is said: cells, but skin for what only that has.
+#[test]
+fn cells_are_the_default_but_for_what_only_skin_has() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let corners = [[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+    let faces = "f 1 3 2\nf 1 2 4\nf 1 4 3\nf 2 3 4\n";
+    for (name, color) in [("plain.obj", ""), ("red.obj", " 1 0 0")] {
+        let lines: String = corners.iter().map(|[x, y, z]| format!("v {x} {y} {z}{color}\n")).collect();
+        fs::write(at(name), lines + faces).unwrap();
+    }
+    let sphere = "synthetic:sphere@24 --iso 0.5";
+    for (what, surface) in [
+        (sphere.to_owned(), "cells"),
+        (format!("{sphere} --channels normal"), "cells"),
+        (format!("{sphere} --surface skin"), "skin"),
+        (format!("{sphere} --channels value"), "skin"),
+        (format!("{sphere} --channels normal,offset"), "cells"),
+        (format!("{sphere} --gradient central"), "skin"),
+        (format!("{sphere} --normal-bits 24"), "skin"),
+        (format!("{sphere} --connectivity 6"), "skin"),
+        (format!("{} --grid 12", at("plain.obj")), "cells"),
+        (format!("{} --grid 12", at("red.obj")), "skin"),
+        (format!("{} --grid 12 --surface cells", at("red.obj")), "cells"),
+        (format!("{} --grid 12 --keep-thin", at("plain.obj")), "skin"),
+    ] {
+        let script =
+            format!("\"$OCT\" build {what} -o \"$1\" --force --quiet && \"$OCT\" info \"$1\" --json");
+        let info = shell(&script, &[at("m.oct")]).json();
+        assert_eq!(info["surface"].as_str(), Some(surface), "{what}");
+    }
+}

@@ -63,7 +63,7 @@ pub(crate) use infobyte::volume::{Endian, SourceError, Workspace, sentences};
 pub(crate) use infobyte::{
     Affine, BuildOptions, BuildReport, Channel, Channels, CleanOptions, Connectivity, Dims, ExitKind,
     MemoryCap, Model, NamedView, OpenOptions, Progress, Projection, RayCaster, RenderRequest, Rescale,
-    ScalarType, Slices, Threshold, ViewPoint, VolumeSource, Voxels,
+    Samples, ScalarType, Shading, Slices, Smoothing, Threshold, ViewPoint, VolumeSource, Voxels,
 };
 pub(crate) use serde_json::{Value, json};
 pub(crate) use std::collections::{BTreeMap, BTreeSet, HashMap};

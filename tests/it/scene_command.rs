@@ -252,7 +252,10 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
         .unwrap();
     for input in ["ring.oct", "two.toml"] {
         let run = |extra: &[&str]| {
-            oct(&[&["render", &at(input), "-o", &at("p.png"), "--size", "96x64", "--json"], extra].concat())
+            let one =
+                ["render", &at(input), "-o", &at("p.png"), "--size", "96x64", "--json", "--samples", "1"];
+            let one = if input == "ring.oct" { &one[..] } else { &one[..7] };
+            oct(&[one, extra].concat())
         };
         let sheet = run(&["--contact", "--annotate"]).json();
         assert_eq!((sheet["width"].as_u64(), sheet["rays"].as_u64()), (Some(96), Some(96 * 64)), "{sheet}");
@@ -262,6 +265,7 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
         assert_eq!(names.iter().filter(|name| *name == "fcTL").count(), 5, "{names:?}");
         for (output, second) in [("frames/", "frames/0001.png"), ("turn-%02d.png", "turn-01.png")] {
             let line = format!("render {} -o {} --size 40x30 --turntable 3 --json", at(input), at(output));
+            let line = if input == "ring.oct" { line + " --samples 1" } else { line };
             let json = oct(&line.split(' ').collect::<Vec<_>>());
             assert_eq!(json.json()["rays"].as_u64(), Some(3 * 40 * 30));
             let names = chunks(&folder.path().join(second));

@@ -29,6 +29,28 @@ pub(super) const NEAR_BENT: f32 = 0.05;
 /// Curvature from which a surface bends, per voxel of the index space.
 pub(super) const BENT: f32 = 0.12;
 
+/// How strongly a plane that was found is turned towards the smooth gradient in the end, in square voxels: as much as
+/// [`TOWARDS_GUESS`] where crossings are .27 voxel off the gradient's plane, eight where they are .05 off. So smooth
+/// cells keep the gradient, edges follow the crossings, and no two neighbours have normals of two estimates.
+///
+/// Share of neighbours of a head's bone whose gradients agree within 4 degrees and whose normals are more than 12 apart:
+/// 17.6 % with the switch by [`NEAR_SMOOTH`] alone, 10.5 % with this. Tried: a pull of .5 everywhere turns a noisy
+/// ball's normals by .93 in place of .66 degrees, 1 in place of .3 bevels a box.
+const PULL: f32 = 0.3;
+const PULL_AT: f32 = 0.15;
+const PULL_NEAREST: f32 = 0.001;
+
+/// The pull of a gradient whose plane has its farthest crossing at this distance in voxels.
+#[inline(always)]
+pub(super) fn pull(off: f32) -> f32 {
+    let off = if off > PULL_NEAREST { off } else { PULL_NEAREST };
+    let ratio = PULL_AT / off;
+    PULL * ratio * ratio * ratio
+}
+
+/// Square of the cosine to a plane's normal up to which a gradient is of the same surface: 60 degrees.
+pub(super) const SAME_SURFACE: f32 = 0.25;
+
 /// The twelve edges as pairs of corners.
 pub(super) const EDGES: [(usize, usize); 12] =
     [(0, 1), (2, 3), (4, 5), (6, 7), (0, 2), (1, 3), (4, 6), (5, 7), (0, 4), (1, 5), (2, 6), (3, 7)];

@@ -1,9 +1,9 @@
 //! Planes of cells in batches, without a branch: the loop over a batch becomes vectors.
 
-use super::corner::{EDGES, TOLERANCE, signed_depth};
+use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, pull, signed_depth};
 use super::jet::{CellSamples, Jet};
 use super::pick::{self, SEPARABLE};
-use super::sharp::{Sharp, SharpCell};
+use super::sharp::{Sharp, SharpCell, directions, fit_near};
 use super::stretch::{Fit, Stretch};
 use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::format::cell::CORNERS;
@@ -177,6 +177,7 @@ impl Batch {
             (self.code[slot], self.offset[slot]) = (code, plane.offset);
             self.fitted[slot] = u32::from(plane.covers == 0);
         }
+        dispatch(GradientKernel(self));
         if stretch.is_long {
             dispatch(StrayKernel { batch: self, stretch });
         }
@@ -223,6 +224,61 @@ impl Kernel for FitKernel<'_> {
             b.fitted[i] = u32::from(agrees & !b.gradient[0][i].is_nan());
         }
     }
+}
+
+/// Turns the planes that were found towards the smooth gradient: one estimate for all cells.
+struct GradientKernel<'a>(&'a mut Batch);
+
+impl Kernel for GradientKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let b = self.0;
+        let len = b.len.next_multiple_of(8).min(BATCH);
+        let (mut normal, mut held, mut same) = ([[0.0; BATCH]; 3], [0.0; BATCH], [0_u32; BATCH]);
+        for i in 0..len {
+            let gradient = [-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]];
+            let [n, ..] = directions(gradient);
+            (normal[0][i], normal[1][i], normal[2][i]) = (n[0], n[1], n[2]);
+            same[i] = u32::from(is_same_surface(gradient, n, b.code[i]) & (b.fitted[i] != 0));
+        }
+        for (t, (p, q)) in b.crossing.iter().zip(EDGES) {
+            let start = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
+            let along = [0, 1, 2].map(|a| if (p ^ q) >> a & 1 == 1 { 1.0 } else { 0.0 });
+            for i in 0..len {
+                let part = |a: usize| (start[a] + along[a] * t[i] - b.mean[a][i]) * normal[a][i];
+                let off = (part(0) + part(1) + part(2)).abs();
+                // Not a number where the edge is not crossed.
+                held[i] = if off > held[i] { off } else { held[i] };
+            }
+        }
+        for held in &mut held[..len] {
+            *held = pull(*held);
+        }
+        fit_near(&mut normal, &b.crossing, &b.mean, &held, len);
+        for i in 0..len {
+            let code = normal::encode([normal[0][i], normal[1][i], normal[2][i]]);
+            let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
+            let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
+            let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
+            let fitted = fit_plane(code, b.mask[i], depth, crossing, mean);
+            let taken = (same[i] != 0) & (fitted.covers == 0);
+            b.code[i] = if taken { code } else { b.code[i] };
+            b.offset[i] = if taken { fitted.offset } else { b.offset[i] };
+        }
+    }
+}
+
+/// Is a direction of length 1 that of a gradient within 60 degrees of a plane's normal?
+#[inline(always)]
+#[expect(clippy::cast_precision_loss, reason = "small integers")]
+fn is_same_surface(gradient: [f32; 3], unit: [f32; 3], code: u16) -> bool {
+    let n = normal::decode_l1(code).map(|c| c as f32);
+    let along = unit[0] * n[0] + unit[1] * n[1] + unit[2] * n[2];
+    let square = n[0] * n[0] + n[1] * n[1] + n[2] * n[2];
+    let size = gradient[0].abs() + gradient[1].abs() + gradient[2].abs();
+    (along > 0.0) & (along * along >= SAME_SURFACE * square) & (size > 0.0) & (size < f32::INFINITY)
 }
 
 struct StrayKernel<'a> {

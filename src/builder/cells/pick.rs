@@ -6,7 +6,7 @@
 //! more than [`TOLERANCE`], there are two surfaces in the cell: it keeps its corners. So does a long cell in which
 //! the surface strays from the plane ([`super::stretch`]).
 
-use super::corner::{EDGES, TOLERANCE, TOWARDS_GUESS, encode, outward, signed_depth};
+use super::corner::{EDGES, SAME_SURFACE, TOLERANCE, TOWARDS_GUESS, encode, outward, pull, signed_depth};
 use super::field::Field;
 use super::label;
 use super::stretch::{Fit, Stretch};
@@ -64,7 +64,8 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
         return with_corners(cell);
     }
     let crossings = Crossings::new(cell.mask, &depth);
-    let picked = best_plane(cell, &depth, &crossings);
+    let best = best_plane(cell, &depth, &crossings);
+    let picked = towards_gradient(cell, &crossings, best).unwrap_or(best);
     match picked {
         CellShape::Plane(code, offset) if cell.stretch.is_long => {
             let fit = crossings.fit(cell.mask, depth, code, offset);
@@ -81,7 +82,7 @@ fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Cel
         return smooth.picked(cell.mask, depth, TOLERANCE);
     }
     let near = |guess: [f64; 3]| {
-        let fitted = crossings.fitted_near(guess)?;
+        let fitted = crossings.fitted_near(guess, TOWARDS_GUESS)?;
         Some(PlaneFit::new(encode(fitted)?, cell.mask, crossings))
     };
     let better = |a: Option<PlaneFit>, b: Option<PlaneFit>| match (a, b) {
@@ -95,6 +96,23 @@ fn best_plane(cell: &Cell, depth: &[f32; CORNERS], crossings: &Crossings) -> Cel
     // A cell without any direction: its corners say all.
     let best = best.unwrap_or_else(|| PlaneFit::new(ANY, cell.mask, crossings));
     best.picked(cell.mask, depth, TOLERANCE)
+}
+
+/// A plane that was found, turned towards the smooth gradient where that is of the same surface, as batches do it.
+#[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+fn towards_gradient(cell: &Cell, crossings: &Crossings, best: CellShape) -> Option<CellShape> {
+    let CellShape::Plane(code, _) = best else { return None };
+    let gradient = unit(cell.gradient.map(|c| -f64::from(c)))?;
+    let found = normal::decode_l1(code).map(f64::from);
+    let along = dot(gradient, found);
+    if !(along > 0.0 && along * along >= f64::from(SAME_SURFACE) * dot(found, found)) {
+        return None;
+    }
+    let off = |p: &[f64; 3]| 0.5 * (dot(gradient, *p) - dot(gradient, crossings.mean)).abs();
+    let farthest = crossings.points().iter().map(off).fold(0.0, f64::max);
+    let fitted = crossings.fitted_near(gradient, pull(farthest as f32).into())?;
+    let tried = PlaneFit::new(encode(fitted)?, cell.mask, crossings);
+    tried.is_narrow(TOLERANCE).then(|| tried.plane())
 }
 
 /// How far the mean plane of a cell whose crossings and normals are known may be from the crossings and from corners on
@@ -121,7 +139,7 @@ pub(super) fn pick_crossed(mask: u8, along: &[f32; 12], normals: &[[f32; 3]; 12]
     let mut best = encode(mean).map(|code| PlaneFit::new(code, mask, &crossings));
     if best.is_none_or(|best| best.badness > NEAR_KNOWN) {
         for guess in [mean, crossings.across(mask)] {
-            let fitted = crossings.fitted_near(guess).and_then(encode);
+            let fitted = crossings.fitted_near(guess, TOWARDS_GUESS).and_then(encode);
             let tried = fitted.map(|code| PlaneFit::new(code, mask, &crossings));
             best = match (best, tried) {
                 (Some(best), Some(tried)) if tried.badness < best.badness => Some(tried),
@@ -290,8 +308,8 @@ impl Crossings {
     }
 
     /// Normal of the plane that fits the crossings best, near a direction: that of least squares among the
-    /// guess of length 1 plus something at right angles to it, which is held small.
-    fn fitted_near(&self, guess: [f64; 3]) -> Option<[f64; 3]> {
+    /// guess of length 1 plus something at right angles to it, which `held` keeps small.
+    fn fitted_near(&self, guess: [f64; 3], held: f64) -> Option<[f64; 3]> {
         let length = dot(guess, guess).sqrt();
         if !(length > 0.0 && length < f64::INFINITY) {
             return None;
@@ -310,8 +328,7 @@ impl Crossings {
                 sum + dot(off, a) * dot(off, b)
             })
         };
-        let (s11, s12, s22) =
-            (spread(e1, e1) + TOWARDS_GUESS, spread(e1, e2), spread(e2, e2) + TOWARDS_GUESS);
+        let (s11, s12, s22) = (spread(e1, e1) + held, spread(e1, e2), spread(e2, e2) + held);
         let (r1, r2) = (-spread(e1, g), -spread(e2, g));
         let determinant = s11 * s22 - s12 * s12;
         let (a, b) = ((r1 * s22 - r2 * s12) / determinant, (r2 * s11 - r1 * s12) / determinant);
@@ -321,7 +338,7 @@ impl Crossings {
 
 fn unit(v: [f64; 3]) -> Option<[f64; 3]> {
     let length = dot(v, v).sqrt();
-    (length > 0.0).then(|| v.map(|c| c / length))
+    (length > 0.0 && length < f64::INFINITY).then(|| v.map(|c| c / length))
 }
 
 #[derive(Clone, Copy)]

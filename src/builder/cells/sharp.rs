@@ -3,7 +3,8 @@
 //! Two more normals are tried, each by the plane that fits the crossings best near a direction: the gradient of the
 //! trilinear interpolation at their mean and, where that will not do, the direction from the corners inside to
 //! those outside. The plane nearest to the crossings is taken, be it the smooth one. What still covers an outside
-//! corner is left to [`super::pick`], as are cells that no plane separates.
+//! corner is left to [`super::pick`], as are cells that no plane separates. In the end all planes are turned towards the
+//! gradient by one rule ([`super::fit`]).
 
 use super::corner::{EDGES, TOWARDS_GUESS};
 use super::fit::{BATCH, Fitted, fit_plane};
@@ -135,7 +136,8 @@ impl Kernel for SharpKernel<'_> {
 /// Tries the planes near the directions in `normal`: of all cells, or of those without a good one.
 #[inline(always)]
 fn try_near(s: &mut Sharp, len: usize, all: bool) {
-    fit_near(s, len);
+    #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+    fit_near(&mut s.normal, &s.crossing, &s.mean, &[TOWARDS_GUESS as f32; BATCH], len);
     for i in 0..len {
         s.tried.code[i] = normal::encode([s.normal[0][i], s.normal[1][i], s.normal[2][i]]);
     }
@@ -199,29 +201,32 @@ struct Sums {
 }
 
 /// Normals of the planes that fit the crossings best, near the directions in `normal`: that of least squares among
-/// the guess of length 1 plus something at right angles to it, which is held small.
+/// the guess of length 1 plus something at right angles to it, which `held` keeps small.
 #[inline(always)]
-#[expect(clippy::needless_range_loop, reason = "an item indexes several arrays")]
-fn fit_near(s: &mut Sharp, len: usize) {
+pub(super) fn fit_near(
+    normal: &mut [[f32; BATCH]; 3],
+    crossing: &[[f32; BATCH]; 12],
+    mean: &[[f32; BATCH]; 3],
+    held: &[f32; BATCH],
+    len: usize,
+) {
     let mut basis = [[[0.0; BATCH]; 3]; 2];
     for i in 0..len {
-        let [g, e1, e2] = directions([s.normal[0][i], s.normal[1][i], s.normal[2][i]]);
+        let [g, e1, e2] = directions([normal[0][i], normal[1][i], normal[2][i]]);
         for a in 0..3 {
-            (s.normal[a][i], basis[0][a][i], basis[1][a][i]) = (g[a], e1[a], e2[a]);
+            (normal[a][i], basis[0][a][i], basis[1][a][i]) = (g[a], e1[a], e2[a]);
         }
     }
-    #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
-    let held = TOWARDS_GUESS as f32;
-    let mut sums = Sums { square: [[held; BATCH], [0.0; BATCH], [held; BATCH]], across: [[0.0; BATCH]; 2] };
-    for (t, edge) in s.crossing.iter().zip(EDGES) {
-        add_edge(edge, t, &s.mean, &s.normal, &basis, &mut sums, len);
+    let mut sums = Sums { square: [*held, [0.0; BATCH], *held], across: [[0.0; BATCH]; 2] };
+    for (t, edge) in crossing.iter().zip(EDGES) {
+        add_edge(edge, t, mean, normal, &basis, &mut sums, len);
     }
     let ([s11, s12, s22], [r1, r2]) = (&sums.square, &sums.across);
     for i in 0..len {
         let determinant = s11[i] * s22[i] - s12[i] * s12[i];
         let u = (r2[i] * s12[i] - r1[i] * s22[i]) / determinant;
         let v = (r1[i] * s12[i] - r2[i] * s11[i]) / determinant;
-        for (a, normal) in s.normal.iter_mut().enumerate() {
+        for (a, normal) in normal.iter_mut().enumerate() {
             normal[i] += u * basis[0][a][i] + v * basis[1][a][i];
         }
     }
@@ -237,7 +242,7 @@ fn choose(first: bool, one: f32, other: f32) -> f32 {
 /// A guess with length 1, and two directions at right angles to it (Duff and others 2017); z for what is not a
 /// direction.
 #[inline(always)]
-fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
+pub(super) fn directions(guess: [f32; 3]) -> [[f32; 3]; 3] {
     // Scaled first, so that squares stay finite.
     let (x, y, z) = (guess[0].abs(), guess[1].abs(), guess[2].abs());
     let most = if x > y { x } else { y };

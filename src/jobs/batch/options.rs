@@ -9,7 +9,7 @@ pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
     // Which volumes are taken changes none of them.
     let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?}",
+        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?} {}",
         b.threshold,
         b.volume_surface(),
         b.connectivity,
@@ -18,7 +18,8 @@ pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
         b.lod,
         request.thumbnails,
         request.clean,
-        request.grid.mesh()
+        request.grid.mesh(),
+        request.grid.keep_colors
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }

@@ -32,7 +32,7 @@ def build(
     iso: float | None = None,
     range: tuple[float, float] | None = None,
     preset: str | None = None,
-    surface: str = "skin",
+    surface: str | None = None,
     error: float | str | None = None,
     spacing: float | Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
@@ -84,7 +84,8 @@ def build(
     What is inside
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
-    - `surface`: `'skin'`, voxels; or `'cells'`, the surface between samples, true to a few hundredths of a voxel.
+    - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
+      cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
 
     Place

@@ -156,8 +156,10 @@ class Model:
         turned: float | None = None,
         projection: str = "parallel",
         fov: float = 35.0,
-        shading: str = "stored",
-        ao_rays: int = 32,
+        shading: str = "soft",
+        blended: bool = False,
+        samples: str | int = "auto",
+        ao_rays: int | None = None,
         lod: bool = False,
         smooth_edges: bool = False,
         annotate: bool = False,
@@ -169,9 +171,12 @@ class Model:
 
         `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
         or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
-        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `shading`: `stored` normals,
-        `blended` ones for close-ups, or `ao`, ambient occlusion with `ao_rays` rays a pixel. `lod`: boxes about as small as a
-        pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
+        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `shading`:
+        `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
+        `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
+        in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
+        eight rays where neighbours differ in depth or normal, or 1, 4, 16. `smooth_edges` makes 1 `auto`. `lod`: boxes
+        about as small as a pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
 
         `layers`: any of `depth`, `position`, `normals`, `ids`. The result is a dict then, with the picture as `color`, and
         `depth`: H x W float64, mm along the line of sight, infinity where nothing is hit; `position`, `normals`: H x W x 3
@@ -193,7 +198,8 @@ class Model:
                 raise UsageError(f"layer {layer!r} is not known; choose from {', '.join(wanted)}")
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
-            shading=shading, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges, annotate=annotate, threads=threads,
+            shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
+            annotate=annotate, threads=threads,
         )
         color = self._handle.render(asked, None).reshape(height, width, 4)
         if background is not None:
@@ -213,7 +219,7 @@ class Model:
 
     def _repr_png_(self) -> bytes:
         """The model in a cell of a notebook."""
-        return self.png(384, view="iso", smooth_edges=True)
+        return self.png(384, view="iso")
 
     def turntable(
         self,
@@ -378,12 +384,14 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     width, height = (size, size) if isinstance(size, int) else size
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": 35.0,
-        "shading": "stored", "ao_rays": 32, "lod": False, "smooth_edges": False, "annotate": False, "threads": None,
+        "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
+        "annotate": False, "threads": None,
     }
     unknown = options.keys() - usual.keys()
     if unknown:
         raise TypeError(f"unexpected option of a picture: {', '.join(sorted(unknown))}")
     asked = {**usual, **options, "size": [int(width), int(height)]}
+    asked["samples"] = str(asked["samples"])
     for name in ("eye", "look_at", "up"):
         if asked[name] is not None:
             asked[name] = [float(at) for at in asked[name]]

@@ -4,6 +4,7 @@
 //! hundred of them. Every window lies in eight bricks; those of the last windows are kept as blocks of 8 x 8 x 8 boxes.
 //! Memory: 26 KiB. Cost: some 10 ns where the block is kept, 40 where only its bricks are.
 
+use super::smooth;
 use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::{ModelView, NodeView};
 
@@ -70,12 +71,20 @@ pub(crate) struct Surroundings {
     way: Descent,
     /// Levels of the grid that is kept here.
     levels: u32,
+    /// What was found by them.
+    pub(super) smooth: smooth::Kept,
 }
 
 impl Surroundings {
     pub(crate) fn new() -> Self {
         let way = Descent { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
-        Self { bricks: vec![Brick::NONE; KEPT], blocks: [Block::NONE; KEPT_BLOCKS], way, levels: u32::MAX }
+        Self {
+            bricks: vec![Brick::NONE; KEPT],
+            blocks: [Block::NONE; KEPT_BLOCKS],
+            way,
+            levels: u32::MAX,
+            smooth: smooth::Kept::default(),
+        }
     }
 
     /// The boxes within [`REACH`] of `cell`, in a grid of 2^levels boxes a side, as bits `x + 5 y + 25 z`; and the
@@ -108,6 +117,33 @@ impl Surroundings {
         let there = boxes >> at & 1 == 1;
         let before = boxes & (1_u64 << at).wrapping_sub(1);
         (found, there.then(|| first.wrapping_add(u64::from(before.count_ones()))))
+    }
+
+    /// The box at `cell` and those next to it, in a grid of 2^levels boxes a side: for each that is there `x + 3 y + 9 z`,
+    /// and its number.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few bits")]
+    pub(super) fn neighbours(
+        &mut self,
+        view: &ModelView<'_>,
+        levels: u32,
+        cell: [i64; 3],
+        mut each: impl FnMut(usize, u64),
+    ) {
+        if self.levels != levels {
+            *self = Self { levels, ..Self::new() };
+        }
+        let low = cell.map(|c| c - 1);
+        let block = self.block(view, low.map(|c| c >> 2));
+        for (slot, offset) in (0..27_i64).enumerate() {
+            let at = [low[0] + offset % 3, low[1] + offset / 3 % 3, low[2] + offset / 9];
+            let brick = (0..3).fold(0, |brick, a| brick | (((at[a] >> 2) - (low[a] >> 2)) & 1) << a) as usize;
+            let (boxes, first) = block.boxes[brick & 7];
+            let place = (0..3).fold(0, |place, a| place | (at[a] & 1) << a | (at[a] & 2) << (a + 2));
+            if boxes >> place & 1 == 1 {
+                let before = boxes & (1_u64 << place).wrapping_sub(1);
+                each(slot, first.wrapping_add(u64::from(before.count_ones())));
+            }
+        }
     }
 
     /// The eight bricks from these coordinates on.

@@ -5,7 +5,8 @@
 //! | `shown` | the hit of a pixel, and its normal by all that follows |
 //! | `repair` | stored normals that the skin around contradicts give way to a plane fitted to that skin |
 //! | `around` | the 5 x 5 x 5 boxes around a hit, from kept bricks |
-//! | `blend` | smooth normals: a mean over the boxes around a hit |
+//! | `smooth` | normals of cells: a mean over those around a hit that belong to the same surface |
+//! | `blend` | normals of voxels blended between the boxes around a hit, where that is asked for |
 //! | `larger` | the same between larger leaves |
 
 pub(crate) mod around;
@@ -13,3 +14,4 @@ pub(crate) mod blend;
 mod larger;
 pub(super) mod repair;
 pub(crate) mod shown;
+mod smooth;

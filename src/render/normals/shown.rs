@@ -8,6 +8,8 @@ use super::around::Surroundings;
 use super::blend;
 use super::larger;
 use super::repair::{self, tile::Stored};
+use super::smooth;
+use crate::render::Smoothing;
 use crate::render::cells::Cells;
 use crate::render::ray::Face;
 use crate::render::space::GridSpace;
@@ -106,22 +108,22 @@ pub(crate) struct Normals<'a> {
     /// The cells, if the model has them: normals are of index space then.
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
-    blended: bool,
+    smoothing: Smoothing,
     /// Have normals 24 bits?
     fine: bool,
     lod_edge_log2: u32,
 }
 
 impl<'a> Normals<'a> {
-    /// For a model; `blended` between the boxes around a hit, where hits may be boxes of `2^lod_edge_log2`.
+    /// For a model, where hits may be boxes of `2^lod_edge_log2`.
     pub(crate) fn new(
         view: &'a ModelView<'a>,
         space: &'a GridSpace,
-        blended: bool,
+        smoothing: Smoothing,
         lod_edge_log2: u32,
     ) -> Self {
         let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
-        Self { view, cells: view.cells().map(Cells::new), space, blended, fine, lod_edge_log2 }
+        Self { view, cells: view.cells().map(Cells::new), space, smoothing, fine, lod_edge_log2 }
     }
 
     /// The hit along a line.
@@ -157,16 +159,41 @@ impl<'a> Normals<'a> {
     /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
     #[inline]
     fn blended(&self, seen: PixelHit, line: impl Fn() -> Line, own: [f64; 3]) -> [f64; 3] {
-        if !self.blended || seen.kind == HitKind::Node {
+        if self.smoothing != Smoothing::Blended || seen.kind == HitKind::Node {
             return own;
         }
-        let (origin, sight) = line();
-        let world = add_scaled(origin, f64::from(seen.depth), sight);
-        let at = self.space.to_grid(world);
+        let at = self.at(seen, line);
         if seen.kind == HitKind::Larger {
             return larger::blended(self.view, at, own);
         }
         blend::blended(self.view, at, own)
+    }
+
+    /// Where a hit lies in the grid.
+    #[inline]
+    fn at(&self, seen: PixelHit, line: impl Fn() -> Line) -> [f64; 3] {
+        let (origin, sight) = line();
+        self.space.to_grid(add_scaled(origin, f64::from(seen.depth), sight))
+    }
+
+    /// A normal of the hit's cell or larger leaf, made smooth where that is wanted.
+    #[inline]
+    fn of_cells(
+        &self,
+        cells: &Cells<'_>,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+        own: [f64; 3],
+    ) -> [f64; 3] {
+        match (self.smoothing, seen.kind) {
+            (Smoothing::Stored, _) | (_, HitKind::Node) => own,
+            (_, HitKind::Larger) => larger::blended(self.view, self.at(seen, line), own),
+            _ => {
+                let at = self.at(seen, line);
+                smooth::smooth((self.view, cells.items()), around, seen.box_number, at, own)
+            }
+        }
     }
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
@@ -193,8 +220,8 @@ impl<'a> Normals<'a> {
             return Some(n);
         };
         let mut own = [f64::from(stored[0]), f64::from(stored[1]), f64::from(stored[2])];
-        if self.cells.is_some() {
-            let own = self.blended(seen, line, own);
+        if let Some(cells) = &self.cells {
+            let own = self.of_cells(cells, around, seen, line, own);
             let [x, y, z] = self.space.spacing_mm();
             return Some([own[0] / x, own[1] / y, own[2] / z]);
         }
@@ -310,7 +337,8 @@ impl<'a> Normals<'a> {
 
     /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
     pub(in crate::render) fn judged_together(&self) -> Option<f64> {
-        let plain = self.cells.is_none() && !self.fine && !self.blended && self.has_cubes();
+        let plain =
+            self.cells.is_none() && !self.fine && self.smoothing != Smoothing::Blended && self.has_cubes();
         plain.then(|| self.space.spacing_mm()[0])
     }
 

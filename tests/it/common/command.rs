@@ -57,9 +57,16 @@ impl Run {
     }
 }
 
-/// Runs `oct` with arguments.
+/// Runs `oct` with arguments. Builds are of skin voxels unless they say what they are of: most tests count voxels. Those of
+/// the default go by [`shell`].
 pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
-    Run::of(&Command::new(binary()).args(args).stdin(Stdio::null()).output().unwrap())
+    let is_build =
+        args.first().is_some_and(|first| ["build", "batch"].iter().any(|name| first.as_ref() == *name));
+    let says = args.iter().any(|arg| ["--surface", "--help", "-h"].iter().any(|name| arg.as_ref() == *name));
+    let skin: &[&str] = if is_build && !says { &["--surface", "skin"] } else { &[] };
+    // Before what may follow two dashes.
+    let (first, rest) = args.split_at(args.len().min(1));
+    Run::of(&Command::new(binary()).args(first).args(skin).args(rest).stdin(Stdio::null()).output().unwrap())
 }
 
 /// `oct build INPUTS -o OUTPUT EXTRA`.
@@ -115,7 +122,8 @@ pub(crate) fn measured_build(input: &Path, output: &Path, extra: &[&str]) -> (Va
         None => Command::new(binary()),
     };
     let args = ["build", &text(input), "-o", &text(output), "--json"];
-    let done = command.args(args).args(extra).stdin(Stdio::null()).output().unwrap();
+    let skin: &[&str] = if extra.contains(&"--surface") { &[] } else { &["--surface", "skin"] };
+    let done = command.args(args).args(skin).args(extra).stdin(Stdio::null()).output().unwrap();
     let stderr = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{input:?} {extra:?}: {stderr}");
     let peak = fs::read_to_string(&peak_file).ok().map(|kib| kib.trim().parse::<u64>().unwrap() * 1024);

@@ -65,6 +65,8 @@ fn a_table_that_is_bent_and_tilted_has_no_bands() {
     });
     let picture = folder.path().join("table.png");
     let view = ["--eye", "48,-400,24", "--look-at", "48,40,24", "--size", "300x150"];
+    // The lamp at the eye: how stored normals of so thin a skin err shows in light from the side.
+    let view = [&view[..], &["--shading", "plain"]].concat();
     assert_eq!(oct(&[&["render", &text(&table), "-o", &text(&picture)], &view[..]].concat()).code, 0);
     // The bands were few, and black.
     let mut all = brightness(&picture);
@@ -83,7 +85,8 @@ fn a_single_slice_is_not_black_on_the_contact_sheet() {
     let picture = folder.path().join("slice.png");
     assert_eq!(oct(&["thumbnail", &text(&slice), "-o", &text(&picture)]).code, 0);
     let (dark, light) = span(&picture);
-    assert!(dark > 220 && light > 220, "{dark} to {light}");
+    // What faces the eye is turned away from the key lamp.
+    assert!(dark > 180 && light > 180, "{dark} to {light}");
 }
 
 #[test]
@@ -91,7 +94,8 @@ fn a_round_body_is_shaded_as_by_its_normals() {
     let folder = tempfile::tempdir().unwrap();
     let model = built(folder.path(), "ball", [64, 64, 64], &[], ball(64, 28.0));
     let picture = folder.path().join("ball.png");
-    assert_eq!(oct(&["render", &text(&model), "-o", &text(&picture), "--size", "200x200"]).code, 0);
+    let plain = ["render", &text(&model), "-o", &text(&picture), "--size", "200x200", "--shading", "plain"];
+    assert_eq!(oct(&plain).code, 0);
     let mut all = brightness(&picture);
     all.sort_unstable();
     // From the lit middle to the dark rim, all shades: nothing was flattened.

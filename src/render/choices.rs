@@ -1,0 +1,121 @@
+//! What is asked of a picture's light, normals and samples.
+
+/// Declares choices with the names that they have on the command line and in reports.
+macro_rules! choices {
+    ($(#[$doc:meta])* $name:ident { $($(#[$of:meta])* $variant:ident = $text:literal,)+ }) => {
+        $(#[$doc])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Serialize)]
+        #[cfg_attr(test, derive(schemars::JsonSchema))]
+        pub enum $name {
+            $($(#[$of])* #[serde(rename = $text)] $variant,)+
+        }
+
+        impl $name {
+            /// Every one.
+            pub const ALL: &'static [Self] = &[$(Self::$variant),+];
+
+            /// Its name on the command line and in reports.
+            pub const fn name(self) -> &'static str {
+                match self {
+                    $(Self::$variant => $text,)+
+                }
+            }
+        }
+    };
+}
+
+choices! {
+    /// The light of a picture.
+    Shading {
+        /// One lamp at the eye.
+        Plain = "plain",
+        /// A key lamp, a lamp at the eye and the sky; hollows turn dark by one far ray a pixel.
+        #[default]
+        Soft = "soft",
+        /// One lamp at the eye, and ambient occlusion: hollows turn dark, ridges stay bright.
+        Ao = "ao",
+    }
+}
+
+choices! {
+    /// Rays of a pixel's colours. Depths, normals and numbers of boxes are those of the ray through its middle.
+    Samples {
+        /// Eight where neighbouring pixels differ in depth, normal or model, else one.
+        #[default]
+        Auto = "auto",
+        /// One, through the middle.
+        One = "1",
+        /// Four.
+        Four = "4",
+        /// Sixteen.
+        Sixteen = "16",
+    }
+}
+
+choices! {
+    /// Which normals are shown.
+    Smoothing {
+        /// Those that are stored of the boxes that are hit.
+        Stored = "stored",
+        /// Of cells, the mean over the cells around that belong to the same surface; of voxels, the stored ones.
+        #[default]
+        Smooth = "smooth",
+        /// Those of voxels, too, blended between the boxes around a hit: smoother close-ups, some microseconds a pixel.
+        Blended = "blended",
+    }
+}
+
+/// Places along each axis where rays of a pixel may go through it.
+pub(super) const PLACES: usize = 8;
+
+/// Rows of eight rooks that do not threaten each other, column by column.
+const ROOKS: [usize; PLACES] = [4, 1, 6, 3, 0, 7, 2, 5];
+
+impl Samples {
+    /// Where the rays of a pixel that has several go through it, as bits of 8 x 8 places: bit `8 y + x`.
+    pub(super) const fn places(self) -> u64 {
+        let mut bits = 0;
+        let mut x = 0;
+        while x < PLACES {
+            bits |= match self {
+                Self::One => 0,
+                Self::Auto => 1 << (PLACES * ROOKS[x] + x),
+                Self::Sixteen => 1 << (PLACES * ROOKS[x] + x) | 1 << (PLACES * ((ROOKS[x] + 4) % 8) + x),
+                // A square, turned.
+                Self::Four => match x {
+                    1 => 1 << (PLACES * 4 + x),
+                    3 => 1 << (PLACES + x),
+                    4 => 1 << (PLACES * 6 + x),
+                    6 => 1 << (PLACES * 3 + x),
+                    _ => 0,
+                },
+            };
+            x += 1;
+        }
+        bits
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Rays of a pixel are as many as they are said to be, their mean is its middle, and no row or column has more than its
+    /// share.
+    #[test]
+    fn rays_of_a_pixel_are_spread_evenly() {
+        for (samples, count) in
+            [(Samples::One, 0), (Samples::Four, 4), (Samples::Auto, 8), (Samples::Sixteen, 16)]
+        {
+            let places: Vec<usize> = (0..64).filter(|at| samples.places() >> at & 1 == 1).collect();
+            assert_eq!(places.len(), count, "{samples:?}");
+            let sum = |of: fn(usize) -> usize| places.iter().map(|at| 2 * of(*at) + 1).sum::<usize>();
+            assert_eq!((sum(|at| at % 8), sum(|at| at / 8)), (8 * count, 8 * count), "{samples:?}");
+            let most = count.div_ceil(8);
+            for line in 0..8 {
+                assert!(places.iter().filter(|at| *at % 8 == line).count() <= most, "{samples:?}");
+                assert!(places.iter().filter(|at| *at / 8 == line).count() <= most, "{samples:?}");
+            }
+        }
+    }
+}

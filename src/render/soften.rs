@@ -1,0 +1,240 @@
+//! A patch of a picture with its surroundings: openness as a mean over what is alike, and where neighbours differ.
+//!
+//! One ray a pixel says little of how open a point is; the sixteen of four by four pixels, which go out in as many directions,
+//! say much, if they see one surface. So the mean of four by four pixels is taken twice, once to either side, of those that
+//! are as far away and look the same way. Of CThead the error against 64 rays a pixel is .051 after one mean.
+//!
+//! Neighbours differ where one hits and the other does not, where depth jumps, and at creases. A jump is a step in depth of
+//! more than a voxel that is not the slope of the surface: the steps before and behind it are others.
+//!
+//! A patch knows four pixels more on every side, which come from other tiles and bands.
+
+use super::band::Band;
+use super::form::{Form, LanesKernel};
+use super::lanes::Lanes;
+use super::tile::TILE;
+
+/// Columns of a patch, and pixels that it knows on every side of its own.
+pub(super) const WIDE: usize = 256;
+const AROUND: usize = 4;
+const STRIDE: usize = WIDE + 2 * AROUND;
+const HIGH: usize = TILE + 2 * AROUND;
+
+/// Pixels along a side of what a mean is taken of, and how many of them come before the pixel itself: first the one, then
+/// the other, so that both together have a middle.
+const SIDE: usize = 4;
+const BEFORE: [usize; 2] = [1, 2];
+
+/// Depths apart, in voxels, and cosine between normals, up to which pixels show one surface.
+const ALIKE_DEPTH: f32 = 2.0;
+const ALIKE_COSINE: f32 = 0.8;
+/// What pixels as far away count that look another way: without them a pixel whose normal no other has, as in a rough skin,
+/// would be left with its own ray, which is all or nothing.
+const TURNED: f32 = 0.125;
+
+/// How far a jump differs from the steps before and behind it: so many voxels and this part of it.
+const JUMP: f32 = 0.5;
+
+type Rows = [[f32; STRIDE]; HIGH];
+
+/// The depth of a voxel or of a pixel, whichever is more, at a depth in mm: what a step is compared with.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct StepSize {
+    pub(super) voxel_mm: f32,
+    /// A pixel's height in mm, and how much it grows with each mm of depth.
+    pub(super) pixel_mm: [f32; 2],
+    /// Cosine between the normals of neighbours below which there is a crease.
+    pub(super) crease: f32,
+}
+
+impl StepSize {
+    /// Creases of 35 degrees; and none.
+    pub(super) const CREASE: f32 = 0.819;
+    pub(super) const NO_CREASE: f32 = -2.0;
+}
+
+impl StepSize {
+    #[inline(always)]
+    fn at(&self, depth: f32) -> f32 {
+        let pixel = self.pixel_mm[0] + self.pixel_mm[1] * depth;
+        if pixel > self.voxel_mm { pixel } else { self.voxel_mm }
+    }
+}
+
+/// What some pixels saw, row by row. Memory: 120 KiB.
+pub(super) struct Patch {
+    /// Depth in mm; NaN for background.
+    depth: Box<Rows>,
+    normal: Box<[Rows; 3]>,
+    /// 0 to 1; before and after the first mean, and after the second.
+    open: Box<[Rows; 3]>,
+    /// Pixels that differ from a neighbour.
+    differs: [[bool; WIDE]; TILE],
+}
+
+impl Patch {
+    pub(super) fn new() -> Self {
+        let rows = [[0.0; STRIDE]; HIGH];
+        Self {
+            depth: Box::new(rows),
+            normal: Box::new([rows; 3]),
+            open: Box::new([rows; 3]),
+            differs: [[false; WIDE]; TILE],
+        }
+    }
+
+    /// Takes the pixels from column `left` and row `top` of the picture on; is there anything?
+    pub(super) fn fill(&mut self, band: &Band, [left, top]: [usize; 2]) -> bool {
+        let mut any = false;
+        for y in 0..HIGH {
+            for x in 0..STRIDE {
+                let seen = (left + x).checked_sub(AROUND).zip((top + y).checked_sub(AROUND));
+                let seen = seen.and_then(|(x, y)| band.at(x, y));
+                let (depth, normal, open) = seen.map_or((f32::NAN, [0.0; 3], 0.0), |(hit, normal, open)| {
+                    (hit.depth(), normal, f32::from(open) / 255.0)
+                });
+                any |= !depth.is_nan();
+                self.depth[y][x] = depth;
+                for (rows, part) in self.normal.iter_mut().zip(normal) {
+                    rows[y][x] = part;
+                }
+                self.open[0][y][x] = open;
+            }
+        }
+        any
+    }
+
+    /// Takes the means of openness.
+    pub(super) fn soften(&mut self, form: Form, step: &StepSize) {
+        let [raw, once, twice] = &mut *self.open;
+        let (depth, normal) = (&*self.depth, &*self.normal);
+        form.run(Mean { depth, normal, step, before: BEFORE[0], from: raw, to: once });
+        form.run(Mean { depth, normal, step, before: BEFORE[1], from: once, to: twice });
+    }
+
+    /// Looks where neighbours differ.
+    pub(super) fn compare(&mut self, form: Form, step: &StepSize) {
+        let (depth, normal) = (&*self.depth, &*self.normal);
+        form.run(Compare { depth, normal, step, out: &mut self.differs });
+    }
+
+    /// Does a pixel of the patch differ from one of its neighbours?
+    #[inline]
+    pub(super) fn differs(&self, x: usize, y: usize) -> bool {
+        self.differs[y % TILE][x % WIDE]
+    }
+
+    /// How open a pixel's surroundings are, after the means.
+    #[inline]
+    pub(super) fn open(&self, x: usize, y: usize) -> f64 {
+        self.open[2][y % TILE + AROUND][x % WIDE + AROUND].into()
+    }
+
+    /// The same of what a ray through a pixel saw at a depth: of that one of the pixels around which is nearest to it.
+    pub(super) fn open_at(&self, x: usize, y: usize, depth: f32) -> f64 {
+        let (mut nearest, mut open) = (f32::INFINITY, 1.0);
+        for row in y % TILE + AROUND - 1..=y % TILE + AROUND + 1 {
+            for column in x % WIDE + AROUND - 1..=x % WIDE + AROUND + 1 {
+                let apart = (self.depth[row][column] - depth).abs();
+                if apart < nearest {
+                    (nearest, open) = (apart, self.open[2][row][column]);
+                }
+            }
+        }
+        open.into()
+    }
+}
+
+/// A mean over the pixels around each that are alike.
+struct Mean<'a> {
+    depth: &'a Rows,
+    normal: &'a [Rows; 3],
+    step: &'a StepSize,
+    before: usize,
+    from: &'a Rows,
+    to: &'a mut Rows,
+}
+
+impl LanesKernel for Mean<'_> {
+    type Output = ();
+
+    // Loops over columns: they are vectorised for the form that runs them.
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        const SPAN: usize = STRIDE - SIDE + 1;
+        let Self { depth, normal, step, before, from, to } = self;
+        for y in before..=HIGH - SIDE + before {
+            let (mut sum, mut count) = ([0.0_f32; SPAN], [0.0_f32; SPAN]);
+            let mut limit = [0.0_f32; SPAN];
+            for (x, limit) in limit.iter_mut().enumerate() {
+                *limit = ALIKE_DEPTH * step.at(depth[y][x + before]);
+            }
+            for row in y - before..y - before + SIDE {
+                for across in 0..SIDE {
+                    for x in 0..SPAN {
+                        let (here, there) = (x + before, x + across);
+                        let apart = (depth[row][there] - depth[y][here]).abs();
+                        let cosine = normal[0][row][there] * normal[0][y][here]
+                            + normal[1][row][there] * normal[1][y][here]
+                            + normal[2][row][there] * normal[2][y][here];
+                        let weight = if cosine >= ALIKE_COSINE { 1.0 } else { TURNED };
+                        let weight = if apart <= limit[x] { weight } else { 0.0 };
+                        sum[x] += weight * from[row][there];
+                        count[x] += weight;
+                    }
+                }
+            }
+            for x in 0..SPAN {
+                to[y][x + before] = if count[x] > 0.0 { sum[x] / count[x] } else { from[y][x + before] };
+            }
+        }
+    }
+}
+
+/// Compares neighbours along rows and columns.
+struct Compare<'a> {
+    depth: &'a Rows,
+    normal: &'a [Rows; 3],
+    step: &'a StepSize,
+    out: &'a mut [[bool; WIDE]; TILE],
+}
+
+impl Compare<'_> {
+    /// Do two neighbours differ? `before` and `behind` are the pixels next to them on the same line.
+    #[inline(always)]
+    fn pair(&self, [before, first, second, behind]: [(usize, usize); 4]) -> bool {
+        let depth = |(x, y): (usize, usize)| self.depth[y][x];
+        let [z_before, z_first, z_second, z_behind] = [before, first, second, behind].map(depth);
+        let (hit, other) = (!z_first.is_nan(), !z_second.is_nan());
+        let size = self.step.at(z_first);
+        let step = z_second - z_first;
+        let least = JUMP * size + JUMP * step.abs();
+        // What lies beyond the model is another surface, too.
+        let bend_before = (step - (z_first - z_before)).abs();
+        let bend_behind = (z_behind - z_second - step).abs();
+        let differs_before = (bend_before > least) | bend_before.is_nan();
+        let differs_behind = (bend_behind > least) | bend_behind.is_nan();
+        let jumps = (step.abs() > size) & differs_before & differs_behind;
+        let part = |a: usize| self.normal[a][first.1][first.0] * self.normal[a][second.1][second.0];
+        let bends = part(0) + part(1) + part(2) < self.step.crease;
+        (hit != other) | (hit & other & (jumps | bends))
+    }
+}
+
+impl LanesKernel for Compare<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        for y in 0..TILE {
+            let mut differs = [false; WIDE];
+            for (x, differs) in differs.iter_mut().enumerate() {
+                let (x, y) = (x + AROUND, y + AROUND);
+                let along = |x: usize| self.pair([(x - 1, y), (x, y), (x + 1, y), (x + 2, y)]);
+                let down = |y: usize| self.pair([(x, y - 1), (x, y), (x, y + 1), (x, y + 2)]);
+                *differs = along(x - 1) | along(x) | down(y - 1) | down(y);
+            }
+            self.out[y] = differs;
+        }
+    }
+}
