@@ -53,12 +53,12 @@ class Fields:
         return self.data[self.at - length:self.at].decode("utf-8")
 
 
-def unpack(sections, due, levels, depth):
-    """Replaces the stored bytes of NODE, NORM and OFFS by their content, if they are in groups (SPEC 5.9 to 5.11)."""
+def unpack(sections, due, levels, depth, larger):
+    """Replaces the stored bytes of NODE, NORM and OFFS by their content, if they are in groups (SPEC 5.9 to 5.12)."""
     codecs = {tag: codec for tag, (codec, _, _) in due.items()}
-    need(codecs["NODE"] == 6 and codecs.get("NORM", 7) == 7, "packed by an earlier version: unpack it first")
+    need(codecs["NODE"] == 9 and codecs.get("NORM", 7) == 7, "packed by an earlier version: unpack it first")
     try:
-        sections["NODE"], subtrees = read_oct_packed.nodes(sections["NODE"], levels, depth)
+        sections["NODE"], subtrees = read_oct_packed.nodes(sections["NODE"], levels, depth, larger)
         if "NORM" in sections:
             sections["NORM"] = read_oct_packed.normals(sections["NORM"], subtrees)
         if codecs.get("OFFS") == 8:
@@ -66,7 +66,7 @@ def unpack(sections, due, levels, depth):
     except read_oct_packed.Broken as rule:
         need(False, rule)
     for tag, (codec, length, crc) in due.items():
-        if codec >= 6:
+        if codec >= 7:
             content = sections[tag]
             need(len(content) == length and crc32c(content) == crc, f"bad content of {tag} (I8)")
 
@@ -102,7 +102,7 @@ def main():
     stored_bytes = {tag: len(stored) for tag, stored in sections.items()}
     levels = struct.unpack(f"<{depth + 1}Q", sections["LEVL"])
     if packed:
-        unpack(sections, due, levels, depth)
+        unpack(sections, due, levels, depth, larger)
     infobytes = sections["NODE"]
     need(len(infobytes) == nodes == levels[-1] and levels[0] == 0, "levels and nodes disagree (I7)")
     # Depths at which a node may be a larger leaf.

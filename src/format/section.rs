@@ -3,7 +3,7 @@
 use super::error::FormatError;
 use super::header::{HEADER_BYTES, Header, LEAVES_MINOR};
 use super::kind::{Channel, SectionKind, SurfaceKind};
-use super::packed::{CODEC_DERIVED, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES};
+use super::packed::{CODEC_CUBES, CODEC_DERIVED, CODEC_NONE, CODEC_PLANES};
 
 /// Sections start at multiples of this: a cache line.
 pub(crate) const SECTION_ALIGN: u64 = 64;
@@ -79,7 +79,7 @@ impl SectionKind {
     pub fn codec(self) -> u8 {
         match self {
             Self::Meta | Self::Levels | Self::Rank => CODEC_NONE,
-            Self::Nodes => CODEC_NIBBLES,
+            Self::Nodes => CODEC_CUBES,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,
             Self::CornerRank | Self::LeafNormals | Self::LeafOffsets | Self::LeafRank => CODEC_PLANES,

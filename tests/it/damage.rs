@@ -233,10 +233,10 @@ fn a_newer_major_version_is_named_and_a_newer_minor_is_read() {
     assert_eq!(handle(&file), Err(FormatError::UnsupportedVersion { major: 2 }));
 }
 
-/// A packed shell large enough for two subtrees in a group, and its bytes.
+/// A packed shell large enough for two cubes in a group, and its bytes.
 fn packed(folder: &Path) -> Vec<u8> {
     let (a, p) = (folder.join("whole.oct"), folder.join("packed.oct"));
-    fs::write(&a, shell([70, 20, 18], FULL, 11)).unwrap();
+    fs::write(&a, shell([140, 20, 18], FULL, 11)).unwrap();
     pack::pack(&a, &p).unwrap();
     fs::read(p).unwrap()
 }

@@ -10,7 +10,7 @@ use super::tables::SymbolCoder;
 /// Voxels along a side of a block, as a power of two: half a subtree's, so that the grid stays in a cache.
 const BLOCK_BITS: u32 = 5;
 /// The bits of a node's place above voxels that select the block.
-const BLOCK: Place = 0b10000_10000_10000;
+const BLOCK: Place = 1 << 4 | 1 << 14 | 1 << 24;
 /// Places along a side of the grid: a block and a border of two.
 const ROW: usize = (1 << BLOCK_BITS) + 4;
 const SLICE: usize = ROW * ROW;

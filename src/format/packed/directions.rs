@@ -4,7 +4,7 @@
 use super::CodingError;
 use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, VoxelCoder, Window};
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
-use super::group::{Group, GroupCoder};
+use super::group::{Group, SymbolGroups};
 use super::tables::{SymbolCoder, Tables};
 use crate::format::normal::{SCALE, coarse_component, coarse_number, decode_l1, is_coarse};
 
@@ -80,7 +80,7 @@ static ERROR_CLASSES: Classes = Classes::new(&[1, 3, 6, 12, 24, 60]);
 static BENT_CLASSES: Classes = Classes::new(&[4, 12, 24, 48, 100, 240]);
 static OTHER_CLASSES: Classes = Classes::new(&[1, 3, 8]);
 
-impl GroupCoder for DirectionCoder {
+impl SymbolGroups for DirectionCoder {
     /// Half of what infobytes have, for the sake of memory; it costs 0.7 % of the bytes of normals.
     const VOXELS: usize = 1 << 17;
 
@@ -305,7 +305,7 @@ mod tests {
         assert_eq!(legal.len(), 255 * 255);
         let order: Vec<u16> =
             (0..legal.len()).map(|i| legal[i * 7919 % legal.len()]).chain(legal.clone()).collect();
-        let mut group = slab(order.len() / 4096);
+        let mut group = slab(order.len() / 4096, 6);
         group.normals = order[..group.voxels].to_vec();
         let mut encoder = Encoder::default();
         DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
@@ -321,7 +321,7 @@ mod tests {
     fn normals_of_12_bits_come_back_and_take_fewer_bytes() {
         let coarse: Vec<u16> = (0..=u16::MAX).filter(|code| is_coarse(*code)).collect();
         assert_eq!(coarse.len(), 4096);
-        let mut group = slab(4);
+        let mut group = slab(4, 6);
         let mut packed = |codes: &[u16]| {
             group.normals = codes.to_vec();
             let mut encoder = Encoder::default();

@@ -7,7 +7,7 @@
 use super::CodingError;
 use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, VoxelCoder, Window};
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
-use super::group::{Group, GroupCoder};
+use super::group::{Group, SymbolGroups};
 use super::tables::{SymbolCoder, Tables};
 use crate::format::cell::HAS_CORNERS;
 use crate::format::normal::decode_l1;
@@ -66,7 +66,7 @@ impl Default for DistanceCoder {
     }
 }
 
-impl GroupCoder for DistanceCoder {
+impl SymbolGroups for DistanceCoder {
     const VOXELS: usize = 1 << 17;
 
     #[inline(always)]
@@ -212,7 +212,7 @@ mod tests {
 
     #[test]
     fn offsets_come_back_and_those_of_a_plane_cost_little() {
-        let mut group = slab(4);
+        let mut group = slab(4, 6);
         let tilted = normal::encode([0.02, 0.03, 1.0]);
         group.normals = vec![tilted; group.voxels];
         let all: Vec<u8> = (0..group.voxels).map(|i| (i * 37 % 256).to_le_bytes()[0]).collect();

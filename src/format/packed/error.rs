@@ -38,8 +38,6 @@ pub enum CodingError {
     SubtreeTooDeep,
     #[error("a depth has too many or too few nodes (SPEC I11)")]
     SubtreeNodes { found: u32, due: u32 },
-    #[error("a packed node has no children (SPEC I10)")]
-    EmptyNode,
     #[error("a packed normal is out of range (SPEC 5.10)")]
     NormalRange,
     #[error("a packed offset is out of range (SPEC 5.11)")]

@@ -1,22 +1,20 @@
 //! The subtrees of a group, one after the other (SPEC 5.3).
-#![expect(clippy::cast_possible_truncation, reason = "octants are below 8")]
-
-use super::tables::SymbolCoder;
+use super::tables::{Decoder, Encoder, SymbolCoder};
 use super::{CodingError, SUBTREE_DEPTH};
+use crate::cpu::Isa;
 
-/// Where a node lies in its subtree: five bits for each of x, y, z.
-pub(super) type Place = u16;
+/// Where a node lies in its subtree: ten bits for each of x, y, z.
+pub(super) type Place = u32;
 
-/// The place of the child in an octant of the node at `place`, at most five levels below the root.
+/// The place of the child in an octant of the node at `place`.
 #[inline(always)]
 pub(super) fn child_place(place: Place, octant: u32) -> Place {
-    let octant = octant as Place;
-    (place << 1 & 0b11110_11110_11110) | (octant & 1) | (octant & 2) << 4 | (octant & 4) << 8
+    place << 1 | (octant & 1) | (octant & 2) << 9 | (octant & 4) << 18
 }
 
 #[inline(always)]
 pub(super) fn coordinates(place: Place) -> [usize; 3] {
-    [(place & 31) as usize, (place >> 5 & 31) as usize, (place >> 10 & 31) as usize]
+    [0, 10, 20].map(|bits| (place >> bits & 1023) as usize)
 }
 
 /// A group: its subtrees one after the other, and of their voxels what a codec has to do with.
@@ -28,6 +26,10 @@ pub(crate) struct Group {
     pub subtrees: u32,
     /// Voxels of all of them.
     pub voxels: usize,
+    /// Larger leaves of all of them.
+    pub leaves: usize,
+    /// The first of the levels that may have larger leaves.
+    pub first_leaves: usize,
     /// Their normals.
     pub normals: Vec<u16>,
     /// Their offsets.
@@ -35,11 +37,12 @@ pub(crate) struct Group {
 }
 
 impl Group {
-    /// Nothing, for subtrees of so many levels of nodes.
-    pub(crate) fn clear(&mut self, depth: usize) {
+    /// Nothing, for subtrees of so many levels of nodes, with larger leaves from one of them on.
+    pub(crate) fn clear(&mut self, depth: usize, first_leaves: usize) {
         self.levels.resize(depth, Vec::new());
         self.levels.iter_mut().for_each(Vec::clear);
-        (self.subtrees, self.voxels) = (0, 0);
+        (self.subtrees, self.voxels, self.leaves) = (0, 0, 0);
+        self.first_leaves = first_leaves;
         self.normals.clear();
         self.offsets.clear();
     }
@@ -47,7 +50,27 @@ impl Group {
 
 /// A codec of groups. What it learns is forgotten at each.
 pub(crate) trait GroupCoder: Default + Send {
-    /// A group is full once it holds this many voxels: enough for the tables to learn.
+    /// A group is full once it holds this many voxels and larger leaves: enough for the tables to learn.
+    const VOXELS: usize;
+    /// Most levels of nodes of a subtree.
+    const DEPTH: u32;
+
+    /// The payload of a group.
+    ///
+    /// # Errors
+    /// The parts of the group do not belong together.
+    fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError>;
+
+    /// Fills in what the codec holds.
+    ///
+    /// # Errors
+    /// The payload holds impossible values, or does not end with the group.
+    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError>;
+}
+
+/// A codec of groups by symbols.
+pub(super) trait SymbolGroups: Default + Send {
+    /// See [`GroupCoder::VOXELS`].
     const VOXELS: usize;
 
     /// Codes a group: an encoder all of it, a decoder fills in what the codec holds.
@@ -55,6 +78,25 @@ pub(crate) trait GroupCoder: Default + Send {
     /// # Errors
     /// The decoder reads impossible values; the parts of the group do not belong together.
     fn code<C: SymbolCoder>(&mut self, coder: &mut C, group: &mut Group) -> Result<(), CodingError>;
+}
+
+impl<G: SymbolGroups> GroupCoder for G {
+    const VOXELS: usize = G::VOXELS;
+    const DEPTH: u32 = SUBTREE_DEPTH;
+
+    #[inline(always)]
+    fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError> {
+        let mut encoder = Encoder::default();
+        self.code(&mut encoder, group)?;
+        Ok(encoder.finish())
+    }
+
+    #[inline(always)]
+    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
+        let mut decoder = Decoder::new(isa, payload)?;
+        self.code(&mut decoder, group)?;
+        decoder.finish()
+    }
 }
 
 /// Goes through a group's subtrees.
@@ -114,16 +156,16 @@ pub(super) fn wrong_count(found: usize, due: usize) -> CodingError {
 pub(super) mod tests {
     use super::*;
 
-    /// Subtrees of a slab each: all 64 x 64 cells at the bottom.
-    pub(in super::super) fn slab(subtrees: usize) -> Group {
-        let levels = (0..6).map(|depth| vec![0b1111; subtrees << (2 * depth)]).collect();
+    /// Subtrees of a slab each: all cells at the bottom.
+    pub(in super::super) fn slab(subtrees: usize, depths: u32) -> Group {
+        let levels = (0..depths).map(|depth| vec![0b1111; subtrees << (2 * depth)]).collect();
         let count = u32::try_from(subtrees).unwrap();
-        Group { levels, subtrees: count, voxels: subtrees * 4096, ..Group::default() }
+        Group { levels, subtrees: count, voxels: subtrees << (2 * depths), ..Group::default() }
     }
 
     #[test]
     fn a_walk_visits_the_nodes_above_the_voxels_and_refuses_levels_that_end_early() {
-        let group = slab(2);
+        let group = slab(2, 6);
         let mut walk = Walk::default();
         for _ in 0..2 {
             let (places, masks) = walk.next_subtree(&group.levels).unwrap();

@@ -2,9 +2,10 @@
 //!
 //! | module | codec |
 //! |---|---|
-//! | `tables` | adaptive tables of sixteen symbols, and the coder that these go through |
 //! | `group` | the subtrees that are coded together |
-//! | `nibbles` | infobytes of a group, from the boxes around |
+//! | `cubes` | infobytes of a group, from the boxes around |
+//! | `mixer`, `prior`, `bits` | what tables and a small net say of a bit, and the range coder that it goes through |
+//! | `tables` | adaptive tables of sixteen symbols, and the coder that these go through |
 //! | `directions` | normals of a group, from the voxels around |
 //! | `distances` | offsets of a group's cells, from the planes around |
 //! | `planes` | everything else: differences, byte planes, zstd |
@@ -37,15 +38,18 @@
 //! A voxel that is stored lane by lane is waited for by the next one, which loads all lanes at once: that was most of the gain.
 //! The rest is a chain, neighbours to prediction to table to symbol to neighbour, of some 300 cycles a voxel.
 
+mod bits;
 mod blocks;
 mod classes;
+pub(crate) mod cubes;
 pub(crate) mod directions;
 pub(crate) mod distances;
 mod error;
 pub(crate) mod group;
 mod lanes;
-pub(crate) mod nibbles;
+mod mixer;
 pub(crate) mod planes;
+mod prior;
 pub(crate) mod tables;
 
 pub use error::CodingError;
@@ -56,17 +60,19 @@ pub(crate) const CODEC_NONE: u8 = 0;
 pub(crate) const CODEC_PLANES: u8 = 1;
 /// Nothing is stored; the content follows from other sections (SPEC 5.6).
 pub(crate) const CODEC_DERIVED: u8 = 2;
-/// Infobytes (SPEC 5.9).
-pub(crate) const CODEC_NIBBLES: u8 = 6;
 /// Normals (SPEC 5.10).
 pub(crate) const CODEC_DIRECTIONS: u8 = 7;
 /// Offsets of cells (SPEC 5.11).
 pub(crate) const CODEC_DISTANCES: u8 = 8;
+/// Infobytes (SPEC 5.9).
+pub(crate) const CODEC_CUBES: u8 = 9;
 /// Minor version of the format that has the last three.
 pub(crate) const GROUPS_MINOR: u16 = 2;
 
 /// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
 /// memory, for any model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)
 pub(crate) const SUBTREE_DEPTH: u32 = 6;
+/// A subtree of infobytes, a cube: its grids are looked at less often.
+pub(crate) const CUBE_DEPTH: u32 = 7;
 /// Longest stored group that is read: 64 bytes a voxel of the fullest one.
 pub(crate) const GROUP_BYTES_LIMIT: u32 = 32 << 20;

@@ -3,13 +3,12 @@
 use std::fs::File;
 use std::io;
 
+use crate::format::packed::cubes::NodeCoder;
 use crate::format::packed::directions::DirectionCoder;
 use crate::format::packed::distances::DistanceCoder;
 use crate::format::packed::group::{Group, GroupCoder};
-use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES, CodingError,
-    planes,
+    CODEC_CUBES, CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NONE, CODEC_PLANES, CUBE_DEPTH, CodingError, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
@@ -23,9 +22,9 @@ use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
 use super::stop::Stop;
 use super::stored::{LevelWriters, Stored, mapped_minor};
-use super::stream::{Normals, Subtrees, Writer, codec_of, roots, subtree_shape};
+use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 
-/// Most voxels of a block of a payload (SPEC 5.1).
+/// Most voxels of eight bytes of a payload (SPEC 5.1).
 const BLOCK_VOXELS: u64 = 1 << 17;
 /// The walk that makes coarse means keeps its path in memory of its own.
 const MEANS_STACK_BYTES: usize = 256 << 10;
@@ -133,9 +132,9 @@ fn check_plausible(frame: &Frame, entry: &SectionEntry) -> Result<(), Stop> {
         CODEC_NONE => entry.stored_bytes == entry.content_bytes,
         CODEC_PLANES => entry.content_bytes <= blocks(5, planes::BLOCK_BYTES as u64),
         CODEC_DERIVED => entry.stored_bytes == 0,
-        // A block of a payload has two states of 4 bytes, and nodes of eight voxels at most.
-        CODEC_NIBBLES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
-            subtree_shape(frame).1 == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
+        // A block of symbols has two states of 4 bytes, and nodes of eight voxels at most; no bit of an infobyte is certain.
+        CODEC_CUBES | CODEC_DIRECTIONS | CODEC_DISTANCES => {
+            frame.dims().depth() == 0 || frame.header.voxels <= blocks(8, BLOCK_VOXELS)
         }
         codec => return Err(CodingError::UnknownCodec { codec }.into()),
     };
@@ -176,7 +175,7 @@ fn decode_section<R: ReadAt + ?Sized>(
             writer.flush().map_err(Stop::Output)?;
         }
         CODEC_PLANES => stored.planes(entry.item_bytes, &mut writer)?,
-        CODEC_NIBBLES => nodes(&mut stored, packed, target, out)?,
+        CODEC_CUBES => nodes(&mut stored, packed, target, out)?,
         CODEC_DIRECTIONS => directions(&mut stored, mapped, &mut writer, out)?,
         CODEC_DISTANCES => distances(&mut stored, mapped, &mut writer, out)?,
         _ => {}
@@ -208,15 +207,16 @@ fn nodes<R: ReadAt + ?Sized>(
     target: &SectionEntry,
     out: &File,
 ) -> Result<(), Stop> {
-    let Some(mut levels) = LevelWriters::new(stored, frame, target, out)? else { return Ok(()) };
-    let mut left = roots(frame);
+    let shape = Shape::new(frame, CUBE_DEPTH);
+    let Some(mut levels) = LevelWriters::new(stored, frame, shape, target, out)? else { return Ok(()) };
+    let mut left = shape.subtrees;
     each_group::<NodeCoder>(
         Direction::Decode,
         |worker| {
             if left == 0 {
                 return Ok(false);
             }
-            worker.group.clear(levels_of(frame));
+            shape.clear(&mut worker.group);
             worker.group.subtrees = next_group(stored, &mut left, worker)?;
             Ok(true)
         },
@@ -236,8 +236,9 @@ fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
     mut read: impl FnMut(&mut Group) -> Result<(), Stop>,
     mut content: impl FnMut(&Group, &mut Writer) -> io::Result<()>,
 ) -> Result<(), Stop> {
-    let mut subtrees = Subtrees::new(out, mapped);
-    let (mut left, mut due) = (roots(mapped), mapped.header.voxels);
+    let shape = Shape::new(mapped, G::DEPTH);
+    let mut subtrees = Subtrees::new(out, mapped, shape);
+    let (mut left, mut due) = (shape.subtrees, mapped.header.voxels);
     each_group::<G>(
         Direction::Decode,
         |worker| {
@@ -300,11 +301,6 @@ fn distances<R: ReadAt + ?Sized>(
     voxels::<DistanceCoder, R>(stored, mapped, writer, out, kind, read, |group, writer| {
         group.offsets.chunks(1 << 14).try_for_each(|part| writer.write(part))
     })
-}
-
-/// Levels of nodes in a subtree.
-fn levels_of(frame: &Frame) -> usize {
-    subtree_shape(frame).1 as usize
 }
 
 /// Writes the rank directory of the nodes that are in `out`, and returns its CRC.

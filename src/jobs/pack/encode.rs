@@ -2,12 +2,12 @@
 
 use std::fs::File;
 
+use crate::format::packed::cubes::NodeCoder;
 use crate::format::packed::directions::DirectionCoder;
 use crate::format::packed::distances::DistanceCoder;
 use crate::format::packed::group::{Group, GroupCoder};
-use crate::format::packed::nibbles::NodeCoder;
 use crate::format::packed::{
-    CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NIBBLES, CODEC_NONE, CODEC_PLANES, CodingError,
+    CODEC_CUBES, CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NONE, CODEC_PLANES, CUBE_DEPTH, CodingError,
     GROUP_BYTES_LIMIT, GROUPS_MINOR, planes,
 };
 use crate::format::{
@@ -20,7 +20,7 @@ use crate::platform::FileExt;
 use super::groups::{Direction, each_group};
 use super::stop::Stop;
 use super::stored::mapped_minor;
-use super::stream::{Normals, Subtrees, Writer, codec_of, subtree_shape};
+use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 
 /// Packs into an empty file and returns the frame of what was written.
 pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Frame, Stop> {
@@ -50,7 +50,7 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         writer.take_crc();
         entry.codec = entry.kind.map_or(CODEC_NONE, |kind| codec_of(&frame, kind));
         match entry.codec {
-            CODEC_NIBBLES => nodes(source, &frame, &content, &mut writer)?,
+            CODEC_CUBES => nodes(source, &frame, &content, &mut writer)?,
             CODEC_DIRECTIONS => directions(source, &frame, &mut writer)?,
             CODEC_DISTANCES => distances(source, &frame, &content, &mut writer)?,
             CODEC_PLANES => plane_blocks(source, content.offset, &content, &mut writer)?,
@@ -121,7 +121,7 @@ fn groups<G: GroupCoder, R: ReadAt + ?Sized>(
     writer: &mut Writer,
     mut read: impl FnMut(&mut Group) -> Result<(), Fault>,
 ) -> Result<(), Stop> {
-    let mut subtrees = Subtrees::new(source, frame);
+    let mut subtrees = Subtrees::new(source, frame, Shape::new(frame, G::DEPTH));
     each_group::<G>(
         Direction::Encode,
         |worker| {
@@ -143,11 +143,11 @@ fn nodes<R: ReadAt + ?Sized>(
     entry: &SectionEntry,
     writer: &mut Writer,
 ) -> Result<(), Stop> {
-    let (root_depth, depth) = subtree_shape(frame);
-    if depth == 0 {
+    let shape = Shape::new(frame, CUBE_DEPTH);
+    if shape.levels == 0 {
         return Ok(());
     }
-    let top = SectionEntry { stored_bytes: frame.level(Level::new(root_depth)).start, ..*entry };
+    let top = SectionEntry { stored_bytes: frame.level(Level::new(shape.root_depth)).start, ..*entry };
     plane_blocks(source, entry.offset, &top, writer)?;
     groups::<NodeCoder, R>(source, frame, writer, |_| Ok(()))
 }

@@ -6,13 +6,12 @@ use std::sync::mpsc;
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::format::packed::CodingError;
 use crate::format::packed::group::{Group, GroupCoder};
-use crate::format::packed::tables::{Decoder, Encoder};
 use crate::render::picture::pool as pool_of;
 
 use super::stop::Stop;
 
-/// Most workers that decode: each has a group, its grid and its tables, 1.4 MiB. An encoder also keeps the symbols of a
-/// block, and has to do with one, so that either stays within 8 MiB for a process.
+/// Most workers that decode: each has a group, its grids and its tables, 2.2 MiB. An encoder has a grid more, or the symbols
+/// of a block, and has to do with one, so that either stays within 8 MiB for a process.
 const MAX_WORKERS: usize = 2;
 
 /// What to do with a group.
@@ -28,7 +27,6 @@ pub(super) enum Direction {
 #[derive(Debug)]
 pub(super) struct Worker<G> {
     coder: G,
-    encoder: Encoder,
     /// The content.
     pub(super) group: Group,
     /// The coded bytes.
@@ -39,42 +37,27 @@ pub(super) struct Worker<G> {
 impl<G: GroupCoder> Worker<G> {
     fn new() -> Self {
         let (coder, group) = (G::default(), Group::default());
-        Self { coder, encoder: Encoder::default(), group, payload: Vec::new(), result: Ok(()) }
+        Self { coder, group, payload: Vec::new(), result: Ok(()) }
     }
 
     fn work(&mut self, direction: Direction) {
-        self.result = match direction {
-            Direction::Encode => {
-                let result = dispatch(Encode(self));
-                self.payload = self.encoder.finish();
-                result
-            }
-            Direction::Decode => dispatch(Decode(self)),
-        };
+        self.result = dispatch(Work(self, direction));
     }
 }
 
-struct Encode<'a, G>(&'a mut Worker<G>);
+struct Work<'a, G>(&'a mut Worker<G>, Direction);
 
-impl<G: GroupCoder> Kernel for Encode<'_, G> {
-    type Output = Result<(), CodingError>;
-
-    #[inline(always)]
-    fn run(self, _: impl Isa) -> Self::Output {
-        self.0.coder.code(&mut self.0.encoder, &mut self.0.group)
-    }
-}
-
-struct Decode<'a, G>(&'a mut Worker<G>);
-
-impl<G: GroupCoder> Kernel for Decode<'_, G> {
+impl<G: GroupCoder> Kernel for Work<'_, G> {
     type Output = Result<(), CodingError>;
 
     #[inline(always)]
     fn run(self, isa: impl Isa) -> Self::Output {
-        let mut decoder = Decoder::new(isa, &self.0.payload)?;
-        self.0.coder.code(&mut decoder, &mut self.0.group)?;
-        decoder.finish()
+        let Worker { coder, group, payload, .. } = self.0;
+        match self.1 {
+            Direction::Encode => *payload = coder.encode(group)?,
+            Direction::Decode => coder.decode(isa, payload, group)?,
+        }
+        Ok(())
     }
 }
 

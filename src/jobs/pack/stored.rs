@@ -8,7 +8,7 @@ use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt};
 
 use super::stop::Stop;
-use super::stream::{Writer, subtree_shape};
+use super::stream::{Shape, Writer};
 
 /// Minor version of the mapped file that a packed one holds: the lowest that suffices (SPEC 1).
 pub(super) fn mapped_minor(packed: &Frame) -> u16 {
@@ -73,16 +73,17 @@ impl<'a> LevelWriters<'a> {
     pub(super) fn new<R: ReadAt + ?Sized>(
         stored: &mut Stored<'_, R>,
         frame: &Frame,
+        shape: Shape,
         target: &SectionEntry,
         out: &'a File,
     ) -> Result<Option<Self>, Stop> {
-        let (root_depth, depth) = subtree_shape(frame);
-        if depth == 0 {
+        let Shape { root_depth, levels, .. } = shape;
+        if levels == 0 {
             return Ok(None);
         }
         let top = frame.level(Level::new(root_depth)).start;
         stored.planes(1, &mut Writer::new(out, target.offset, target.offset + top))?;
-        let writers = (root_depth..root_depth + depth)
+        let writers = (root_depth..root_depth + levels)
             .map(|d| {
                 let level = frame.level(Level::new(d));
                 Writer::new(out, target.offset + level.start, target.offset + level.end)

@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io;
 
 use crate::format::packed::group::Group;
-use crate::format::packed::{CODEC_DISTANCES, SUBTREE_DEPTH};
-use crate::format::{Channel, FormatError, SectionKind, SurfaceKind};
+use crate::format::packed::CODEC_DISTANCES;
+use crate::format::{Channel, FormatError, SectionKind, SurfaceKind, cell};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
 use crate::platform::FileExt;
@@ -83,69 +83,91 @@ impl<'a> Writer<'a> {
     }
 }
 
-/// Depth of the roots of the subtrees, and levels of nodes in each.
-pub(super) fn subtree_shape(frame: &Frame) -> (u32, u32) {
-    let depth = frame.dims().depth();
-    let levels = depth.min(SUBTREE_DEPTH);
-    (depth - levels, levels)
+/// The subtrees of a model.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Shape {
+    /// Depth of their roots.
+    pub(super) root_depth: u32,
+    /// Levels of nodes in each.
+    pub(super) levels: u32,
+    /// The first of these that may have larger leaves.
+    first_leaves: usize,
+    /// How many: nodes (or, at depth 0, the voxel) that are their roots.
+    pub(super) subtrees: u64,
+}
+
+impl Shape {
+    /// Subtrees of at most so many levels.
+    pub(super) fn new(frame: &Frame, most: u32) -> Self {
+        let depth = frame.dims().depth();
+        let levels = depth.min(most);
+        let root_depth = depth - levels;
+        let roots = frame.level(Level::new(root_depth));
+        let subtrees = if levels == 0 { frame.header.voxels } else { roots.end - roots.start };
+        let first = cell::first_leaf_depth(depth).saturating_sub(root_depth) as usize;
+        Self { root_depth, levels, first_leaves: if frame.header.leaves { first } else { usize::MAX }, subtrees }
+    }
+
+    /// Makes a group empty, for these subtrees.
+    pub(super) fn clear(self, group: &mut Group) {
+        group.clear(self.levels as usize, self.first_leaves);
+    }
 }
 
 /// Gives the subtrees of a mapped file in Morton order, with one cursor per depth.
 #[derive(Debug)]
 pub(super) struct Subtrees<'a, R: ReadAt + ?Sized> {
     cursors: Vec<Cursor<'a, R>>,
-    /// Depth of the first cursor.
-    root_depth: u32,
+    shape: Shape,
     left: u64,
 }
 
 impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
-    pub(super) fn new(source: &'a R, frame: &Frame) -> Self {
-        let (root_depth, levels) = subtree_shape(frame);
+    pub(super) fn new(source: &'a R, frame: &Frame, shape: Shape) -> Self {
         let nodes = frame.section(SectionKind::Nodes).map_or(0, |e| e.offset);
-        let cursors = (root_depth..root_depth + levels)
+        let cursors = (shape.root_depth..shape.root_depth + shape.levels)
             .map(|d| {
                 let level = frame.level(Level::new(d));
                 Cursor::new(source, nodes + level.start, nodes + level.end, LEVEL_BUFFER_BYTES)
             })
             .collect();
-        Self { cursors, root_depth, left: roots(frame) }
+        Self { cursors, shape, left: shape.subtrees }
     }
 
-    /// Appends the next subtree's infobytes by depth to `levels`; its number of voxels, or `None` after the last.
-    fn append(&mut self, levels: &mut [Vec<u8>]) -> Result<Option<u64>, Fault> {
-        if self.left == 0 {
-            return Ok(None);
-        }
-        self.left -= 1;
+    /// Appends the next subtree's infobytes by depth to a group, and counts its voxels and larger leaves.
+    fn append(&mut self, group: &mut Group) -> Result<(), Fault> {
         let mut count = 1_u64;
-        for (depth, (cursor, level)) in (self.root_depth..).zip(self.cursors.iter_mut().zip(levels)) {
-            let cut = || Fault::from(FormatError::SubtreeCut { level: Level::new(depth) });
+        for (depth, (cursor, level)) in self.cursors.iter_mut().zip(&mut group.levels).enumerate() {
+            let level_of_file = Level::new(self.shape.root_depth + u32::try_from(depth).unwrap_or(0));
+            let cut = || Fault::from(FormatError::SubtreeCut { level: level_of_file });
             if count > cursor.left() {
                 return Err(cut());
             }
             let (mut left, mut children) = (count, 0);
             while left > 0 {
                 let part = cursor.next_part_up_to(usize::try_from(left).unwrap_or(usize::MAX))?;
-                if part.contains(&0) {
+                let leaves = part.iter().filter(|m| **m == 0).count();
+                if leaves > 0 && depth < self.shape.first_leaves {
                     return Err(cut());
                 }
+                group.leaves += leaves;
                 children += part.iter().map(|m| u64::from(m.count_ones())).sum::<u64>();
                 left -= part.len() as u64;
                 level.extend_from_slice(part);
             }
             count = children;
         }
-        Ok(Some(count))
+        group.subtrees += 1;
+        group.voxels += usize::try_from(count).unwrap_or(usize::MAX);
+        Ok(())
     }
 
-    /// Fills a group with the next subtrees (SPEC 5.3): so many that it has `full` voxels, or all that are left.
+    /// Fills a group with the next subtrees (SPEC 5.3): so many that it is full, or all that are left.
     pub(super) fn fill(&mut self, group: &mut Group, full: usize) -> Result<(), Fault> {
-        group.clear(self.cursors.len());
-        while group.voxels < full {
-            let Some(voxels) = self.append(&mut group.levels)? else { break };
-            group.subtrees += 1;
-            group.voxels += usize::try_from(voxels).unwrap_or(usize::MAX);
+        self.shape.clear(group);
+        while group.voxels + group.leaves < full && self.left > 0 {
+            self.left -= 1;
+            self.append(group)?;
         }
         Ok(())
     }
@@ -185,14 +207,4 @@ impl<'a, R: ReadAt + ?Sized> Normals<'a, R> {
         }
         Ok(())
     }
-}
-
-/// Number of subtrees: nodes (or, at depth 0, the voxel) that are their roots.
-pub(super) fn roots(frame: &Frame) -> u64 {
-    let (root_depth, levels) = subtree_shape(frame);
-    if levels == 0 {
-        return frame.header.voxels;
-    }
-    let level = frame.level(Level::new(root_depth));
-    level.end - level.start
 }
