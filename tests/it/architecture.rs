@@ -36,7 +36,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "exit format geom load render text"),
     ("enclosed", "format geom load"),
-    ("export", "enclosed format geom load progress render scratch text"),
+    ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
