@@ -4,7 +4,7 @@
 //! cavity. The normals of the skin around it tell which, as they point out of the object.
 //!
 //! ```text
-//!   octree --32 slices at a time--> skin of a slice, in rows --> runs between skin voxels --> components
+//!   octree --four slices at a time--> skin of a slice, in rows --> runs between skin voxels --> components
 //! ```
 //!
 //! | part | what it holds |
@@ -21,7 +21,7 @@ mod sweep;
 
 pub(crate) use rows::Rows;
 pub(crate) use skin::{SkinSlices, SkinVoxel, extent};
-pub(crate) use sweep::Sweep;
+pub(crate) use sweep::{Fates, Sweep};
 
 use crate::format::normal;
 

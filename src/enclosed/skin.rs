@@ -3,8 +3,8 @@
 use crate::geom::{BoxIndex, Octant, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 
-/// Slices that are taken from the octree at a time: a power of two.
-const SLAB: u32 = 32;
+/// Slices that are taken from the octree at a time: a power of two, from 2 on.
+const SLAB: u32 = 4;
 
 /// A skin voxel of a slice; ordered by rows.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -59,18 +59,24 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
     best
 }
 
-/// The skin of one slice after the other, each node visited about once. Memory: the skin of 32 slices, 16 bytes a
-/// voxel.
+/// The skin of one slice after the other, each node visited about twice. Memory: the skin of four slices, 16 bytes a
+/// voxel, and of one of them in rows.
 pub(crate) struct SkinSlices<'a> {
     view: &'a ModelView<'a>,
+    /// Each in the order of the file: in a row x rises.
     slices: [Vec<SkinVoxel>; SLAB as usize],
+    /// The slice that was asked for, ordered by rows.
+    sorted: Vec<SkinVoxel>,
+    /// Where the next voxel of each row goes.
+    rows: Vec<usize>,
     slab: Option<u32>,
     seen: u64,
 }
 
 impl<'a> SkinSlices<'a> {
     pub(crate) fn new(view: &'a ModelView<'a>) -> Self {
-        Self { view, slices: std::array::from_fn(|_| Vec::new()), slab: None, seen: 0 }
+        let slices = std::array::from_fn(|_| Vec::new());
+        Self { view, slices, sorted: Vec::new(), rows: Vec::new(), slab: None, seen: 0 }
     }
 
     /// The skin of slice `z`, ordered by rows. Slices are asked for in order; `None` for a damaged model, which has
@@ -83,10 +89,13 @@ impl<'a> SkinSlices<'a> {
             self.descend(BoxIndex::ROOT, [0; 3], self.view.depth(), first, &mut left)?;
             self.slab = Some(first);
         }
-        let skin = self.slices.get_mut((z - first) as usize)?;
-        skin.sort_unstable();
+        let skin = self.slices.get((z - first) as usize)?;
         self.seen += skin.len() as u64;
-        (self.seen <= self.view.voxel_count()).then_some(skin.as_slice())
+        if self.seen > self.view.voxel_count() {
+            return None;
+        }
+        in_rows(skin, &mut self.rows, &mut self.sorted);
+        Some(&self.sorted)
     }
 
     fn descend(
@@ -106,7 +115,23 @@ impl<'a> SkinSlices<'a> {
         *left = left.checked_sub(1)?;
         let infobyte = self.view.infobyte(number.node());
         let child = self.view.first_child(number.node());
+        if level == 1 {
+            return self.voxels(infobyte, child.voxel(self.view.node_count()), low, first);
+        }
         let half = 1_u32 << (level - 1);
+        if level == 2 {
+            // The voxels of a node follow those of the node before it.
+            let mut voxel = self.view.first_child(child.node());
+            for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
+                let high = octant.high();
+                let within = self.view.infobyte(child.after(octant.rank_in(infobyte)).node());
+                let at = std::array::from_fn(|a| low[a] + high[a] * half);
+                self.voxels(within, voxel.voxel(self.view.node_count()), at, first)?;
+                voxel = voxel.after(within.count_ones());
+            }
+            *left = left.checked_sub(u64::from(infobyte.count_ones()))?;
+            return Some(());
+        }
         for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
             let high = octant.high();
             let at: [u32; 3] = std::array::from_fn(|a| low[a] + high[a] * half);
@@ -115,5 +140,52 @@ impl<'a> SkinSlices<'a> {
             }
         }
         Some(())
+    }
+
+    /// The voxels of a node whose children they are; all of them lie in the slab.
+    #[inline]
+    fn voxels(&mut self, infobyte: u8, voxel: VoxelIndex, low: [u32; 3], first: u32) -> Option<()> {
+        let [below, above] =
+            self.slices.get_disjoint_mut([low[2] - first, low[2] - first + 1].map(|z| z as usize)).ok()?;
+        let mut number = voxel.get();
+        for (slice, octants) in [(below, infobyte & 15), (above, infobyte >> 4)] {
+            let mut octants = u32::from(octants);
+            while octants != 0 {
+                let octant = octants.trailing_zeros();
+                octants &= octants - 1;
+                slice.push(SkinVoxel {
+                    y: low[1] + (octant >> 1),
+                    x: low[0] + (octant & 1),
+                    voxel: VoxelIndex::new(number),
+                });
+                number = number.wrapping_add(1);
+            }
+        }
+        Some(())
+    }
+}
+
+/// Orders a slice by rows; within a row the order stays.
+fn in_rows(skin: &[SkinVoxel], rows: &mut Vec<usize>, sorted: &mut Vec<SkinVoxel>) {
+    sorted.clear();
+    let Some(first) = skin.iter().map(|found| found.y).min() else { return };
+    rows.clear();
+    for found in skin {
+        let row = (found.y - first) as usize + 1;
+        if row >= rows.len() {
+            rows.resize(row + 1, 0);
+        }
+        rows[row] += 1;
+    }
+    let mut before = 0;
+    for start in rows.iter_mut() {
+        before += *start;
+        *start = before;
+    }
+    sorted.resize(skin.len(), skin[0]);
+    for found in skin {
+        let at = &mut rows[(found.y - first) as usize];
+        sorted[*at] = *found;
+        *at += 1;
     }
 }

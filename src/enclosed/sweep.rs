@@ -4,7 +4,6 @@
 //! components, for a second one that needs them, takes 5 bytes more for each that ever was.
 
 use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
-use crate::geom::VoxelIndex;
 use crate::load::{ModelView, NodeView};
 
 /// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
@@ -23,7 +22,6 @@ pub(crate) struct Run {
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct SkinItem {
     pub(crate) x: u32,
-    pub(crate) voxel: VoxelIndex,
     /// Its normal in voxels; zeros for none.
     outward: [f32; 3],
 }
@@ -142,11 +140,6 @@ impl Sweep {
         Self { history: History::Known(fates), ..self }
     }
 
-    /// Rows of a slice.
-    pub(crate) fn height(&self) -> usize {
-        self.height
-    }
-
     /// Where a run lies, if the fates are known.
     pub(crate) fn side(&self, run: Run) -> Side {
         let History::Known(fates) = &self.history else { return Side::Outside };
@@ -161,13 +154,8 @@ impl Sweep {
     }
 
     /// Has the slice that was taken last no skin? Then all of it is outside.
-    pub(crate) fn is_void(&self) -> bool {
+    fn is_void(&self) -> bool {
         self.before.skin.is_empty()
-    }
-
-    /// Boxes of a row, with one before and one behind the skin.
-    pub(crate) fn width(&self) -> u32 {
-        self.width
     }
 
     /// Takes the next slice, its skin in rows. One without skin behind another costs nothing.
@@ -194,7 +182,7 @@ impl Sweep {
                 let code = view.voxel_normal(found.voxel);
                 #[expect(clippy::cast_possible_truncation, reason = "parts of a direction")]
                 let outward = code.map_or([0.0; 3], |code| self.outward.of(code).map(|c| c as f32));
-                slice.skin.push(SkinItem { x, voxel: found.voxel, outward });
+                slice.skin.push(SkinItem { x, outward });
             }
             if start < self.width {
                 slice.runs.push(Run { start, end: self.width, component: 0 });

@@ -10,6 +10,9 @@
 /// No patch passes through this edge.
 pub(super) const NO_PATCH: u8 = u8::MAX;
 
+/// Most patches of a cube.
+const MAX_PATCHES: usize = 4;
+
 /// Edges of a cube.
 pub(super) const EDGES: usize = 12;
 
@@ -154,6 +157,60 @@ const fn numbered(names: [u8; EDGES]) -> Case {
     }
     Case { patch_of, patches }
 }
+
+/// The edges that a patch crosses.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Crossed {
+    pub(super) count: u8,
+    /// Edges along each axis: bit i for edge `4 a + i`.
+    pub(super) along: [u8; 3],
+    /// Sum of their low ends, from the cube's middle, in halves of an edge.
+    pub(super) ends: [i8; 3],
+}
+
+/// Those of the patches of every case.
+pub(super) static CROSSED: [[Crossed; MAX_PATCHES]; 256] = all_crossed();
+
+const fn all_crossed() -> [[Crossed; MAX_PATCHES]; 256] {
+    let cases = all();
+    let mut crossed = [[Crossed { count: 0, along: [0; 3], ends: [0; 3] }; MAX_PATCHES]; 256];
+    let mut case = 0;
+    while case < 256 {
+        let mut edge = 0;
+        while edge < EDGES {
+            let patch = cases[case].patch_of[edge];
+            if patch != NO_PATCH {
+                let mut found = crossed[case][patch as usize];
+                found.count += 1;
+                found.along[edge / 4] |= 1 << (edge % 4);
+                let mut axis = 0;
+                while axis < 3 {
+                    found.ends[axis] += if ends(edge)[0] >> axis & 1 == 1 { 1 } else { -1 };
+                    axis += 1;
+                }
+                crossed[case][patch as usize] = found;
+            }
+            edge += 1;
+        }
+        case += 1;
+    }
+    crossed
+}
+
+/// Whether a case has an ambiguous face.
+pub(super) static HAS_AMBIGUOUS: [bool; 256] = {
+    let mut has = [false; 256];
+    let mut case = 0;
+    while case < 256 {
+        let mut face = 0;
+        while face < 6 {
+            has[case] |= is_ambiguous(case as u8, face / 2, face % 2);
+            face += 1;
+        }
+        case += 1;
+    }
+    has
+};
 
 #[cfg(test)]
 mod tests {

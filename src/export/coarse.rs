@@ -6,10 +6,11 @@
 
 use std::io;
 
+use super::bits::{Bits, set};
 use super::cases::{ends, is_crossed};
 use super::dual::Mesher;
-use super::patch::{Patch, Spot, Spots, held_within, middle};
-use super::signs::{Boxes, Signs};
+use super::patch::{Patch, Spot, Spots, held_within, in_world, middle};
+use super::signs::Boxes;
 use super::tint::{BlockTints, Light, Lights, Mixture};
 use crate::load::ModelView;
 use crate::render::GridSpace;
@@ -32,13 +33,13 @@ impl Blocks {
     }
 
     /// Counts the samples of a fine slice; `height` is its number of rows.
-    fn add(&mut self, signs: &Signs, height: usize) {
+    fn add(&mut self, samples: &Bits, height: usize) {
         let step = self.step;
         for row in 0..height {
             let first = (row / step as usize + 1) * self.width + 1;
-            for [start, end] in signs.row(row).as_chunks::<2>().0 {
+            for [start, end] in samples.stretches(row) {
                 for block in start / step..end.div_ceil(step) {
-                    let samples = (block * step + step).min(*end) - (block * step).max(*start);
+                    let samples = (block * step + step).min(end) - (block * step).max(start);
                     if let Some(inside) = self.inside.get_mut(first + block as usize) {
                         *inside += samples;
                     }
@@ -52,20 +53,13 @@ impl Blocks {
     }
 
     /// Which blocks are inside.
-    fn signs(&self) -> Signs {
-        let mut signs = Signs::default();
-        for row in self.inside.chunks(self.width) {
-            let mut before = false;
-            for (x, inside) in (0..).zip(row) {
-                let now = 2 * inside > self.full();
-                if now != before {
-                    signs.push(x);
-                    before = now;
-                }
-            }
-            signs.end_row();
+    fn samples(&self) -> Bits {
+        let mut samples = Bits::new(u32::try_from(self.width).unwrap_or(u32::MAX), self.height);
+        for (row, counts) in self.inside.chunks(self.width).enumerate() {
+            let inside = (0..).zip(counts).filter(|(_, inside)| 2 * **inside > self.full());
+            inside.for_each(|(x, _)| set(samples.row_mut(row), x, x + 1));
         }
-        signs
+        samples
     }
 
     /// How far a block is from half full, in blocks.
@@ -83,7 +77,7 @@ pub(super) struct Coarse {
     now: Blocks,
     /// Fine slices counted in `now`.
     counted: u32,
-    before: (Blocks, Signs),
+    before: (Blocks, Bits),
     /// Colours of the blocks of both slices, if the model has any.
     tints: Option<[BlockTints; 2]>,
     nothing: Light,
@@ -95,7 +89,7 @@ impl Coarse {
     /// For slices of `width` by `height` samples.
     pub(super) fn new(step: u32, width: u32, height: usize, lights: Option<&Lights>) -> Self {
         let empty = Blocks::new(step, width, height);
-        let before = (empty.clone(), Signs::default());
+        let before = (empty.clone(), empty.samples());
         let tints = lights.map(|_| Default::default());
         let nothing = lights.map_or([0; 3], Lights::nothing);
         Self { now: empty.clone(), empty, counted: 0, before, tints, nothing, slices: 1 }
@@ -111,12 +105,12 @@ impl Coarse {
     /// Takes the next slice of samples.
     pub(super) fn add(
         &mut self,
-        signs: &Signs,
+        samples: &Bits,
         height: usize,
         mesher: &mut Mesher<'_>,
         space: &GridSpace,
     ) -> io::Result<()> {
-        self.now.add(signs, height);
+        self.now.add(samples, height);
         self.counted += 1;
         if self.counted == self.now.step { self.close(mesher, space) } else { Ok(()) }
     }
@@ -124,14 +118,14 @@ impl Coarse {
     /// Ends a slice of blocks.
     fn close(&mut self, mesher: &mut Mesher<'_>, space: &GridSpace) -> io::Result<()> {
         let now = std::mem::replace(&mut self.now, self.empty.clone());
-        let signs = now.signs();
+        let samples = now.samples();
         let Self { tints, nothing, .. } = self;
-        let layer =
+        let mut layer =
             CoarseLayer { blocks: [&self.before.0, &now], tints: tints.as_ref(), nothing: *nothing, space };
-        mesher.layer([&self.before.1, &signs], &layer, now.height, self.slices)?;
+        mesher.layer([&self.before.1, &samples], &mut layer, now.height, self.slices)?;
         self.slices += 1;
         self.counted = 0;
-        self.before = (now, signs);
+        self.before = (now, samples);
         if let Some(tints) = &mut self.tints {
             tints.swap(0, 1);
             tints[1] = BlockTints::default();
@@ -157,7 +151,7 @@ struct CoarseLayer<'a> {
 }
 
 impl Spots for CoarseLayer<'_> {
-    fn spot(&self, place: Patch) -> Spot {
+    fn spot(&mut self, place: Patch) -> Spot {
         let value = |corner: usize| {
             let (x, row) = (place.x as usize - 1 + (corner & 1), place.row - 1 + (corner >> 1 & 1));
             self.blocks[corner >> 2].value(x, row)
@@ -179,7 +173,7 @@ impl Spots for CoarseLayer<'_> {
             }
         }
         let (_, slope) = trilinear(&values, at);
-        Spot { at, normal: self.space.index_normal_to_world(slope.map(|s| -s)), light: self.light(place) }
+        Spot { at, normal: in_world(self.space, slope.map(|s| -s)), light: self.light(place) }
     }
 }
 

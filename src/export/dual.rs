@@ -9,22 +9,23 @@
 //! A sample's side is kept exactly: a polygon stays between the two ends of its edge, and its corners lie
 //! around that edge, so that a line through samples crosses the surface just where they change sides.
 //!
-//! Memory: two layers of cubes and vertices. Cost: follows the surface.
+//! Memory: two layers of cubes, and their vertices, or those of the whole mesh if that is kept. Cost: follows the surface.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::HashMap;
 use std::io;
 
-use super::cases::{CASES, edge_at, ends, is_ambiguous, is_crossed, is_inside, others};
+use super::bits::Bits;
+use super::cases::{CASES, HAS_AMBIGUOUS, edge_at, ends, is_ambiguous, is_inside, others};
 use super::fault::ExportFault;
-use super::patch::{Patch, Spot, Spots};
-use super::signs::Signs;
+use super::patch::{Patch, Spot, Spots, singles};
 use super::tint::{Light, Mixture};
-use super::write::{Sink, Vertex};
+use super::write::{Sink, Vertex, unit};
+use crate::cpu::{Isa, Kernel, dispatch};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
 
 /// A cube that the surface passes through, and the vertex of its first patch.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Cube {
     x: u32,
     case: u8,
@@ -42,48 +43,87 @@ impl Cube {
 }
 
 /// A face with two joints: the axis across it, and the cube below it.
-type Face = (usize, u32, usize, u32);
+type Face = (usize, u32, u32, u32);
+
+/// Triangles that wait before they are written.
+const WAITING: usize = 1 << 12;
+
+/// Vertices and triangles, all or the last ones.
+#[derive(Debug, Default)]
+pub(super) struct Surface {
+    pub(super) at: Vec<[f32; 3]>,
+    /// Of length 1, or zeros; if the model has normals.
+    pub(super) normals: Vec<[f32; 3]>,
+    /// If the model has colours.
+    pub(super) lights: Vec<Light>,
+    pub(super) faces: Vec<[u32; 3]>,
+}
 
 /// Makes triangles of one layer of cubes after the other.
 pub(super) struct Mesher<'a> {
     /// Middle of a cube, in its numbers, to mm.
     to_mm: Affine,
-    sink: &'a mut dyn Sink,
+    /// Where all goes, unless it is kept.
+    sink: Option<&'a mut dyn Sink>,
+    has: [bool; 2],
     below: Rows<Cube>,
     here: Rows<Cube>,
+    /// The cubes of four rows by their places: bit 0 and 1 of a row's number are set where it is one less along y and z.
+    near: [Vec<Cube>; 4],
     knots: HashMap<Face, [Option<u32>; 2]>,
-    /// Vertices of the two layers, the first of them by number.
-    window: VecDeque<Vertex>,
-    window_start: u32,
+    surface: Surface,
+    /// Number of the first vertex that is kept, of the first that is not written, and of the first of this layer.
+    start: u32,
+    unwritten: u32,
     layer_start: u32,
     mirrored: bool,
     triangles: u64,
 }
 
 impl<'a> Mesher<'a> {
-    pub(super) fn new(to_mm: Affine, sink: &'a mut dyn Sink) -> Self {
+    /// `has`: normals, and colours. Without a sink the surface is kept.
+    pub(super) fn new(to_mm: Affine, has: [bool; 2], sink: Option<&'a mut dyn Sink>) -> Self {
         Self {
             mirrored: to_mm.determinant() < 0.0,
             to_mm,
             sink,
+            has,
             below: Rows::default(),
             here: Rows::default(),
+            near: Default::default(),
             knots: HashMap::new(),
-            window: VecDeque::new(),
-            window_start: 0,
+            surface: Surface::default(),
+            start: 0,
+            unwritten: 0,
             layer_start: 0,
             triangles: 0,
         }
     }
 
-    /// Vertices and triangles so far.
-    pub(super) fn counts(&self) -> (u64, u64) {
-        (u64::from(self.next_vertex()), self.triangles)
+    /// The same, with room for so many vertices and twice as many triangles.
+    pub(super) fn with_room(mut self, vertices: usize) -> Self {
+        let Surface { at, normals, lights, faces } = &mut self.surface;
+        at.reserve(vertices);
+        normals.reserve(if self.has[0] { vertices } else { 0 });
+        lights.reserve(if self.has[1] { vertices } else { 0 });
+        faces.reserve(2 * vertices);
+        self
     }
 
+    /// Vertices and triangles so far.
+    pub(super) fn counts(&self) -> (u64, u64) {
+        (u64::from(self.next_vertex()), self.triangles + self.surface.faces.len() as u64)
+    }
+
+    /// What was kept.
+    pub(super) fn finish(self) -> Surface {
+        self.surface
+    }
+
+    #[inline(always)]
     fn next_vertex(&self) -> u32 {
-        // Bounded by `add`.
-        self.window_start + u32::try_from(self.window.len()).unwrap_or(u32::MAX)
+        // Bounded by `push`.
+        self.start + u32::try_from(self.surface.at.len()).unwrap_or(u32::MAX)
     }
 
     /// Takes the cubes between two slices of samples; `z` is the number of the upper slice.
@@ -92,132 +132,238 @@ impl<'a> Mesher<'a> {
     /// The sink's, and [`ExportFault::TooLong`].
     pub(super) fn layer(
         &mut self,
-        signs: [&Signs; 2],
-        spots: &dyn Spots,
+        samples: [&Bits; 2],
+        spots: &mut impl Spots,
         height: usize,
         z: u32,
     ) -> io::Result<()> {
         std::mem::swap(&mut self.below, &mut self.here);
         self.here.clear();
-        let keep_from = self.layer_start;
-        self.window.drain(..(keep_from - self.window_start) as usize);
-        self.window_start = keep_from;
+        if self.sink.is_some() {
+            let gone = (self.layer_start - self.start) as usize;
+            let Surface { at, normals, lights, .. } = &mut self.surface;
+            at.drain(..gone);
+            normals.drain(..gone.min(normals.len()));
+            lights.drain(..gone.min(lights.len()));
+            self.start = self.layer_start;
+        }
         self.layer_start = self.next_vertex();
-        self.knots.retain(|(_, _, _, at), _| *at + 1 >= z);
-        if signs.iter().all(|signs| signs.is_empty()) {
+        if !self.knots.is_empty() {
+            self.knots.retain(|(_, _, _, at), _| *at + 1 >= z);
+        }
+        if samples.iter().all(|samples| samples.is_empty()) {
             return Ok(());
         }
-        // Row `y` of cubes lies between the samples' rows `y - 1` and `y`.
-        self.here.end_row();
-        let mut found = Vec::new();
-        for row in 1..height {
-            let [low, high] = signs;
-            found.clear();
-            cubes([low.row(row - 1), low.row(row), high.row(row - 1), high.row(row)], &mut found);
-            for (x, case) in &found {
-                let cube = Cube { x: *x, case: *case, first: self.next_vertex() };
-                for patch in 0..CASES[usize::from(*case)].patches {
-                    let spot = spots.spot(Patch { x: *x, row, case: *case, patch });
-                    self.add(*x, row, z, &spot)?;
-                }
-                self.here.push(cube);
+        dispatch(LayerOf { mesher: self, samples, spots, height, z })
+    }
+
+    /// Makes the vertices of a row of cubes, which lie between four rows of samples; bit 0 and 1 of their number say
+    /// which lies higher along y and z.
+    #[inline(always)]
+    fn row(&mut self, rows: [&[u64]; 4], row: usize, z: u32, spots: &mut impl Spots) -> io::Result<()> {
+        let mut before = [0; 4];
+        for (word, at) in (0..rows[0].len()).zip((0_u32..).step_by(64)) {
+            let (mut high, mut low) = ([0; 4], [0; 4]);
+            let (mut some, mut all) = (0, u64::MAX);
+            for j in 0..4 {
+                high[j] = rows[j][word];
+                // The sample before each.
+                low[j] = high[j] << 1 | before[j] >> 63;
+                some |= high[j] | low[j];
+                all &= high[j] & low[j];
             }
-            self.here.end_row();
+            before = high;
+            let mut crossed = some & !all;
+            while crossed != 0 {
+                let bit = crossed.trailing_zeros();
+                crossed &= crossed - 1;
+                let mut case = 0;
+                for j in 0..4 {
+                    case |= (low[j] >> bit & 1) << (2 * j) | (high[j] >> bit & 1) << (2 * j + 1);
+                }
+                let (x, case) = (at + bit, case.to_le_bytes()[0]);
+                self.here.push(Cube { x, case, first: self.next_vertex() });
+                for patch in 0..CASES[usize::from(case)].patches {
+                    let spot = spots.spot(Patch { x, row, case, patch });
+                    self.add([x, row_number(row), z], &spot)?;
+                }
+            }
         }
-        self.join(height, z)
+        self.here.end_row();
+        Ok(())
     }
 
     /// A vertex in a cube, or on its face.
-    #[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
-    fn add(&mut self, x: u32, row: usize, z: u32, spot: &Spot) -> io::Result<u32> {
-        let row = u32::try_from(row).unwrap_or(u32::MAX);
-        let cube = [x, row, z].map(f64::from);
-        let mm = self.to_mm.apply(std::array::from_fn(|a| cube[a] + spot.at[a]));
-        let normal = spot.normal.map(|c| c as f32);
-        self.push(Vertex { at: mm.map(|c| c as f32), normal, light: spot.light })
+    #[inline(always)]
+    fn add(&mut self, cube: [u32; 3], spot: &Spot) -> io::Result<u32> {
+        let [x, y, z] = cube;
+        let [p, q, r] = spot.at;
+        let at = [f64::from(x) + p, f64::from(y) + q, f64::from(z) + r];
+        let rows = &self.to_mm.rows;
+        let mm = [along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)];
+        self.push(Vertex { at: singles(mm), normal: spot.normal, light: spot.light })
     }
 
+    #[inline(always)]
     fn push(&mut self, vertex: Vertex) -> io::Result<u32> {
         let number = self.next_vertex();
         if number >= u32::MAX - 1 {
             return Err(ExportFault::TooLong { needed: u64::from(number) + 1 }.into());
         }
-        self.sink.vertex(&vertex)?;
-        self.window.push_back(vertex);
+        self.surface.at.push(vertex.at);
+        if self.has[0] {
+            self.surface.normals.push(vertex.normal);
+        }
+        if self.has[1] {
+            self.surface.lights.push(vertex.light);
+        }
         Ok(number)
     }
 
+    #[inline(always)]
+    fn place(&self, number: u32) -> [f32; 3] {
+        self.surface.at.get(number.wrapping_sub(self.start) as usize).copied().unwrap_or_default()
+    }
+
     fn get(&self, number: u32) -> Vertex {
-        let at = number.checked_sub(self.window_start).map(|at| at as usize);
-        at.and_then(|at| self.window.get(at)).copied().unwrap_or_default()
+        let at = number.wrapping_sub(self.start) as usize;
+        let Surface { normals, lights, .. } = &self.surface;
+        Vertex {
+            at: self.place(number),
+            normal: normals.get(at).copied().unwrap_or_default(),
+            light: lights.get(at).copied().unwrap_or_default(),
+        }
+    }
+
+    /// Hands on what is not written yet.
+    fn write(&mut self) -> io::Result<()> {
+        let Some(sink) = self.sink.take() else { return Ok(()) };
+        for number in self.unwritten..self.next_vertex() {
+            sink.vertex(&self.get(number))?;
+        }
+        self.unwritten = self.next_vertex();
+        for corners in &self.surface.faces {
+            sink.triangle(*corners, corners.map(|corner| self.place(corner)))?;
+        }
+        self.triangles += self.surface.faces.len() as u64;
+        self.surface.faces.clear();
+        self.sink = Some(sink);
+        Ok(())
     }
 
     /// Makes the polygons whose last cube lies in this layer.
-    fn join(&mut self, height: usize, z: u32) -> io::Result<()> {
-        let (below, here) = (std::mem::take(&mut self.below), std::mem::take(&mut self.here));
-        let mut outcome = Ok(());
-        'rows: for row in 1..height {
-            let around = [here.row(row), here.row(row - 1), below.row(row), below.row(row - 1)];
-            let mut at = [0; 4];
-            for cube in around[0] {
-                // The cubes at `x` and `x - 1` of the four rows; bit 0, 1, 2: one less along x, y, z.
-                let mut near = [None; 8];
-                for (i, (cubes, at)) in around.iter().zip(&mut at).enumerate() {
-                    while cubes.get(*at).is_some_and(|other| other.x + 1 < cube.x) {
-                        *at += 1;
-                    }
-                    for other in cubes[*at..].iter().take(2).filter(|other| other.x <= cube.x) {
-                        near[2 * i + (cube.x - other.x) as usize] = Some(*other);
-                    }
-                }
-                for axis in 0..3 {
-                    if is_crossed(cube.case, 4 * axis) {
-                        outcome = self.polygon(axis, &near, [cube.x, z], row);
-                        if outcome.is_err() {
-                            break 'rows;
-                        }
-                    }
+    #[inline(always)]
+    fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
+        self.near.iter_mut().for_each(|row| row.resize(width, Cube::default()));
+        for row in 1..height {
+            self.near.swap(0, 1);
+            self.near.swap(2, 3);
+            for (cubes, near) in [(&self.here, 0), (&self.below, 2)] {
+                for cube in cubes.row(row) {
+                    self.near[near][cube.x as usize] = *cube;
                 }
             }
+            for at in 0..self.here.row(row).len() {
+                let cube = self.here.row(row)[at];
+                // Corner 0 against those along the axes.
+                let turned = cube.case ^ (cube.case & 1).wrapping_neg();
+                let (x, at) = (cube.x as usize, [cube.x, row_number(row), z]);
+                if turned >> 1 & 1 == 1 {
+                    self.polygon::<0>(x, at)?;
+                }
+                if turned >> 2 & 1 == 1 {
+                    self.polygon::<1>(x, at)?;
+                }
+                if turned >> 4 & 1 == 1 {
+                    self.polygon::<2>(x, at)?;
+                }
+            }
+            if self.surface.faces.len() > WAITING {
+                self.write()?;
+            }
         }
-        (self.below, self.here) = (below, here);
-        outcome
+        self.write()
     }
 
-    /// The polygon around the edge along `axis` in the lowest corner of a cube.
-    fn polygon(
+    /// A cube near the last of four rows: bit 0, 1, 2 of `less` say whether it is one less along x, y, z.
+    #[inline(always)]
+    fn cube(&self, x: usize, less: usize) -> Cube {
+        self.near[less >> 1][x - (less & 1)]
+    }
+
+    /// The polygon around the edge along an axis in the lowest corner of the cube at `x`.
+    #[inline(always)]
+    fn polygon<const AXIS: usize>(&mut self, x: usize, at: [u32; 3]) -> io::Result<()> {
+        let [b, c] = others(AXIS);
+        // The samples around the edge say that its four cubes are crossed.
+        let p = self.cube(x, 1 << b | 1 << c);
+        let q = self.cube(x, 1 << c);
+        let r = self.cube(x, 0);
+        let s = self.cube(x, 1 << b);
+        let reversed = (r.case & 1 == 0) ^ (AXIS == 1) ^ self.mirrored;
+        let is_ambiguous = |cube: Cube| HAS_AMBIGUOUS[usize::from(cube.case)];
+        if is_ambiguous(p) || is_ambiguous(q) || is_ambiguous(r) || is_ambiguous(s) {
+            let edge = 4 * AXIS;
+            let cubes =
+                [(1 << b | 1 << c, p, edge + 3), (1 << c, q, edge + 2), (0, r, edge), (1 << b, s, edge + 1)];
+            return self.knotted(AXIS, cubes, at, reversed);
+        }
+        // Without ambiguous faces a cube may still have several patches, in opposite corners.
+        let edge = 4 * AXIS;
+        let corners = [p.vertex(edge + 3), q.vertex(edge + 2), r.vertex(edge), s.vertex(edge + 1)];
+        self.quad(corners, reversed);
+        Ok(())
+    }
+
+    /// A polygon of four corners, cut along its shorter diagonal.
+    #[inline(always)]
+    fn quad(&mut self, [p, q, r, s]: [u32; 4], reversed: bool) {
+        let [p, q, r, s] = if reversed { [s, r, q, p] } else { [p, q, r, s] };
+        let across = distance(self.place(q), self.place(s)) < distance(self.place(p), self.place(r));
+        let pair = if across { [[q, r, s], [q, s, p]] } else { [[p, q, r], [p, r, s]] };
+        self.surface.faces.extend_from_slice(&pair);
+    }
+
+    /// A polygon with knots where its cubes are joined twice.
+    #[inline(never)]
+    fn knotted(
         &mut self,
         axis: usize,
-        near: &[Option<Cube>; 8],
-        [x, z]: [u32; 2],
-        row: usize,
+        cubes: [(usize, Cube, usize); 4],
+        at: [u32; 3],
+        reversed: bool,
     ) -> io::Result<()> {
-        let [b, c] = others(axis);
-        let ring = [[1, 1], [0, 1], [0, 0], [1, 0]];
-        let mut cubes = [(0, Cube { x: 0, case: 0, first: 0 }, 0); 4];
-        for (place, [less_b, less_c]) in cubes.iter_mut().zip(ring) {
-            let less = less_b << b | less_c << c;
-            // The samples around the edge say that its four cubes are crossed.
-            let Some(cube) = near[less] else { return Ok(()) };
-            *place = (less, cube, 4 * axis + less_b + 2 * less_c);
-        }
-        let mut corners = [0_u32; 8];
+        let mut corners = [0; 8];
         let mut count = 0;
         for i in 0..4 {
             let (here, next) = (cubes[i], cubes[(i + 1) % 4]);
             corners[count] = here.1.vertex(here.2);
             count += 1;
-            if let Some(knot) = self.knot(axis, here, next, [x, z], row)? {
+            if let Some(knot) = self.knot(axis, here, next, at)? {
                 corners[count] = knot;
                 count += 1;
             }
         }
-        let inside_first = is_inside(cubes[2].1.case, 0);
+        if let [p, q, r, s] = corners[..count] {
+            self.quad([p, q, r, s], reversed);
+            return Ok(());
+        }
         let corners = &mut corners[..count];
-        if !inside_first ^ (axis == 1) ^ self.mirrored {
+        if reversed {
             corners.reverse();
         }
-        self.fill(corners)
+        let all: Vec<Vertex> = corners.iter().map(|corner| self.get(*corner)).collect();
+        #[expect(clippy::cast_precision_loss, reason = "five to eight")]
+        let share = 1.0 / all.len() as f32;
+        let middle = Vertex {
+            at: [0, 1, 2].map(|a| all.iter().map(|v| v.at[a] * share).sum()),
+            normal: unit([0, 1, 2].map(|a| all.iter().map(|v| v.normal[a]).sum())),
+            light: mean(&all),
+        };
+        let middle = self.push(middle)?;
+        let count = corners.len();
+        self.surface.faces.extend((0..count).map(|i| [corners[i], corners[(i + 1) % count], middle]));
+        Ok(())
     }
 
     /// The knot between two cubes of a polygon, if these are joined twice.
@@ -226,8 +372,7 @@ impl<'a> Mesher<'a> {
         axis: usize,
         one: (usize, Cube, usize),
         other: (usize, Cube, usize),
-        [x, z]: [u32; 2],
-        row: usize,
+        [x, row, z]: [u32; 3],
     ) -> io::Result<Option<u32>> {
         // The axis along which they differ; the one that is one less lies below.
         let across = ((one.0 ^ other.0).trailing_zeros() as usize).min(2);
@@ -245,8 +390,8 @@ impl<'a> Mesher<'a> {
             return Ok(None);
         }
         let less = |a: usize| u32::try_from(low.0 >> a & 1).unwrap_or(0);
-        let cube = (x - less(0), row - less(1) as usize, z - less(2));
-        let face = (across, cube.0, cube.1, cube.2);
+        let cube = [x - less(0), row - less(1), z - less(2)];
+        let face = (across, cube[0], cube[1], cube[2]);
         let which = usize::from(inside > opposite);
         if let Some(knot) = self.knots.get(&face).and_then(|knots| knots[which]) {
             return Ok(Some(knot));
@@ -254,42 +399,54 @@ impl<'a> Mesher<'a> {
         let mut at = super::patch::corner_at(inside).map(|c| c / 2.0);
         at[across] = 0.5;
         let ends = [self.get(low.1.vertex(low.2)), self.get(high.1.vertex(high.2))];
-        let normal = [0, 1, 2].map(|a| f64::from(ends[0].normal[a]) + f64::from(ends[1].normal[a]));
+        let normal = unit([0, 1, 2].map(|a| ends[0].normal[a] + ends[1].normal[a]));
         let light = mean(&ends);
-        let knot = self.add(cube.0, cube.1, cube.2, &Spot { at, normal, light })?;
+        let knot = self.add(cube, &Spot { at, normal, light })?;
         self.knots.entry(face).or_default()[which] = Some(knot);
         Ok(Some(knot))
     }
+}
 
-    fn fill(&mut self, corners: &[u32]) -> io::Result<()> {
-        if let [p, q, r, s] = *corners {
-            // The shorter diagonal.
-            let far = |a: u32, b: u32| -> f32 {
-                let (a, b) = (self.get(a).at, self.get(b).at);
-                (0..3).map(|i| (a[i] - b[i]) * (a[i] - b[i])).sum()
-            };
-            let [first, second] =
-                if far(q, s) < far(p, r) { [[q, r, s], [q, s, p]] } else { [[p, q, r], [p, r, s]] };
-            self.triangle(first)?;
-            return self.triangle(second);
+/// The square of the distance of two places.
+#[inline(always)]
+fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+    let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    x * x + y * y + z * z
+}
+
+/// A row of an affine applied to a place.
+#[inline(always)]
+fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
+    row[0] * at[0] + row[1] * at[1] + row[2] * at[2] + row[3]
+}
+
+/// Rows of a slice are at most 65537.
+fn row_number(row: usize) -> u32 {
+    u32::try_from(row).unwrap_or(u32::MAX)
+}
+
+/// The work on one layer.
+struct LayerOf<'m, 'a, 's, S> {
+    mesher: &'m mut Mesher<'a>,
+    samples: [&'s Bits; 2],
+    spots: &'s mut S,
+    height: usize,
+    z: u32,
+}
+
+impl<S: Spots> Kernel for LayerOf<'_, '_, '_, S> {
+    type Output = io::Result<()>;
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) -> io::Result<()> {
+        let Self { mesher, samples: [low, high], spots, height, z } = self;
+        // Row `y` of cubes lies between the samples' rows `y - 1` and `y`.
+        mesher.here.end_row();
+        for row in 1..height {
+            let rows = [low.row(row - 1), low.row(row), high.row(row - 1), high.row(row)];
+            mesher.row(rows, row, z, spots)?;
         }
-        let all: Vec<Vertex> = corners.iter().map(|corner| self.get(*corner)).collect();
-        #[expect(clippy::cast_precision_loss, reason = "five to eight")]
-        let share = 1.0 / all.len() as f32;
-        let middle = Vertex {
-            at: [0, 1, 2].map(|a| all.iter().map(|v| v.at[a] * share).sum()),
-            normal: [0, 1, 2].map(|a| all.iter().map(|v| v.normal[a]).sum()),
-            light: mean(&all),
-        };
-        let middle = self.push(middle)?;
-        (0..corners.len())
-            .try_for_each(|i| self.triangle([corners[i], corners[(i + 1) % corners.len()], middle]))
-    }
-
-    fn triangle(&mut self, corners: [u32; 3]) -> io::Result<()> {
-        self.triangles += 1;
-        let vertices = corners.map(|corner| self.get(corner).at);
-        self.sink.triangle(corners, vertices)
+        mesher.join(height, 64 * low.stride(), z)
     }
 }
 
@@ -300,46 +457,38 @@ fn mean(vertices: &[Vertex]) -> Light {
     mixture.mean([0; 3])
 }
 
-/// The cubes of a row that are crossed: where they are, and their cases. Of the rows of samples, bit 0 and 1 of
-/// their number say which lies higher along y and z.
-fn cubes(rows: [&[u32]; 4], found: &mut Vec<(u32, u8)>) {
-    let mut at = [0; 4];
-    // Bit j: the sample of row j is inside.
-    let mut before = 0_u8;
-    let mut x = 0;
-    while let Some(change) = rows.iter().zip(at).filter_map(|(row, at)| row.get(at)).min().copied() {
-        if before != 0 && before != 0b1111 {
-            let case = spread(before) | spread(before) << 1;
-            found.extend((x + 1..change).map(|x| (x, case)));
-        }
-        let mut now = before;
-        for (j, row) in rows.iter().enumerate() {
-            if row.get(at[j]) == Some(&change) {
-                now ^= 1 << j;
-                at[j] += 1;
-            }
-        }
-        found.push((change, spread(before) | spread(now) << 1));
-        (before, x) = (now, change);
-    }
-}
-
-/// Bits 0 to 3 as bits 0, 2, 4, 6.
-const fn spread(bits: u8) -> u8 {
-    (bits & 1) | (bits & 2) << 1 | (bits & 4) << 2 | (bits & 8) << 3
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::export::bits::set;
+
+    /// Takes down the cubes that are asked for.
+    struct Asked(Vec<(u32, u8)>);
+
+    impl Spots for Asked {
+        fn spot(&mut self, place: Patch) -> Spot {
+            self.0.push((place.x, place.case));
+            Spot { at: [0.0; 3], normal: [0.0; 3], light: [0; 3] }
+        }
+    }
 
     #[test]
     fn rows_become_cubes() {
-        let mut found = Vec::new();
-        cubes([&[2, 5], &[], &[], &[]], &mut found);
-        assert_eq!(found, [(2, 0b0000_0010), (3, 0b11), (4, 0b11), (5, 0b01)]);
-        found.clear();
-        cubes([&[1, 3]; 4], &mut found);
-        assert_eq!(found, [(1, 0b1010_1010), (3, 0b0101_0101)]);
+        let found = |rows: [&[[u32; 2]]; 4]| {
+            let mut samples = [Bits::new(100, 2), Bits::new(100, 2)];
+            for (j, stretches) in rows.into_iter().enumerate() {
+                let row = samples[j / 2].row_mut(j % 2);
+                stretches.iter().for_each(|[start, end]| set(row, *start, *end));
+            }
+            let mut asked = Asked(Vec::new());
+            let mut mesher = Mesher::new(Affine::from_spacing([1.0; 3]), [false; 2], None);
+            let [low, high] = &samples;
+            let rows = [low.row(0), low.row(1), high.row(0), high.row(1)];
+            mesher.row(rows, 1, 1, &mut asked).unwrap();
+            asked.0
+        };
+        assert_eq!(found([&[[2, 5]], &[], &[], &[]]), [(2, 0b0000_0010), (3, 0b11), (4, 0b11), (5, 0b01)]);
+        let slab: &[[u32; 2]] = &[[1, 64]];
+        assert_eq!(found([slab; 4]), [(1, 0b1010_1010), (64, 0b0101_0101)]);
     }
 }

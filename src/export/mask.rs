@@ -6,7 +6,7 @@ use std::io::{self, BufWriter, Write};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
-use super::signs::Signs;
+use super::bits::Bits;
 use crate::geom::{Affine, Dims};
 
 /// The longest side that a header of NIfTI-1 can state.
@@ -84,15 +84,15 @@ impl Mask {
     }
 
     /// The next slice; `low` is the voxel at the first sample of the first row, which may lie before the volume.
-    pub(super) fn slice(&mut self, signs: &Signs, low: [i64; 2]) -> io::Result<()> {
+    pub(super) fn slice(&mut self, samples: &Bits, low: [i64; 2]) -> io::Result<()> {
         if self.slices >= self.dims.nz() {
             return Ok(());
         }
         self.slices += 1;
         for y in 0..i64::from(self.dims.ny()) {
             self.row.fill(0);
-            let row = usize::try_from(y - low[1]).map_or(&[][..], |row| signs.row(row));
-            for stretch in row.as_chunks::<2>().0 {
+            let row = usize::try_from(y - low[1]).unwrap_or(usize::MAX);
+            for stretch in samples.stretches(row) {
                 let [start, end] = stretch.map(|x| usize::try_from(i64::from(x) + low[0]).unwrap_or(0));
                 let end = end.min(self.row.len());
                 if let Some(part) = self.row.get_mut(start..end) {

@@ -1,17 +1,19 @@
 //! From a model back to what other programs read: the surface as triangles, the skin as points, the solid as a mask.
 //!
 //! ```text
-//!   octree --> skin of a slice --> what it encloses --> samples inside, in rows --> cubes between two slices
-//!     (enclosed)                                          (signs)                     |
-//!   STL, PLY, OBJ, GLB <-- triangles <-- a vertex for each patch, a polygon around each crossed edge (dual)
+//!   octree --> skin of a slice --> where all else lies --> samples inside, as bits --> cubes between two slices
+//!     (enclosed)                      (signs)                                            |
+//!   memory, STL, PLY, OBJ, GLB <-- triangles <-- a vertex for each patch, a polygon around each crossed edge (dual)
 //! ```
 //!
-//! The model is swept twice: what lies inside is known at the end of the first time. Everything is streamed; memory
-//! follows the largest slice, not the model.
+//! The model is swept slice by slice; memory follows the largest slice, not the model, unless the triangles are to stay
+//! in memory. Models of voxels, and cells that do not say what is inside, are swept once more before, to learn it
+//! from the normals (enclosed).
 //!
 //! | part | what it holds |
 //! |---|---|
-//! | `signs` | samples inside, as places where rows change sides |
+//! | `bits` | slices of bits |
+//! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | where a patch lies in its cube, and its normal |
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
@@ -21,6 +23,7 @@
 //! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ and GLB |
 
+mod bits;
 mod cases;
 mod coarse;
 mod dual;
@@ -36,10 +39,10 @@ pub use fault::ExportFault;
 pub use mesh::Mesh;
 
 use std::fs::File;
-use std::io;
+use std::io::{self, Seek};
 use std::path::Path;
 
-use crate::enclosed::{Outward, SkinSlices, SkinVoxel, Sweep, extent};
+use crate::enclosed::{Fates, Outward, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::{ModelView, NodeView};
@@ -48,14 +51,14 @@ use crate::render::GridSpace;
 use crate::render::shade::Shader;
 use crate::scratch;
 
+use bits::Bits;
 use coarse::Coarse;
 use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
-use mesh::MeshSink;
-use patch::Layer;
-use signs::{Boxes, Signs, signs_of_cells};
+use patch::{Layer, WorldNormals, singles};
+use signs::{Boxes, Extent};
 use tint::Lights;
-use write::{Glb, Obj, Ply, Sink, Stl, Vertex};
+use write::{Glb, Obj, Ply, Sink, Stl, Vertex, unit};
 
 /// The form of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -202,7 +205,7 @@ pub(crate) struct Exporter<'a> {
     pub(crate) give_back: &'a dyn Fn(),
 }
 
-/// The product of the samples.
+/// What is made of the samples.
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
     /// Made of the samples, or of blocks of them.
@@ -210,59 +213,126 @@ enum Product<'a> {
     Mask(Mask),
 }
 
+/// First box of the skin along each axis, and the one behind the last.
+type Bounds = [[u32; 3]; 2];
+
 impl Exporter<'_> {
     /// Writes the model into an empty file; data that has to wait goes to anonymous files in `scratch`.
     pub(crate) fn write(
         &self,
         form: ExportForm,
-        out: File,
+        out: &File,
         scratch: &Path,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
-        let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
-        let colors = self.lights().is_some();
-        let waiting = || scratch::unnamed(scratch);
-        let normals_wait = || normals.then(waiting).transpose();
-        let sink: Box<dyn Sink> = match form {
-            ExportForm::Stl => Box::new(Stl::new(out)?),
-            ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals, colors)?),
-            ExportForm::Obj => Box::new(Obj::new(out, normals)?),
-            ExportForm::Glb => {
-                let colors_wait = colors.then(waiting).transpose()?;
-                Box::new(Glb::new(out, normals_wait()?, colors_wait, waiting()?)?)
-            }
+        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
+        let [normals, colors] = self.has();
+        let copy = || out.try_clone();
+        let mask = match form {
             ExportForm::Points => {
-                return self.points(Box::new(Ply::new(out, None, normals, colors)?), progress);
+                return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
             }
-            ExportForm::Nrrd => return self.mask(out, MaskForm::Nrrd, progress),
-            ExportForm::Nifti => return self.mask(out, MaskForm::Nifti, progress),
-            ExportForm::NiftiGz => return self.mask(out, MaskForm::NiftiGz, progress),
+            ExportForm::Nrrd => Some(MaskForm::Nrrd),
+            ExportForm::Nifti => Some(MaskForm::Nifti),
+            ExportForm::NiftiGz => Some(MaskForm::NiftiGz),
             // Not of what is inside, and made elsewhere.
             ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
+            _ => None,
         };
-        self.mesh(sink, progress)
+        self.knowing_inside(bounds, progress, &mut |fates| {
+            let mut out = copy()?;
+            out.set_len(0)?;
+            out.rewind()?;
+            if let Some(mask) = mask {
+                return self.mask(out, mask, bounds, fates, progress);
+            }
+            let mut sink = sink(form, out, scratch, [normals, colors])?;
+            let product = self.mesher(bounds, Some(sink.as_mut()))?;
+            let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else {
+                return Ok(None);
+            };
+            let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
+            let (vertices, triangles) = mesher.counts();
+            sink.finish()?;
+            Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
+        })
     }
 
     /// The triangles in memory.
     pub(crate) fn triangles(&self, progress: &dyn Progress) -> Result<Mesh, ExportStop> {
-        let mut mesh = Mesh::default();
-        let normals = self.view.voxel_normal(VoxelIndex::new(0)).is_some();
-        let colors = self.lights().map(|_| Shader::new());
-        self.mesh(Box::new(MeshSink { mesh: &mut mesh, normals, colors }), progress)?;
-        Ok(mesh)
+        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
+        self.knowing_inside(bounds, progress, &mut |fates| self.kept(bounds, fates, progress))
+    }
+
+    fn kept(
+        &self,
+        bounds: Bounds,
+        fates: Option<(u64, Fates)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Mesh>, ExportStop> {
+        let product = self.mesher(bounds, None)?;
+        let Some((product, _)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
+        let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
+        let surface = mesher.finish();
+        let shader = Shader::new();
+        let color = |light: &tint::Light| light.map(|light| shader.encode(f64::from(light) / 65535.0));
+        let colors = surface.lights.iter().map(color).collect();
+        let (vertices, faces, normals) = (surface.at, surface.faces, surface.normals);
+        Ok(Some(Mesh { vertices, faces, normals, colors }))
     }
 
     fn cells(&self) -> bool {
         self.view.cells().is_some()
     }
 
-    /// The table from colours to light, if the model has colours.
-    fn lights(&self) -> Option<Lights> {
-        self.view.voxel_color(VoxelIndex::new(0)).map(|_| Lights::new())
+    /// Has the model normals, and colours?
+    fn has(&self) -> [bool; 2] {
+        let first = VoxelIndex::new(0);
+        [self.view.voxel_normal(first).is_some(), self.view.voxel_color(first).is_some()]
     }
 
-    fn mesh(&self, mut sink: Box<dyn Sink + '_>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
+    /// The table from colours to light, if the model has colours.
+    fn lights(&self) -> Option<Lights> {
+        self.has()[1].then(Lights::new)
+    }
+
+    /// Does the work with what the cells say of what is inside; where they do not, with what all normals say.
+    fn knowing_inside<T>(
+        &self,
+        bounds: Bounds,
+        progress: &dyn Progress,
+        work: &mut dyn FnMut(Option<(u64, Fates)>) -> Result<Option<T>, ExportStop>,
+    ) -> Result<T, ExportStop> {
+        if self.cells()
+            && let Some(done) = work(None)?
+        {
+            return Ok(done);
+        }
+        work(Some(self.fates(bounds, progress)?))?.ok_or(ExportStop::Damaged)
+    }
+
+    /// What all normals say of what is inside, and of how many boxes they do not.
+    fn fates(&self, bounds: Bounds, progress: &dyn Progress) -> Result<(u64, Fates), ExportStop> {
+        progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
+        let mut sweep = Sweep::new(bounds, self.outward()).keeping_fates();
+        self.each_slice(bounds, |skin| {
+            sweep.slice(self.view, skin);
+            Ok(Some(progress.step(1)?))
+        })?;
+        let (enclosed, fates) = sweep.finish();
+        Ok((enclosed.unknown, fates))
+    }
+
+    fn outward(&self) -> Outward {
+        Outward::new(self.cells(), self.affine.spacing_mm())
+    }
+
+    /// What makes triangles, of samples or of blocks of them, for a sink or to be kept.
+    fn mesher<'a>(
+        &self,
+        bounds: Bounds,
+        sink: Option<&'a mut (dyn Sink + 'a)>,
+    ) -> Result<Product<'a>, ExportStop> {
         // Cube x has its middle half a voxel before sample x; a cell is a cube.
         let before = if self.cells() { 1.0 } else { 1.5 };
         let low = bounds[0].map(|low| f64::from(low) - before);
@@ -278,19 +348,19 @@ impl Exporter<'_> {
         }
         let coarse =
             (self.step > 1).then(|| Coarse::new(self.step, width, height as usize, self.lights().as_ref()));
-        let mut product = Product::Mesh(Mesher::new(to_mm, sink.as_mut()), coarse);
-        let unknown = self.sweep(bounds, &mut product, progress)?;
-        let Product::Mesh(mut mesher, coarse) = product else { return Err(ExportStop::Damaged) };
-        if let Some(coarse) = coarse {
-            coarse.finish(&mut mesher, self.space)?;
-        }
-        let (vertices, triangles) = mesher.counts();
-        sink.finish()?;
-        Ok(Exported { vertices, triangles, unknown, ..Exported::default() })
+        let room = if sink.is_none() && self.step == 1 { self.view.voxel_count() } else { 0 };
+        let mesher = Mesher::new(to_mm, self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
+        Ok(Product::Mesh(mesher, coarse))
     }
 
-    fn mask(&self, out: File, form: MaskForm, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
+    fn mask(
+        &self,
+        out: File,
+        form: MaskForm,
+        bounds: Bounds,
+        fates: Option<(u64, Fates)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Exported>, ExportStop> {
         // Of cells, the samples between them: one less along each axis, beginning half a cell later.
         let (less, later) = if self.cells() { (1, 0.5) } else { (0, 0.0) };
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
@@ -300,111 +370,128 @@ impl Exporter<'_> {
             return Err(ExportStop::Output(ExportFault::TooWide { side }.into()));
         }
         let affine = self.affine.starting_at([later; 3]);
-        let mut product = Product::Mask(Mask::new(out, form, dims, &affine)?);
-        let unknown = self.sweep(bounds, &mut product, progress)?;
+        let product = Product::Mask(Mask::new(out, form, dims, &affine)?);
+        let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
         let Product::Mask(mask) = product else { return Err(ExportStop::Damaged) };
         let inside = mask.inside();
         mask.finish()?;
-        Ok(Exported { inside, unknown, ..Exported::default() })
+        Ok(Some(Exported { inside, unknown, ..Exported::default() }))
     }
 
-    /// Sweeps the model twice: to know what is inside, and to make the product of it.
-    fn sweep(
+    /// Sweeps the model, and makes the product of it; `None` where the cells do not say what is inside.
+    fn sweep<'p>(
         &self,
-        bounds: [[u32; 3]; 2],
-        product: &mut Product<'_>,
+        bounds: Bounds,
+        product: Product<'p>,
+        fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
-    ) -> Result<u64, ExportStop> {
-        let slices = u64::from(bounds[1][2] - bounds[0][2]);
-        let outward = Outward::new(self.cells(), self.affine.spacing_mm());
-        let mut sweep = Sweep::new(bounds, outward).keeping_fates();
-        progress.stage("inside", slices);
-        self.each_slice(bounds, |skin| {
-            sweep.slice(self.view, skin);
-            Ok(progress.step(1)?)
-        })?;
-        let (enclosed, fates) = sweep.finish();
-        let mut sweep = Sweep::new(bounds, outward).knowing(fates);
-        let mut samples = Samples { lights: self.lights(), ..Samples::default() };
-        progress.stage("export", slices);
-        self.each_slice(bounds, |skin| {
-            sweep.slice(self.view, skin);
-            let boxes = Boxes::of(&sweep);
+    ) -> Result<Option<(Product<'p>, u64)>, ExportStop> {
+        let (unknown, fates) = fates.map_or((0, None), |(unknown, fates)| (unknown, Some(fates)));
+        let mut votes = fates.map(|fates| Sweep::new(bounds, self.outward()).knowing(fates));
+        let [low, end] = bounds;
+        let extent = Extent {
+            low: [low[0], low[1]],
+            width: end[0] - low[0] + 2,
+            height: (end[1] - low[1] + 2) as usize,
+        };
+        let mut samples = Samples::new(extent, self.lights(), product);
+        progress.stage("export", u64::from(end[2] - low[2]));
+        let done = self.each_slice(bounds, |skin| {
+            if let Some(votes) = &mut votes {
+                votes.slice(self.view, skin);
+            }
             progress.step(1)?;
-            self.next_slice(&mut samples, boxes, sweep.height(), bounds[0], product)
+            samples.boxes.rotate_right(1);
+            let [here, below] = &mut samples.boxes;
+            if here.take(self.view, skin, below, votes.as_ref()).is_none() {
+                return Ok(None);
+            }
+            self.next_slice(&mut samples, low).map(Some)
         })?;
-        Ok(enclosed.unknown)
+        if done.is_none() {
+            return Ok(None);
+        }
+        let mut product = samples.product;
+        if let Product::Mesh(mesher, coarse) = &mut product
+            && let Some(coarse) = coarse.take()
+        {
+            coarse.finish(mesher, self.space)?;
+        }
+        Ok(Some((product, unknown)))
     }
 
-    /// The skin of each slice, from the one before the first to the one behind the last.
+    /// The skin of each slice, from the one before the first to the one behind the last, until the work gives `None`.
     fn each_slice(
         &self,
-        [low, end]: [[u32; 3]; 2],
-        mut work: impl FnMut(&[SkinVoxel]) -> Result<(), ExportStop>,
-    ) -> Result<(), ExportStop> {
+        [low, end]: Bounds,
+        mut work: impl FnMut(&[SkinVoxel]) -> Result<Option<()>, ExportStop>,
+    ) -> Result<Option<()>, ExportStop> {
         let mut slices = SkinSlices::new(self.view);
-        work(&[])?;
+        if work(&[])?.is_none() {
+            return Ok(None);
+        }
         for z in low[2]..end[2] {
             if z % SLICES_KEPT == 0 {
                 (self.give_back)();
             }
-            work(slices.slice(z).ok_or(ExportStop::Damaged)?)?;
+            if work(slices.slice(z).ok_or(ExportStop::Damaged)?)?.is_none() {
+                return Ok(None);
+            }
         }
         work(&[])
     }
 
-    /// Takes a slice of boxes, and makes what follows from it and those before.
-    fn next_slice(
-        &self,
-        samples: &mut Samples,
-        boxes: Boxes,
-        height: usize,
-        low: [u32; 3],
-        product: &mut Product<'_>,
-    ) -> Result<(), ExportStop> {
-        let skin_only = self.skin_only && matches!(product, Product::Mask(_));
-        let signs = match (self.view.cells(), &samples.boxes) {
-            (None, _) => Some(boxes.signs(height, skin_only)),
-            (Some(items), Some(below)) => Some(signs_of_cells(below, &boxes, items, height)),
-            (Some(_), None) => None,
-        };
+    /// Makes what follows from the slice of boxes that was taken last, and those before.
+    fn next_slice(&self, state: &mut Samples<'_>, low: [u32; 3]) -> Result<(), ExportStop> {
+        let Samples { lights, normals, boxes: [boxes, below], samples: both, slices, is_first, product } =
+            state;
         let cells = self.cells();
-        if let Some(signs) = signs {
-            match (product, &samples.signs, &samples.boxes) {
-                (Product::Mesh(mesher, Some(coarse)), ..) => {
-                    let height = if cells { height - 1 } else { height };
-                    if let Some(lights) = &samples.lights {
-                        coarse.tint(self.view, lights, &boxes, height);
-                    }
-                    coarse.add(&signs, height, mesher, self.space)?;
-                }
-                (Product::Mesh(mesher, None), Some(before), Some(below)) => {
-                    // A layer of cells is the slice between two slices of samples.
-                    let lights = samples.lights.as_ref();
-                    let layer = Layer { view: self.view, space: self.space, boxes: [below, &boxes], lights };
-                    let height = if cells { height - 1 } else { height };
-                    mesher.layer([before, &signs], &layer, height, samples.slices)?;
-                }
-                (Product::Mask(mask), ..) => {
-                    // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
-                    let [x, y, z] = low.map(|low| i64::from(low) - 1);
-                    // A slice before the volume holds nothing.
-                    if let Ok(z) = u32::try_from(z + i64::from(samples.slices)) {
-                        mask.empty_until(z)?;
-                        mask.slice(&signs, [x, y])?;
-                    }
-                }
-                _ => {}
-            }
-            samples.signs = Some(signs);
-            samples.slices += 1;
+        if cells && std::mem::take(is_first) {
+            return Ok(());
         }
-        samples.boxes = Some(boxes);
+        both.rotate_right(1);
+        let [samples, before] = both;
+        if cells {
+            below.of_cells(boxes, samples);
+        } else {
+            boxes.of_voxels(self.skin_only && matches!(product, Product::Mask(_)), samples);
+        }
+        let height = if cells { boxes.height() - 1 } else { boxes.height() };
+        match product {
+            Product::Mesh(mesher, Some(coarse)) => {
+                if let Some(lights) = lights {
+                    coarse.tint(self.view, lights, boxes, height);
+                }
+                coarse.add(samples, height, mesher, self.space)?;
+            }
+            // A layer of cells is the slice between two slices of samples.
+            Product::Mesh(mesher, None) if *slices > 0 => {
+                let boxes: [&Boxes; 2] = [below, boxes];
+                let (lights, at) = (lights.as_ref(), (0, 0));
+                let mut layer = Layer { view: self.view, space: self.space, boxes, lights, normals, at };
+                mesher.layer([before, samples], &mut layer, height, *slices)?;
+            }
+            Product::Mesh(..) => {}
+            Product::Mask(mask) => {
+                // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
+                let [x, y, z] = low.map(|low| i64::from(low) - 1);
+                // A slice before the volume holds nothing.
+                if let Ok(z) = u32::try_from(z + i64::from(*slices)) {
+                    mask.empty_until(z)?;
+                    mask.slice(samples, [x, y])?;
+                }
+            }
+        }
+        *slices += 1;
         Ok(())
     }
 
-    fn points(&self, mut sink: Box<dyn Sink>, progress: &dyn Progress) -> Result<Exported, ExportStop> {
-        let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
+    fn points(
+        &self,
+        mut sink: Box<dyn Sink>,
+        bounds: Bounds,
+        progress: &dyn Progress,
+    ) -> Result<Exported, ExportStop> {
         progress.stage("export", u64::from(bounds[1][2] - bounds[0][2]));
         let mut vertices = 0;
         let lights = self.lights();
@@ -416,13 +503,12 @@ impl Exporter<'_> {
                 vertices += 1;
             }
             z += 1;
-            Ok(progress.step(1)?)
+            Ok(Some(progress.step(1)?))
         })?;
         sink.finish()?;
         Ok(Exported { vertices, ..Exported::default() })
     }
 
-    #[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
     fn point(&self, at: [f64; 3], voxel: VoxelIndex, lights: Option<&Lights>) -> Vertex {
         let plane = self.view.cells().and_then(|items| items.plane(voxel.get()));
         let normal = self.view.voxel_normal(voxel).map(|code| normal::decode(code).map(f64::from));
@@ -435,18 +521,116 @@ impl Exporter<'_> {
             self.space.normal_to_world(normal)
         };
         let color = lights.and_then(|lights| Some(lights.of(self.view.voxel_color(voxel)?)));
-        let light = color.unwrap_or_default();
-        Vertex { at: mm.map(|c| c as f32), normal: normal.map(|c| c as f32), light }
+        Vertex { at: singles(mm), normal: unit(singles(normal)), light: color.unwrap_or_default() }
     }
 }
 
+/// Where triangles of a form go; `has`: normals, and colours.
+fn sink(
+    form: ExportForm,
+    out: File,
+    scratch: &Path,
+    [normals, colors]: [bool; 2],
+) -> Result<Box<dyn Sink>, ExportStop> {
+    let waiting = || scratch::unnamed(scratch);
+    Ok(match form {
+        ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals, colors)?),
+        ExportForm::Obj => Box::new(Obj::new(out, normals)?),
+        ExportForm::Glb => {
+            let normals = normals.then(waiting).transpose()?;
+            Box::new(Glb::new(out, normals, colors.then(waiting).transpose()?, waiting()?)?)
+        }
+        _ => Box::new(Stl::new(out)?),
+    })
+}
+
 /// The state between two slices.
-#[derive(Default)]
-struct Samples {
+struct Samples<'p> {
     /// If the model has colours.
     lights: Option<Lights>,
-    boxes: Option<Boxes>,
-    signs: Option<Signs>,
+    normals: WorldNormals,
+    /// The slice that was taken last, and the one before.
+    boxes: [Boxes; 2],
+    /// The same of samples.
+    samples: [Bits; 2],
     /// Slices of samples so far.
     slices: u32,
+    /// Is no slice of boxes before the last?
+    is_first: bool,
+    product: Product<'p>,
+}
+
+impl<'p> Samples<'p> {
+    fn new(extent: Extent, lights: Option<Lights>, product: Product<'p>) -> Self {
+        let bits = || Bits::new(extent.width, extent.height);
+        Self {
+            lights,
+            normals: WorldNormals::new(),
+            boxes: [Boxes::new(extent), Boxes::new(extent)],
+            samples: [bits(), bits()],
+            slices: 0,
+            is_first: true,
+            product,
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::SurfaceKind;
+    use crate::progress::Silent;
+    use crate::{BuildOptions, Model, Threshold, Voxels};
+
+    type Depth<'a> = &'a (dyn Fn([u32; 3]) -> f32 + Sync);
+
+    /// The mesh by the cells alone, if they suffice, and the mesh by all normals.
+    fn both_ways(depth: Depth<'_>) -> (Option<Mesh>, Mesh) {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.oct");
+        let volume = Voxels::from_fn(Dims::new(40, 38, 37).unwrap(), depth);
+        let threshold = Threshold::Iso(0.0);
+        let options = BuildOptions { threshold, surface: SurfaceKind::Cells, ..BuildOptions::default() };
+        crate::build(&volume, &options, &path).unwrap();
+        let model = Model::open(&path).unwrap();
+        let space = GridSpace::new(model.dims(), &model.affine()).unwrap();
+        let exporter = Exporter {
+            view: &model.view(),
+            dims: model.dims(),
+            affine: model.affine(),
+            space: &space,
+            skin_only: false,
+            step: 1,
+            give_back: &|| {},
+        };
+        let bounds = extent(exporter.view).unwrap();
+        let fates = exporter.fates(bounds, &Silent).unwrap();
+        let by_normals = exporter.kept(bounds, Some(fates), &Silent).unwrap().unwrap();
+        (exporter.kept(bounds, None, &Silent).unwrap(), by_normals)
+    }
+
+    #[test]
+    fn cells_know_what_is_inside_as_all_normals_do() {
+        let ball = |p: [u32; 3], middle: f32, radius: f32| {
+            radius - p.map(|c| (c as f32 - middle).powi(2)).iter().sum::<f32>().sqrt()
+        };
+        let hollow = |p: [u32; 3]| ball(p, 14.0, 10.0).min(-ball(p, 14.0, 5.0)).max(ball(p, 27.0, 8.0));
+        let noise = |p: [u32; 3]| {
+            let mixed = (p[0] ^ p[1] << 8 ^ p[2] << 16).wrapping_mul(0x9e37_79b9);
+            ((mixed ^ mixed >> 15).wrapping_mul(0x85eb_ca6b) >> 8) as f32 / (1 << 23) as f32 - 1.0
+        };
+        let volumes: [(&str, Depth<'_>); 6] = [
+            ("hollow", &hollow),
+            ("labels", &|p| if hollow(p) > 0.0 { 1.0 } else { -1.0 }),
+            ("rough", &|p| hollow(p) + 1.5 * noise(p)),
+            ("sheet", &|p| 0.6 - (p[2] as f32 - 0.3 * p[0] as f32 - 12.0).abs()),
+            ("checkers", &|p| if p.map(|c| c / 3).iter().sum::<u32>() % 2 == 0 { 1.0 } else { -1.0 }),
+            ("one", &|p| if p == [9, 8, 7] { 1.0 } else { -1.0 }),
+        ];
+        for (name, depth) in volumes {
+            let (by_cells, by_normals) = both_ways(depth);
+            let by_cells = by_cells.unwrap_or_else(|| panic!("{name}: the cells do not suffice"));
+            assert!(!by_cells.faces.is_empty() && by_cells == by_normals, "{name}");
+        }
+    }
 }

@@ -1,11 +1,15 @@
 //! Where the surface passes through a cube between eight samples.
 
-use super::cases::{CASES, EDGES, ends, is_inside};
+#![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "components of 8 bits")]
+
+use super::cases::{CASES, CROSSED, Crossed, EDGES, ends, is_inside};
 use super::signs::Boxes;
 use super::tint::{Light, Lights, Mixture};
-use crate::format::cell::Plane;
+use super::write::unit;
+use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
+use crate::format::normal;
 use crate::geom::VoxelIndex;
-use crate::load::{CellItems, CellShape, ModelView, NodeView};
+use crate::load::{CellItems, ModelView, NodeView};
 use crate::render::GridSpace;
 
 /// Vertices keep this far from the faces of their cubes, in edges: so each sample stays on its side of the surface,
@@ -17,22 +21,23 @@ const MARGIN: f64 = 1.0 / 256.0;
 pub(super) struct Spot {
     /// In edges of the cube, from its middle.
     pub(super) at: [f64; 3],
-    /// Outward, of the patient's axes, of any length; zeros where nothing is known.
-    pub(super) normal: [f64; 3],
+    /// Outward, of the patient's axes, of length 1; zeros where nothing is known.
+    pub(super) normal: [f32; 3],
     /// Black where the model has no colours.
     pub(super) light: Light,
 }
 
 /// Finds where patches lie.
 pub(super) trait Spots {
-    /// The point where a patch has its vertex.
-    fn spot(&self, place: Patch) -> Spot;
+    /// The point where a patch has its vertex. Cubes come in rows, in each from left to right.
+    fn spot(&mut self, place: Patch) -> Spot;
 }
 
 /// The same point, kept away from the faces of its cube.
+#[inline(always)]
 pub(super) fn held_within(at: [f64; 3]) -> [f64; 3] {
     let within = 0.5 - MARGIN;
-    at.map(|c| c.clamp(-within, within))
+    [at[0].clamp(-within, within), at[1].clamp(-within, within), at[2].clamp(-within, within)]
 }
 
 /// A cube: between the samples `x - 1` and `x` along each axis.
@@ -44,6 +49,44 @@ pub(super) struct Patch {
     pub(super) patch: u8,
 }
 
+/// Normals of the world by the codes of cells, as far as they were asked for.
+#[derive(Debug)]
+pub(super) struct WorldNormals(Vec<[f32; 3]>);
+
+impl WorldNormals {
+    pub(super) fn new() -> Self {
+        Self(vec![[0.0; 3]; 1 << 16])
+    }
+
+    #[inline(always)]
+    fn of(&mut self, code: u16, space: &GridSpace) -> [f32; 3] {
+        match self.0.get(usize::from(code)) {
+            Some(known) if *known != [0.0; 3] => *known,
+            _ => self.first_of(code, space),
+        }
+    }
+
+    #[cold]
+    fn first_of(&mut self, code: u16, space: &GridSpace) -> [f32; 3] {
+        let normal = in_world(space, normal::decode_l1(code).map(f64::from));
+        if let Some(known) = self.0.get_mut(usize::from(code)) {
+            *known = normal;
+        }
+        normal
+    }
+}
+
+/// The unit normal of the world of a vector of index space.
+pub(super) fn in_world(space: &GridSpace, n: [f64; 3]) -> [f32; 3] {
+    unit(singles(space.index_normal_to_world(n)))
+}
+
+#[expect(clippy::cast_possible_truncation, reason = "files hold 32-bit coordinates")]
+#[inline(always)]
+pub(super) fn singles(v: [f64; 3]) -> [f32; 3] {
+    [v[0] as f32, v[1] as f32, v[2] as f32]
+}
+
 /// The surface of a model in a layer of cubes.
 pub(super) struct Layer<'a> {
     pub(super) view: &'a ModelView<'a>,
@@ -52,15 +95,19 @@ pub(super) struct Layer<'a> {
     pub(super) boxes: [&'a Boxes; 2],
     /// If the model has colours.
     pub(super) lights: Option<&'a Lights>,
+    pub(super) normals: &'a mut WorldNormals,
+    /// The row of the last cube, and the first cell that is not before it.
+    pub(super) at: (usize, usize),
 }
 
 impl Spots for Layer<'_> {
-    fn spot(&self, place: Patch) -> Spot {
+    #[inline(always)]
+    fn spot(&mut self, place: Patch) -> Spot {
         let spot = match self.view.cells() {
             Some(items) => self.in_cell(items, place),
             None => {
                 let (normal, light) = self.of_voxels(place);
-                Spot { at: middle(place, |_| 0.5), normal, light }
+                Spot { at: middle(place, |_| 0.5), normal: unit(singles(normal)), light }
             }
         };
         Spot { at: held_within(spot.at), ..spot }
@@ -78,63 +125,122 @@ impl Layer<'_> {
         for corner in (0..8_u32).filter(|corner| seen >> corner & 1 == 1) {
             let x = place.x - 1 + (corner & 1);
             let row = place.row - 1 + (corner as usize >> 1 & 1);
-            let skin = self.boxes[corner as usize >> 2].skin.row(row);
-            let Ok(at) = skin.binary_search_by_key(&x, |(x, _)| *x) else { continue };
-            let voxel = VoxelIndex::new(skin[at].1);
+            let skin = self.boxes[corner as usize >> 2].items.row(row);
+            let Ok(at) = skin.binary_search_by_key(&x, |item| item.x) else { continue };
+            let voxel = VoxelIndex::new(skin[at].number);
             if let Some(lights) = self.lights
                 && let Some(color) = self.view.voxel_color(voxel)
             {
                 mixture.add(lights.of(color));
             }
             let Some(code) = self.view.voxel_normal(voxel) else { continue };
-            let normal = self.space.normal_to_world(crate::format::normal::decode(code).map(f64::from));
+            let normal = self.space.normal_to_world(normal::decode(code).map(f64::from));
             (0..3).for_each(|a| sum[a] += normal[a]);
         }
         (sum, mixture.mean(self.lights.map_or([0; 3], Lights::nothing)))
     }
 
-    fn in_cell(&self, items: CellItems<'_>, place: Patch) -> Spot {
-        let skin = self.boxes[0].skin.row(place.row);
-        let cell = skin.binary_search_by_key(&place.x, |(x, _)| *x).ok().map(|at| skin[at].1);
+    #[inline(always)]
+    fn in_cell(&mut self, items: CellItems<'_>, place: Patch) -> Spot {
+        let (row, mut at) = self.at;
+        if row != place.row {
+            at = 0;
+        }
+        let skin = self.boxes[0].items.row(place.row);
+        while skin.get(at).is_some_and(|item| item.x < place.x) {
+            at += 1;
+        }
+        self.at = (place.row, at);
+        let cell = skin.get(at).filter(|item| item.x == place.x);
         let light = self.lights.map_or([0; 3], |lights| {
-            let color = cell.and_then(|cell| self.view.voxel_color(VoxelIndex::new(cell)));
+            let color = cell.and_then(|cell| self.view.voxel_color(VoxelIndex::new(cell.number)));
             color.map_or_else(|| lights.nothing(), |color| lights.of(color))
         });
-        match cell.map(|cell| items.shape(cell)) {
-            Some(CellShape::Plane(plane)) => Spot { light, ..self.on_plane(plane, place) },
-            Some(CellShape::Corners(samples)) => {
-                let value = |corner: usize| f64::from(samples[corner]);
-                let at = middle(place, |edge| {
-                    let [low, high] = ends(edge).map(value);
-                    if (low > 0.0) == (high > 0.0) { 0.5 } else { low / (low - high) }
-                });
-                let slope = |axis: usize| -> f64 {
-                    let along =
-                        |corner: usize| if corner >> axis & 1 == 1 { -value(corner) } else { value(corner) };
-                    (0..8).map(along).sum()
-                };
-                let normal = self.space.index_normal_to_world([0, 1, 2].map(slope));
-                Spot { at, normal, light }
+        match cell {
+            Some(cell) if cell.offset == HAS_CORNERS => {
+                let (at, normal) = between_corners(items.corners(cell.number), place);
+                Spot { at, normal: in_world(self.space, normal), light }
+            }
+            Some(cell) => {
+                let crossed = &CROSSED[usize::from(place.case)][usize::from(place.patch)];
+                let at = on_plane(normal::decode_l1(cell.code), cell.offset, crossed);
+                Spot { at, normal: self.normals.of(cell.code, self.space), light }
             }
             None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
         }
     }
+}
 
-    /// The point of the plane that is nearest to where it meets the patch's edges.
-    fn on_plane(&self, plane: Plane, place: Patch) -> Spot {
-        let n = plane.normal.map(f64::from);
-        // A plane's own coordinates run from -1 to 1.
-        let offset = f64::from(plane.offset) / 2.0;
-        let value = |p: [f64; 3]| n[0] * p[0] + n[1] * p[1] + n[2] * p[2] - offset;
-        let mean = middle(place, |edge| {
-            let [low, high] = ends(edge).map(|corner| value(corner_at(corner)));
-            if low == high { 0.5 } else { (low / (low - high)).clamp(0.0, 1.0) }
-        });
-        let square = n.iter().map(|c| c * c).sum::<f64>().max(1.0);
-        let off = value(mean) / square;
-        let at = std::array::from_fn(|a| mean[a] - off * n[a]);
-        Spot { at, normal: self.space.index_normal_to_world(n), light: [0; 3] }
+/// Where the surface between eight samples crosses a patch's edges, in the mean, and its slope.
+fn between_corners(samples: [i8; CORNERS], place: Patch) -> ([f64; 3], [f64; 3]) {
+    let value = |corner: usize| f64::from(samples[corner]);
+    let at = middle(place, |edge| {
+        let [low, high] = ends(edge).map(value);
+        if (low > 0.0) == (high > 0.0) { 0.5 } else { low / (low - high) }
+    });
+    let slope = |axis: usize| -> f64 {
+        let along = |corner: usize| if corner >> axis & 1 == 1 { -value(corner) } else { value(corner) };
+        (0..8).map(along).sum()
+    };
+    (at, [0, 1, 2].map(slope))
+}
+
+/// For a component of a normal: the place on an edge along its axis, 0 to 1, is the plane's value at the low end times
+/// the first number, plus the second; half-way where the plane runs along the edge.
+static PLACES: [[f64; 2]; 256] = {
+    let mut places = [[0.0, 0.5]; 256];
+    let mut component = -128_i32;
+    while component < 128 {
+        if component != 0 {
+            places[(component + 128) as usize] = [-0.5 / component as f64, 0.0];
+        }
+        component += 1;
     }
+    places
+};
+
+/// Four bits as numbers.
+static NIBBLES: [[f64; 4]; 16] = {
+    let mut nibbles = [[0.0; 4]; 16];
+    let mut bits = 0;
+    while bits < 64 {
+        nibbles[bits / 4][bits % 4] = ((bits / 4) >> (bits % 4) & 1) as f64;
+        bits += 1;
+    }
+    nibbles
+};
+
+/// The point of a plane that is nearest to the mean of where it meets the patch's edges.
+#[inline(always)]
+fn on_plane(normal: [i32; 3], offset: i8, crossed: &Crossed) -> [f64; 3] {
+    let n = normal.map(f64::from);
+    let [x, y, z] = n.map(|c| 2.0 * c);
+    // In a plane's own coordinates, which run from -1 to 1, values at corners are whole numbers.
+    let first = -(n[0] + n[1] + n[2]) - f64::from(offset);
+    let share = 1.0 / f64::from(crossed.count);
+    let mean = [
+        sum_along(0, [first, first + y, first + z, first + y + z], normal, crossed) * share,
+        sum_along(1, [first, first + x, first + z, first + x + z], normal, crossed) * share,
+        sum_along(2, [first, first + x, first + y, first + x + y], normal, crossed) * share,
+    ];
+    let value = n[0] * mean[0] + n[1] * mean[1] + n[2] * mean[2] - f64::from(offset) / 2.0;
+    let off = value / (n[0] * n[0] + n[1] * n[1] + n[2] * n[2]);
+    [mean[0] - off * n[0], mean[1] - off * n[1], mean[2] - off * n[2]]
+}
+
+/// The sum of the crossings of a patch's edges, from the cube's middle along an axis; `lows` are the plane's values at
+/// the low ends of the edges along it.
+#[inline(always)]
+fn sum_along(axis: usize, lows: [f64; 4], normal: [i32; 3], crossed: &Crossed) -> f64 {
+    let [scale, shift] = PLACES[usize::from((normal[axis] + 128) as u8)];
+    let chosen = &NIBBLES[usize::from(crossed.along[axis] & 15)];
+    let mut places = [0.0; 4];
+    for i in 0..4 {
+        let place = lows[i] * scale + shift;
+        let held = if place > 0.0 { place } else { 0.0 };
+        places[i] = chosen[i] * if held < 1.0 { held } else { 1.0 };
+    }
+    f64::from(crossed.ends[axis]) * 0.5 + ((places[0] + places[1]) + (places[2] + places[3]))
 }
 
 /// The point of a plane that is nearest to the middle of its cell, held within it.

@@ -1,184 +1,273 @@
-//! Which samples of a slice are inside, as the places where rows change sides.
+//! Which samples of a slice are inside, a bit for each.
 //!
 //! The samples of a model of voxels are the middles of these. Cells lie between samples: sample `x` touches the cells
 //! `x` and `x + 1` along each axis.
+//!
+//! Boxes that are not skin lie outside or inside. Cells say which by themselves: a side of a cell that is next to
+//! inside lies behind its surface (SPEC 4.8), so a stretch between two cells is outside where one of these sides does
+//! not. Where both do, a corner must lie so deep that it cannot be an outside one that is covered, or the normals must
+//! not point into the stretch, or a neighbouring stretch is inside; and neighbouring stretches must agree. Otherwise, and
+//! between voxels, all normals around decide ([`Sweep`]).
 
-use crate::enclosed::{Rows, Side, Sweep};
-use crate::format::cell::{CORNERS, at_corner};
-use crate::load::{CellItems, CellShape};
+use super::bits::{Bits, any, set};
+use crate::enclosed::{Rows, Side, SkinVoxel, Sweep};
+use crate::format::cell::{CORNERS, HAS_CORNERS, at_corner};
+use crate::format::normal;
+use crate::geom::VoxelIndex;
+use crate::load::{CellItems, ModelView, NodeView};
 
-/// Samples of a slice: in each row the first sample of every stretch, inside and outside in turns, from the first
-/// inside one on.
-pub(super) type Signs = Rows<u32>;
+/// The corners of a cell at its low and its high side along x.
+const LOW_SIDE: u8 = 0b0101_0101;
+const HIGH_SIDE: u8 = 0b1010_1010;
 
-/// A stretch of boxes between skin, and where it lies.
+/// A skin voxel, or a cell, of a row.
 #[derive(Clone, Copy, Debug)]
-struct Stretch {
-    start: u32,
-    end: u32,
-    side: Side,
+pub(super) struct Item {
+    pub(super) number: u64,
+    pub(super) x: u32,
+    /// Code of its normal, and offset of its plane; of cells.
+    pub(super) code: u16,
+    pub(super) offset: i8,
+}
+
+/// The boxes around a model's skin, one more at every side.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Extent {
+    /// The first boxes of the skin.
+    pub(super) low: [u32; 2],
+    pub(super) width: u32,
+    pub(super) height: usize,
 }
 
 /// A slice of boxes: skin, and where everything else lies.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub(super) struct Boxes {
-    /// Skin boxes: x and number.
-    pub(super) skin: Rows<(u32, u64)>,
-    runs: Rows<Stretch>,
-    /// Length of the rows, where there is no skin: then all is outside, and rows are left out.
-    void: Option<u32>,
+    extent: Extent,
+    pub(super) items: Rows<Item>,
+    /// Boxes that are not skin.
+    outside: Bits,
+    inside: Bits,
+    /// Of cells: the samples of either side that touch a box outside, and one inside.
+    touched: [Bits; 2],
+    /// Of cells: the samples below and above that a surface says are outside.
+    front: [Bits; 2],
 }
 
 impl Boxes {
-    /// The slice that a sweep took last.
-    pub(super) fn of(sweep: &Sweep) -> Self {
-        let mut boxes = Self::default();
-        let slice = sweep.last();
-        if sweep.is_void() {
-            boxes.void = Some(sweep.width());
-            return boxes;
+    /// An empty slice, of which nothing is known.
+    pub(super) fn new(extent: Extent) -> Self {
+        let bits = || Bits::new(extent.width, extent.height);
+        Self {
+            extent,
+            items: Rows::default(),
+            outside: bits(),
+            inside: bits(),
+            touched: [bits(), bits()],
+            front: [bits(), bits()],
         }
-        for row in 0..sweep.height() {
-            slice.skin.row(row).iter().for_each(|item| boxes.skin.push((item.x, item.voxel.get())));
-            for run in slice.runs.row(row) {
-                boxes.runs.push(Stretch { start: run.start, end: run.end, side: sweep.side(*run) });
+    }
+
+    /// Rows, one before and one behind the skin among them.
+    pub(super) fn height(&self) -> usize {
+        self.extent.height
+    }
+
+    /// Takes a slice, its skin in rows. `votes` knows where all else lies; without it the cells have to. `None` if they do
+    /// not.
+    pub(super) fn take(
+        &mut self,
+        view: &ModelView<'_>,
+        skin: &[SkinVoxel],
+        below: &Self,
+        votes: Option<&Sweep>,
+    ) -> Option<()> {
+        let Extent { low, height, .. } = self.extent;
+        self.items.clear();
+        self.front.iter_mut().for_each(|bits| bits.fill(0));
+        let mut rest = skin;
+        for row in 0..height {
+            let y = (low[1] as usize + row).wrapping_sub(1);
+            let here = rest.iter().take_while(|found| found.y as usize == y).count();
+            let (now, later) = rest.split_at(here);
+            rest = later;
+            self.row(view, row, now, below, votes)?;
+        }
+        Some(())
+    }
+
+    /// Takes a row.
+    fn row(
+        &mut self,
+        view: &ModelView<'_>,
+        row: usize,
+        skin: &[SkinVoxel],
+        below: &Self,
+        votes: Option<&Sweep>,
+    ) -> Option<()> {
+        let Self { extent, items, outside, inside, front, .. } = self;
+        let above = row.saturating_sub(1);
+        inside.row_mut(row).fill(0);
+        outside.row_mut(row).fill(0);
+        if let Some(sweep) = votes {
+            let runs = sweep.last().runs.row(row).iter().filter(|run| sweep.side(**run) == Side::Inside);
+            runs.for_each(|run| set(inside.row_mut(row), run.start, run.end));
+        }
+        let cells = view.cells();
+        let stride = outside.stride();
+        let mut last = Cell { x: 0, corners: 0, normal: [0; 3], offset: 0 };
+        for found in skin {
+            let (x, number) = (found.x - extent.low[0] + 1, found.voxel.get());
+            set(outside.row_mut(row), x, x + 1);
+            let Some(cells) = cells else {
+                items.push(Item { number, x, code: 0, offset: 0 });
+                continue;
+            };
+            let code = view.voxel_normal(VoxelIndex::new(number)).unwrap_or(0);
+            let n = normal::decode_l1(code);
+            let (offset, corners) = corners_of(&cells, number, n);
+            items.push(Item { number, x, code, offset });
+            for (bits, high) in front.iter_mut().zip([0, 4]) {
+                let rows = bits.two_rows_mut(above);
+                mark(rows, x - 1, !corners >> high);
+                mark(&mut rows[stride..], x - 1, !corners >> high >> 2);
             }
-            boxes.skin.end_row();
-            boxes.runs.end_row();
+            let before = std::mem::replace(&mut last, Cell { x, corners, normal: n, offset });
+            if votes.is_none() && x > before.x + 1 && before.covers(HIGH_SIDE) && last.covers(LOW_SIDE) {
+                let start = before.x + 1;
+                let is_sure = (before.normal[0] <= 0 && n[0] >= 0)
+                    || before.is_deep(HIGH_SIDE)
+                    || last.is_deep(LOW_SIDE)
+                    || any(inside.row(above), start, x)
+                    || any(below.inside.row(row), start, x);
+                if !is_sure {
+                    return None;
+                }
+                set(inside.row_mut(row), start, x);
+            }
         }
-        boxes
+        items.end_row();
+        self.end_row(row, below, votes.is_none())
+    }
+
+    /// What follows from a row and the one before.
+    fn end_row(&mut self, row: usize, below: &Self, must_agree: bool) -> Option<()> {
+        let Self { extent, outside, inside, touched, .. } = self;
+        let mut disagree = 0;
+        let above = row.saturating_sub(1);
+        for at in 0..outside.stride() {
+            let within = inside.row(row)[at];
+            let without = !(outside.row(row)[at] | within) & first_bits(at, extent.width);
+            outside.row_mut(row)[at] = without;
+            disagree |= within & (below.outside.row(row)[at] | outside.row(above)[at])
+                | without & (below.inside.row(row)[at] | inside.row(above)[at]);
+        }
+        if row > 0 {
+            for (touched, bits) in touched.iter_mut().zip([outside, inside]) {
+                let mut later = 0;
+                let (one, other) = (bits.row(row - 1), bits.row(row));
+                for (at, touched) in touched.row_mut(row - 1).iter_mut().enumerate().rev() {
+                    let both = one[at] | other[at];
+                    *touched = both | both >> 1 | later << 63;
+                    later = both;
+                }
+            }
+        }
+        (disagree == 0 || !must_agree).then_some(())
     }
 
     /// The samples of a slice of voxels: skin is inside.
-    pub(super) fn signs(&self, height: usize, skin_only: bool) -> Signs {
-        let mut signs = Signs::default();
-        if self.void.is_some() {
-            return signs;
-        }
+    pub(super) fn of_voxels(&self, skin_only: bool, samples: &mut Bits) {
+        let Extent { width, height, .. } = self.extent;
         for row in 0..height {
-            let mut outside = self.runs.row(row).iter().filter(|run| skin_only || run.side == Side::Outside);
-            let mut inside_from = outside.next().map_or(0, |run| run.end);
-            for run in outside {
-                if run.start > inside_from {
-                    signs.push(inside_from);
-                    signs.push(run.start);
-                }
-                inside_from = run.end;
-            }
-            signs.end_row();
-        }
-        signs
-    }
-}
-
-/// A statement about a stretch of samples. Later ones give way to earlier ones.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Claim {
-    /// Touches what lies outside.
-    Outside,
-    /// Touches what lies inside.
-    Inside,
-    /// A cell's surface says that it is outside.
-    InFront,
-}
-
-/// The samples between two slices of cells, in each row `y` those between the cells' rows `y` and `y + 1`.
-///
-/// A sample behind the surfaces of all the cells around is inside; where it touches cells without a surface, these
-/// decide.
-pub(super) fn signs_of_cells(below: &Boxes, above: &Boxes, items: CellItems<'_>, height: usize) -> Signs {
-    let mut signs = Signs::default();
-    if below.void.is_some() && above.void.is_some() {
-        return signs;
-    }
-    let mut claims = Vec::new();
-    for y in 0..height - 1 {
-        claims.clear();
-        for (boxes, z) in [(below, 0), (above, 1)] {
-            claims.extend(boxes.void.map(|width| (0, width, Claim::Outside)));
-            for (row, dy) in [(y, 0), (y + 1, 1)] {
-                for run in boxes.runs.row(row) {
-                    let claim = if run.side == Side::Outside { Claim::Outside } else { Claim::Inside };
-                    claims.push((run.start.saturating_sub(1), run.end, claim));
-                }
-                for (x, cell) in boxes.skin.row(row) {
-                    // The sample is the cell's high corner along an axis where the cell is the low one.
-                    let corner = (1 - dy) << 1 | (1 - z) << 2;
-                    let outside = outside_corners(items.shape(*cell));
-                    for (sample, corner) in [(*x - 1, corner), (*x, corner | 1)] {
-                        if outside >> corner & 1 == 1 {
-                            claims.push((sample, sample + 1, Claim::InFront));
-                        }
-                    }
-                }
+            let (outside, inside) = (self.outside.row(row), self.inside.row(row));
+            for (at, sample) in samples.row_mut(row).iter_mut().enumerate() {
+                let not = outside[at] | if skin_only { inside[at] } else { 0 };
+                *sample = !not & first_bits(at, width);
             }
         }
-        claims.sort_unstable();
-        toggles(&claims, &mut signs);
-        signs.end_row();
     }
-    signs
-}
 
-/// Corners of a cell that its surface says are outside, as bits.
-fn outside_corners(shape: CellShape) -> u8 {
-    let is_outside = |corner: usize| match shape {
-        CellShape::Plane(plane) => at_corner(plane.normal, corner) > plane.offset,
-        CellShape::Corners(samples) => samples[corner] <= 0,
-    };
-    (0..CORNERS).filter(|corner| is_outside(*corner)).fold(0, |bits, corner| bits | 1 << corner)
-}
-
-/// Where a row of samples changes sides, of claims ordered by where they begin.
-fn toggles(claims: &[(u32, u32, Claim)], signs: &mut Signs) {
-    // How far each kind of claim reaches; where none does, the sample is inside.
-    let mut reach = [0_u32; 3];
-    let (mut at, mut next, mut inside) = (0_u32, 0_usize, false);
-    loop {
-        while let Some((_, end, claim)) = claims.get(next).filter(|(start, ..)| *start <= at) {
-            let known = &mut reach[*claim as usize];
-            *known = (*known).max(*end);
-            next += 1;
+    /// The samples between this slice of cells and the next; in each row `y` those between the cells' rows `y` and
+    /// `y + 1`.
+    ///
+    /// A sample behind the surfaces of all the cells around is inside; where it touches cells without a surface, these
+    /// decide, the outer ones first.
+    pub(super) fn of_cells(&self, next: &Self, samples: &mut Bits) {
+        let Extent { width, height, .. } = self.extent;
+        for row in 0..height - 1 {
+            let both = |bits: fn(&Self) -> &Bits| [bits(self).row(row), bits(next).row(row)];
+            let (outside, inside) = (both(|boxes| &boxes.touched[0]), both(|boxes| &boxes.touched[1]));
+            let front = [self.front[1].row(row), next.front[0].row(row)];
+            for (at, sample) in samples.row_mut(row).iter_mut().enumerate() {
+                let [outside, inside, front] =
+                    [outside, inside, front].map(|[one, other]| one[at] | other[at]);
+                *sample = !outside & (inside | !front) & first_bits(at, width - 1);
+            }
         }
-        let [outside, within, front] = reach.map(|end| end > at);
-        let now = !outside && (within || !front);
-        // Behind the last claim there is nothing.
-        let ends = next == claims.len() && !outside && !within && !front;
-        let now = now && !ends;
-        if now != inside {
-            signs.push(at);
-            inside = now;
-        }
-        if ends {
-            return;
-        }
-        let start = claims.get(next).map(|(start, ..)| *start);
-        let Some(change) = reach.into_iter().filter(|end| *end > at).chain(start).min() else { return };
-        at = change;
     }
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
+/// A cell next to a stretch of boxes.
+struct Cell {
+    x: u32,
+    /// Corners that are inside, as bits.
+    corners: u8,
+    normal: [i32; 3],
+    offset: i8,
+}
 
-    fn row(claims: &[(u32, u32, Claim)]) -> Vec<u32> {
-        let mut sorted = claims.to_vec();
-        sorted.sort_unstable();
-        let mut signs = Signs::default();
-        toggles(&sorted, &mut signs);
-        signs.end_row();
-        signs.row(0).to_vec()
+impl Cell {
+    /// Does a side lie behind the surface?
+    #[inline(always)]
+    fn covers(&self, side: u8) -> bool {
+        self.corners & side == side
     }
 
-    #[test]
-    fn what_no_claim_reaches_is_inside() {
-        use Claim::{InFront, Inside, Outside};
-        assert_eq!(row(&[(0, 3, Outside), (5, 9, Outside)]), [3, 5]);
-        assert_eq!(row(&[(0, 3, Outside), (3, 4, InFront), (4, 6, Inside), (7, 9, Outside)]), [4, 7]);
-        // Cells that are outside come before those inside, and these before surfaces.
-        assert_eq!(row(&[(0, 3, Outside), (2, 6, Inside), (4, 5, InFront), (6, 9, Outside)]), [3, 6]);
-        assert_eq!(row(&[(0, 9, Outside)]), Vec::<u32>::new());
-        assert_eq!(row(&[]), Vec::<u32>::new());
+    /// Is a corner of a side farther behind the plane than a plane may cover one that is outside (SPEC 4.8)? Corners by
+    /// samples are always right.
+    #[cold]
+    fn is_deep(&self, side: u8) -> bool {
+        let square = self.normal.iter().map(|c| c * c).sum::<i32>();
+        let is_deep = |corner: usize| {
+            let depth = i32::from(self.offset) - at_corner(self.normal, corner);
+            depth > 0 && depth * depth > square
+        };
+        self.offset == HAS_CORNERS || (0..CORNERS).any(|corner| side >> corner & 1 == 1 && is_deep(corner))
     }
+}
+
+/// The bits of a word of a row of which so many are in use.
+fn first_bits(word: usize, used: u32) -> u64 {
+    match (used as usize).checked_sub(64 * word) {
+        Some(left) if left >= 64 => u64::MAX,
+        Some(left) => (1 << left) - 1,
+        None => 0,
+    }
+}
+
+/// Sets the samples at `x` and behind it that the two low bits say.
+#[inline(always)]
+fn mark(row: &mut [u64], x: u32, pair: u8) {
+    let (at, bits) = (x as usize / 64, u64::from(pair & 3));
+    row[at] |= bits << (x % 64);
+    if x % 64 == 63 {
+        row[at + 1] |= bits >> 1;
+    }
+}
+
+/// The offset of a cell's plane, and its corners that are inside, as bits.
+#[inline(always)]
+fn corners_of(cells: &CellItems<'_>, number: u64, normal: [i32; 3]) -> (i8, u8) {
+    let offset = cells.offset(number);
+    if offset == HAS_CORNERS {
+        let samples = cells.corners(number);
+        return (offset, bits(|corner| samples[corner] > 0));
+    }
+    (offset, bits(|corner| at_corner(normal, corner) <= i32::from(offset)))
+}
+
+/// A bit for each corner.
+#[inline(always)]
+fn bits(is_inside: impl Fn(usize) -> bool) -> u8 {
+    (0..CORNERS).fold(0, |bits, corner| bits | u8::from(is_inside(corner)) << corner)
 }

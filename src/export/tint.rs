@@ -80,9 +80,9 @@ impl BlockTints {
         height: usize,
     ) {
         for (row, number) in (0..height).zip(0_u32..) {
-            for (x, voxel) in boxes.skin.row(row) {
-                if let Some(color) = view.voxel_color(VoxelIndex::new(*voxel)) {
-                    self.0.entry((x / step, number / step)).or_default().add(lights.of(color));
+            for item in boxes.items.row(row) {
+                if let Some(color) = view.voxel_color(VoxelIndex::new(item.number)) {
+                    self.0.entry((item.x / step, number / step)).or_default().add(lights.of(color));
                 }
             }
         }

@@ -77,9 +77,10 @@ pub struct ExportReport {
 /// Triangles are a closed surface without holes or edges of more than two triangles; it passes between the samples
 /// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples.
 ///
-/// Memory: the runs and skin of some slices, 5 bytes for each separate part of the outside and the inside, and two
-/// layers of corners; the model is mapped. Temporary disk: for PLY and GLB as much as the triangles take, and the
-/// unpacked model if it is packed. Cost: the checks of `oct verify`, two passes over the model, about a microsecond a skin voxel.
+/// Memory: four slices of skin, some bits a box of two slices, and two layers of corners; for voxels 5 bytes more for each
+/// separate part of the outside and the inside; the model is mapped. Temporary disk: for PLY and GLB as much as the
+/// triangles take, and the unpacked model if it is packed. Cost: the checks of `oct verify`, and one pass over a model of
+/// cells, two over voxels.
 ///
 /// # Errors
 /// The model is damaged, or keeps only what can be seen and its inside is asked for; the format cannot hold it; the output cannot be written. Nothing is left at `output` then
@@ -119,8 +120,7 @@ pub fn export(
         give_back: &|| model.give_back(),
     };
     let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let target = out.file().try_clone().map_err(unwritable)?;
-    let made = exporter.write(request.form, target, folder, progress).map_err(|stop| match stop {
+    let made = exporter.write(request.form, out.file(), folder, progress).map_err(|stop| match stop {
         // Checking all of it says what is wrong.
         ExportStop::Damaged => {
             let changed = model.check_unchanged(input).map_err(Error::from);
@@ -215,8 +215,8 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
 
 /// The triangles of a model in memory: those of [`export`] to a PLY file, in the same order.
 ///
-/// `simplify` as [`ExportRequest::simplify`]. Memory: 30 to 45 bytes a triangle, beyond what [`export`] takes. Cost: two
-/// passes over the model. Its bytes are not verified as they are by [`export`]: [`verify`] does so.
+/// `simplify` as [`ExportRequest::simplify`]. Memory: 24 bytes a triangle, beyond what [`export`] takes. Cost: one pass over
+/// a model of cells, two over voxels. Its bytes are not verified as they are by [`export`]: [`verify`] does so.
 ///
 /// ```
 /// # fn main() -> Result<(), infobyte::Error> {

@@ -101,8 +101,15 @@ impl<'a> CellItems<'a> {
     pub fn plane(&self, cell: u64) -> Option<Plane> {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
         let code = self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code));
-        let offset = self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed());
+        let offset = self.offset(cell);
         (offset != HAS_CORNERS).then(|| Plane::new(code, offset))
+    }
+
+    /// The offset of a cell's plane, or `HAS_CORNERS`.
+    #[inline(always)]
+    pub(crate) fn offset(&self, cell: u64) -> i8 {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed())
     }
 
     /// Normals and offsets of 64 cells from one on, as [`CellItems::plane`] has them; `room` is for the last ones.

@@ -37,7 +37,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("scene", "exit format geom load render text"),
     ("enclosed", "format geom load"),
     ("page", "format geom load render text"),
-    ("export", "enclosed format geom load progress render scratch text"),
+    ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \

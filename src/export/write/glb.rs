@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use serde_json::{Value, json};
 
-use super::{Sink, Vertex, Waiting, bytes_of, counted, unit};
+use super::{Sink, Vertex, Waiting, bytes_of, counted};
 
 /// Bytes of the JSON, filled with spaces.
 const JSON_BYTES: usize = 1536;
@@ -126,8 +126,7 @@ impl Sink for Glb {
         match &mut self.normals {
             // A normal must have the length 1.
             Some(normals) => {
-                let normal = unit(vertex.normal);
-                let normal = if normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { normal };
+                let normal = if vertex.normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { vertex.normal };
                 normals.0.write_all(&bytes_of(normal))
             }
             None => Ok(()),

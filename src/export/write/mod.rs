@@ -19,7 +19,7 @@ use std::io::{self, BufReader, BufWriter, Seek, Write};
 use crate::export::fault::ExportFault;
 use crate::export::tint::Light;
 
-/// A vertex: where it is in mm, its normal, of any length, and its colour.
+/// A vertex: where it is in mm, its normal, of length 1 or zeros, and its colour.
 #[derive(Clone, Copy, Debug, Default)]
 pub(in crate::export) struct Vertex {
     pub(in crate::export) at: [f32; 3],

@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 use super::digits::{four_decimals, shortest, whole};
-use super::{Sink, Vertex, unit};
+use super::{Sink, Vertex};
 
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,
@@ -32,7 +32,7 @@ impl Sink for Obj {
         }
         if self.normals {
             text.extend_from_slice(b"\nvn");
-            for c in unit(vertex.normal) {
+            for c in vertex.normal {
                 text.push(b' ');
                 four_decimals(text, c);
             }

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::{Sink, Vertex, Waiting, bytes_of, unit};
+use super::{Sink, Vertex, Waiting, bytes_of};
 use crate::render::shade::Shader;
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.
@@ -60,7 +60,7 @@ impl Sink for Ply {
         self.vertices += 1;
         self.out.write_all(&bytes_of(vertex.at))?;
         if self.normals {
-            self.out.write_all(&bytes_of(unit(vertex.normal)))?;
+            self.out.write_all(&bytes_of(vertex.normal))?;
         }
         match &self.colors {
             Some(shader) => {
