@@ -163,8 +163,7 @@ const STILL: u32 = 720;
 /// # Errors
 /// [`RenderError`](crate::render::RenderError).
 pub(super) fn still(model: &Model, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
-    let request =
-        RenderRequest { width: STILL, height: STILL, smooth_edges: true, ..RenderRequest::default() };
+    let request = RenderRequest { width: STILL, height: STILL, ..RenderRequest::default() };
     let (image, _) = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
     let mut png = Vec::new();
     image.write_png_to(&mut png).map_err(|_| Error::Internal)?;

@@ -323,7 +323,8 @@ impl Around {
         let above = std::array::from_fn(|i| row(i + 1, 4));
         let first = row_of([0, y, z]);
         let row = |dy: usize, dz: usize| nodes.six(first + dy + dz * SIDE - SIDE - 1, x);
-        let later = [[1, 1], [2, 1], [3, 1], [0, 2], [1, 2], [2, 2], [0, 3], [1, 3], [2, 3]].map(|[y, z]| row(y, z));
+        let later =
+            [[1, 1], [2, 1], [3, 1], [0, 2], [1, 2], [2, 2], [0, 3], [1, 3], [2, 3]].map(|[y, z]| row(y, z));
         let earlier = [[0, 0], [1, 0], [2, 0], [0, 1]].map(|[y, z]| row(y, z));
         let rows = earlier.iter().chain(&later[..2]).chain(&later[3..6]);
         let nodes = rows.rev().fold(0, |all, row| all << 3 | row >> 1 & 7);
@@ -356,7 +357,8 @@ impl Around {
         let (five, three) = (|row: u64| row & 31, |row: u64| row >> 1 & 7);
         let ([low, high], later) = (&self.beside, &self.later);
         let rows = |rows: &[u64], bits: u32| rows.iter().rev().fold(0, |all, row| all << bits | row);
-        let first = rows(&self.below, 6) | rows(&self.deep.map(middle), 4) << 36 | low[1] << 52 | high[1] << 58;
+        let first =
+            rows(&self.below, 6) | rows(&self.deep.map(middle), 4) << 36 | low[1] << 52 | high[1] << 58;
         let second = rows(&[low[0], high[0]].map(middle), 4)
             | rows(&[low[2], low[3], high[2], high[3]].map(pair), 2) << 8
             | (later[0] >> 3 & 3) << 16
@@ -438,9 +440,8 @@ mod tests {
                 all | has(&boxes, [2 * x + i % 4 - 1, 2 * y + i / 4 % 4 - 1, 2 * z + i / 16 - 1]) << i
             });
             assert_eq!(around.window(), window);
-            let near = (0..27).fold(0, |all, i| {
-                all | has(&nodes, [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]) << i
-            });
+            let near = (0..27)
+                .fold(0, |all, i| all | has(&nodes, [x + i % 3 - 1, y + i / 3 % 3 - 1, z + i / 9 - 1]) << i);
             assert_eq!(around.nodes, near);
         }
     }

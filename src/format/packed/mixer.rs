@@ -46,7 +46,13 @@ static ONES: [u16; 4096] = {
     while logit <= LOGIT {
         let one = squash(logit) as u32;
         let [least, most] = PROBABILITIES;
-        ones[(logit + 2048) as usize] = (if one < least { least } else if one > most { most } else { one }) as u16;
+        ones[(logit + 2048) as usize] = (if one < least {
+            least
+        } else if one > most {
+            most
+        } else {
+            one
+        }) as u16;
         logit += 1;
     }
     ones
