@@ -22,7 +22,7 @@ fn stacked(rings: &[Vec<[f64; 3]>]) -> Faces {
     let count = rings.first().map_or(0, Vec::len);
     let mut faces = Faces::default();
     faces.points.reserve_exact(rings.len() * count);
-    faces.triangles.reserve_exact(2 * rings.len() * count);
+    faces.triangles.reserve_exact((2 * rings.len() * count).saturating_sub(4));
     for (at, ring) in rings.iter().enumerate() {
         faces.points.extend(ring);
         if at == 0 {

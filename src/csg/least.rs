@@ -29,7 +29,7 @@ pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, d
         MemoryCap::Process(limit_bytes) => limit_bytes.saturating_sub(current_rss_bytes()),
         MemoryCap::Share(bytes) => bytes,
     };
-    match parse_file(path, MADE_BYTES.max(room / 2)).ok()? {
+    match parse_file(path, MADE_BYTES.max(room / 4)).ok()? {
         Ok(parsed) => made(path, &parsed, csg, options, dry)?,
         Err(_) => counted(path, &count_file(path)?, csg, options, dry)?,
     }
