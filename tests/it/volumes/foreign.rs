@@ -377,9 +377,9 @@ fn pipes_sockets_and_devices_are_refused_at_once() {
         }
     }
     assert_ne!(quick("$OCT render p.toml -o out.png").code, 0);
-    // Files that others name: without their colours, or refused.
+    // Files that others name: without their colours, which cells have not in any case, or refused.
     for input in ["a.obj", "b.obj"] {
-        let run = quick(&format!("$OCT build {input} -o m.oct --grid 8"));
+        let run = quick(&format!("$OCT build {input} -o m.oct --grid 8 --surface skin"));
         assert_eq!((run.code, run.stdout.contains("which is not there")), (0, true), "{run:?}");
     }
     for (input, extra) in
