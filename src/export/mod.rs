@@ -55,7 +55,7 @@ use bits::Bits;
 use coarse::Coarse;
 use dual::Mesher;
 use mask::{Mask, MaskForm, NIFTI_MOST};
-use patch::{Layer, WorldNormals, singles};
+use patch::{Layer, singles};
 use signs::{Boxes, Extent};
 use tint::Lights;
 use write::{Glb, Obj, Ply, Sink, Stl, Vertex, unit};
@@ -184,7 +184,7 @@ impl From<io::Error> for ExportStop {
 }
 
 /// Slices after which the model's pages leave memory.
-const SLICES_KEPT: u32 = 64;
+const SLICES_KEPT: u32 = 8;
 
 /// Most blocks of samples in a slice, of which three are held: 4 bytes each.
 const MAX_BLOCKS: u64 = 1 << 24;
@@ -443,8 +443,7 @@ impl Exporter<'_> {
 
     /// Makes what follows from the slice of boxes that was taken last, and those before.
     fn next_slice(&self, state: &mut Samples<'_>, low: [u32; 3]) -> Result<(), ExportStop> {
-        let Samples { lights, normals, boxes: [boxes, below], samples: both, slices, is_first, product } =
-            state;
+        let Samples { lights, boxes: [boxes, below], samples: both, slices, is_first, product } = state;
         let cells = self.cells();
         if cells && std::mem::take(is_first) {
             return Ok(());
@@ -468,7 +467,7 @@ impl Exporter<'_> {
             Product::Mesh(mesher, None) if *slices > 0 => {
                 let boxes: [&Boxes; 2] = [below, boxes];
                 let (lights, at) = (lights.as_ref(), (0, 0));
-                let mut layer = Layer { view: self.view, space: self.space, boxes, lights, normals, at };
+                let mut layer = Layer { view: self.view, space: self.space, boxes, lights, at };
                 mesher.layer([before, samples], &mut layer, height, *slices)?;
             }
             Product::Mesh(..) => {}
@@ -548,7 +547,6 @@ fn sink(
 struct Samples<'p> {
     /// If the model has colours.
     lights: Option<Lights>,
-    normals: WorldNormals,
     /// The slice that was taken last, and the one before.
     boxes: [Boxes; 2],
     /// The same of samples.
@@ -565,7 +563,6 @@ impl<'p> Samples<'p> {
         let bits = || Bits::new(extent.width, extent.height);
         Self {
             lights,
-            normals: WorldNormals::new(),
             boxes: [Boxes::new(extent), Boxes::new(extent)],
             samples: [bits(), bits()],
             slices: 0,

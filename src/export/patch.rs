@@ -49,34 +49,8 @@ pub(super) struct Patch {
     pub(super) patch: u8,
 }
 
-/// Normals of the world by the codes of cells, as far as they were asked for.
-#[derive(Debug)]
-pub(super) struct WorldNormals(Vec<[f32; 3]>);
-
-impl WorldNormals {
-    pub(super) fn new() -> Self {
-        Self(vec![[0.0; 3]; 1 << 16])
-    }
-
-    #[inline(always)]
-    fn of(&mut self, code: u16, space: &GridSpace) -> [f32; 3] {
-        match self.0.get(usize::from(code)) {
-            Some(known) if *known != [0.0; 3] => *known,
-            _ => self.first_of(code, space),
-        }
-    }
-
-    #[cold]
-    fn first_of(&mut self, code: u16, space: &GridSpace) -> [f32; 3] {
-        let normal = in_world(space, normal::decode_l1(code).map(f64::from));
-        if let Some(known) = self.0.get_mut(usize::from(code)) {
-            *known = normal;
-        }
-        normal
-    }
-}
-
 /// The unit normal of the world of a vector of index space.
+#[inline(always)]
 pub(super) fn in_world(space: &GridSpace, n: [f64; 3]) -> [f32; 3] {
     unit(singles(space.index_normal_to_world(n)))
 }
@@ -95,7 +69,6 @@ pub(super) struct Layer<'a> {
     pub(super) boxes: [&'a Boxes; 2],
     /// If the model has colours.
     pub(super) lights: Option<&'a Lights>,
-    pub(super) normals: &'a mut WorldNormals,
     /// The row of the last cube, and the first cell that is not before it.
     pub(super) at: (usize, usize),
 }
@@ -163,8 +136,9 @@ impl Layer<'_> {
             }
             Some(cell) => {
                 let crossed = &CROSSED[usize::from(place.case)][usize::from(place.patch)];
-                let at = on_plane(normal::decode_l1(cell.code), cell.offset, crossed);
-                Spot { at, normal: self.normals.of(cell.code, self.space), light }
+                let n = normal::decode_l1(cell.code);
+                let at = on_plane(n, cell.offset, crossed);
+                Spot { at, normal: in_world(self.space, n.map(f64::from)), light }
             }
             None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
         }
