@@ -182,7 +182,8 @@ mod tests {
     /// Ones at the top of the range carry through all words before.
     #[test]
     fn a_carry_goes_through_full_words() {
-        let mut encoder = BitEncoder { low: u64::MAX - 5, range: 1 << 40, words: vec![7, u32::MAX, u32::MAX] };
+        let mut encoder =
+            BitEncoder { low: u64::MAX - 5, range: 1 << 40, words: vec![7, u32::MAX, u32::MAX] };
         encoder.bit(32_768, false);
         assert_eq!(encoder.words, [8, 0, 0]);
     }

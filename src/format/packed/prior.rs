@@ -1,11 +1,17 @@
 //! What an infobyte is likely to be before anything is learnt: a small net over the boxes around (SPEC 5.12).
 //!
 //! Trained by `scripts/train_prior.py`; the weights are part of the format.
-#![expect(clippy::cast_possible_truncation, clippy::cast_possible_wrap, reason = "weights have 8 bits, logits 12")]
+#![expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    reason = "weights have 8 bits, logits 12"
+)]
 
 use std::sync::LazyLock;
 
+use super::lanes::products_above_0;
 use super::mixer::LOGIT;
+use crate::cpu::Isa;
 
 /// Inputs in nibbles.
 const NIBBLES: usize = 28;
@@ -88,10 +94,9 @@ impl Prior {
 
     /// The logit of a bit.
     #[inline(always)]
-    pub(super) fn logit(&self, sums: &Sums, bit: usize) -> i32 {
-        let products = sums.iter().zip(&self.last[bit % 8]).map(|(sum, w)| i32::from((*sum).max(0)) * i32::from(*w));
-        let sum = products.fold(self.bias[bit % 8], i32::wrapping_add);
-        (sum >> 4).clamp(-LOGIT, LOGIT)
+    pub(super) fn logit(&self, isa: impl Isa, sums: &Sums, bit: usize) -> i32 {
+        let sum = products_above_0(isa, sums, &self.last[bit % 8]);
+        (sum.wrapping_add(self.bias[bit % 8]) >> 4).clamp(-LOGIT, LOGIT)
     }
 
     /// Adds that a bit is 1.
@@ -125,7 +130,8 @@ mod tests {
         prior.note(&mut sums, 5);
         for (hidden, sum) in sums.iter().enumerate() {
             let ones = (0..INPUTS).filter(|i| inputs[i / 64] >> (i % 64) & 1 == 1);
-            let all = ones.chain([INPUTS + 5, INPUTS + 8]).map(|row| 16 * i32::from(WEIGHT[row * HIDDEN + hidden]));
+            let all =
+                ones.chain([INPUTS + 5, INPUTS + 8]).map(|row| 16 * i32::from(WEIGHT[row * HIDDEN + hidden]));
             assert_eq!(i32::from(*sum), all.sum::<i32>());
         }
     }

@@ -8,7 +8,8 @@ use crate::format::packed::directions::DirectionCoder;
 use crate::format::packed::distances::DistanceCoder;
 use crate::format::packed::group::{Group, GroupCoder};
 use crate::format::packed::{
-    CODEC_CUBES, CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NONE, CODEC_PLANES, CUBE_DEPTH, CodingError, planes,
+    CODEC_CUBES, CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NONE, CODEC_PLANES, CUBE_DEPTH,
+    CodingError, planes,
 };
 use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,

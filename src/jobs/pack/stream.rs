@@ -3,8 +3,8 @@
 use std::fs::File;
 use std::io;
 
-use crate::format::packed::group::Group;
 use crate::format::packed::CODEC_DISTANCES;
+use crate::format::packed::group::Group;
 use crate::format::{Channel, FormatError, SectionKind, SurfaceKind, cell};
 use crate::geom::Level;
 use crate::load::{Cursor, Fault, Frame, ReadAt};
@@ -105,7 +105,12 @@ impl Shape {
         let roots = frame.level(Level::new(root_depth));
         let subtrees = if levels == 0 { frame.header.voxels } else { roots.end - roots.start };
         let first = cell::first_leaf_depth(depth).saturating_sub(root_depth) as usize;
-        Self { root_depth, levels, first_leaves: if frame.header.leaves { first } else { usize::MAX }, subtrees }
+        Self {
+            root_depth,
+            levels,
+            first_leaves: if frame.header.leaves { first } else { usize::MAX },
+            subtrees,
+        }
     }
 
     /// Makes a group empty, for these subtrees.
