@@ -187,7 +187,7 @@ def halves():
     power = 2 ** 32
     for _ in range(2048):
         yield 2 ** 48 // (2 ** 32 + power)
-        power = 4278222848 * power >> 32
+        power = 4278222805 * power >> 32
 
 
 HALVES = list(halves())
@@ -224,11 +224,11 @@ class Mixer:
         inputs = [prior] + [STRETCHED[slot[0] >> 4] for slot in slots] + [256]
         counts = [sum(slot[1] > limit for limit in (0, 2, 7)) for slot in slots[:2]]
         weights = self.weights.setdefault((place, *counts), [39322, 19661, 22938, 13107, 0])
-        mixed = hold(sum(map(int.__mul__, weights, inputs)) >> 16, 2047)
+        mixed = hold(sum(w * x >> 2 for w, x in zip(weights, inputs)) >> 14, 2047)
         one = max(24, min(65512, SQUASHED[mixed + 2047]))
         bit = coder.bit(one)
         error = 65536 * bit - one
-        weights[:] = [hold(w + (x * error + 8192 >> 14), 1 << 20) for w, x in zip(weights, inputs)]
+        weights[:] = [hold(w + (x * error + 8192 >> 14), (1 << 19) - 1) for w, x in zip(weights, inputs)]
         for slot in slots:
             slot[0] += (65535 * bit - slot[0]) * (131072 // (2 * slot[1] + 3)) >> 16
             slot[1] = min(slot[1] + 1, 60)
@@ -295,9 +295,11 @@ def infobyte(coder, mixer, prior, node, present, boxes, level, leaves):
                 bit = 1 << (u + 1 + 4 * (v + 1) + 16 * (w + 1))
                 every += bit
                 near += bit if not (u and v and w) else 0
-        keys = (hashed(near, 0x9e3779b97f4a7c15) ^ (mask & ~(1 << (7 - i))) << 8,
-                hashed(every, 0xd6e8feb86659fd93) ^ mask << 8,
-                hashed(nodes | level << 48, 0x9e3779b97f4a7c15) ^ (mask | 1 << i) << 8)
+        early = max(i - 3, 0)
+        m, n = (own >> early | (own & (1 << early) - 1) << 3 for own in (mask, mask & ~(1 << (7 - i))))
+        keys = (hashed(near, 0x9e3779b97f4a7c15) ^ n << 8,
+                hashed(every, 0xd6e8feb86659fd93) ^ m << 8,
+                hashed(nodes | level << 48, 0x9e3779b97f4a7c15) ^ i << 15 ^ m << 8)
         if mixer.bit(coder, keys, 3 * i + level, prior.logit(sums, i)):
             mask |= 1 << i
             sums = prior.note(sums, i)
@@ -306,9 +308,9 @@ def infobyte(coder, mixer, prior, node, present, boxes, level, leaves):
 
 
 def nodes(stored, levels, depth, larger):
-    """NODE (SPEC 5.9), and the voxels of every subtree of 5.10 in Morton order."""
+    """NODE (SPEC 5.9), and of every subtree of 5.10 the voxels in Morton order and how many larger leaves it has."""
     if depth == 0:
-        return b"", [[(0, 0, 0)]]
+        return b"", [([(0, 0, 0)], 0)]
     top = max(depth - 7, 0)
     infobytes, at = blocks(stored, levels[top])
     groups, left = Groups(stored, at), levels[top + 1] - levels[top]
@@ -316,28 +318,29 @@ def nodes(stored, levels, depth, larger):
     while left:
         coder, count = groups.next(Bits)
         left -= count
-        mixer, size = Mixer(), 0
+        mixer, size, root_bits = Mixer(), 0, 0
         for _ in range(count):
             if size >= 1 << 19:
                 raise Broken("a group ends later than where it is full")
-            present, order, roots = {(0, 0, 0)}, [(0, 0, 0)], []
+            present, order, within = {(0, 0, 0)}, [(0, 0, 0)], {}
             for d, part in enumerate(parts, top):
                 level, leaves = min(depth - 1 - d, 2), larger and d >= max(1, depth - 5)
                 boxes = {(2 * x + (i & 1), 2 * y + (i >> 1 & 1), 2 * z + (i >> 2))
                          for x, y, z in order for i in range(8)}
                 if d == max(depth - 6, 0):
-                    roots = order
+                    within, root_bits = {root: [[], 0] for root in order}, 0
                 masks = {node: infobyte(coder, mixer, prior, node, present, boxes, level, leaves)
                          for node in sorted(order, key=lambda node: node[::-1])}
                 part += [masks[node] for node in order]
-                size += sum(not mask for mask in masks.values())
+                for node in (node for node, mask in masks.items() if not mask):
+                    size += 1
+                    within[tuple(c >> root_bits for c in node)][1] += 1
                 order = [(2 * x + (o & 1), 2 * y + (o >> 1 & 1), 2 * z + (o >> 2))
                          for x, y, z in order for o in range(8) if masks[x, y, z] >> o & 1]
-                present = set(order)
+                present, root_bits = set(order), root_bits + 1
             size += len(order)
-            within = {root: [] for root in roots}
             for voxel in order:
-                within[tuple(c >> min(depth, 6) for c in voxel)].append(tuple(c & 63 for c in voxel))
+                within[tuple(c >> root_bits for c in voxel)][0].append(tuple(c & 63 for c in voxel))
             subtrees += within.values()
         if size < 1 << 19 and left:
             raise Broken("a group ends before it is full")
@@ -371,11 +374,11 @@ def grouped(stored, subtrees):
     while first < len(subtrees):
         coder, count = groups.next()
         part = subtrees[first:first + count]
-        full = [sum(map(len, part[:n])) >= 1 << 17 for n in range(len(part) + 1)]
+        full = [sum(len(voxels) + leaves for voxels, leaves in part[:n]) >= 1 << 17 for n in range(len(part) + 1)]
         if any(full[:-1]) or not full[-1] and first + count != len(subtrees):
             raise Broken("a group ends otherwise than where it is full")
         first += count
-        yield coder, part
+        yield coder, [voxels for voxels, _ in part]
         coder.finish()
     if groups.at != len(stored):
         raise Broken("a section has bytes left over")

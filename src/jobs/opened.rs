@@ -40,7 +40,7 @@ pub fn open_fine_model(path: &Path, doing: &'static str) -> Result<Model, Error>
 ///
 /// # Errors
 /// It has them, or cannot be read.
-pub(super) fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Error> {
+fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Error> {
     let file = open_file(path)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     if Frame::read(&file).map_err(|fault| fault.at(path))?.header.leaves {

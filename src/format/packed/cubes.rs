@@ -6,12 +6,17 @@ use super::group::{Group, GroupCoder, Place, child_place, coordinates, wrong_cou
 use super::mixer::{KEY_BITS, Mixer};
 use super::prior::Prior;
 use super::{CUBE_DEPTH, CodingError};
-use crate::cpu::Isa;
+use crate::cpu::{Isa, Portable};
 
 /// Rows along a side of a grid: 128 cells and a border of two.
 const SIDE: usize = (1 << CUBE_DEPTH) + 4;
 /// Bytes of a row; of its last bits two are read together.
 const ROW: usize = SIDE / 8 + 2;
+
+/// Bytes that a node's children are in, those of the boxes around it, and those of the nodes around it.
+const CHILDREN: usize = (SIDE + 1) * ROW + 1;
+const BOXES: usize = (4 * SIDE + 5) * ROW;
+const NODES: usize = (3 * SIDE + 4) * ROW;
 
 /// Boxes of one depth of a cube: bit x + 2 of the row at (z + 2) * SIDE + y + 2 says whether there is one.
 #[derive(Debug)]
@@ -22,52 +27,60 @@ impl Grid {
         Self(vec![0; SIDE * SIDE * ROW])
     }
 
-    /// The boxes of a row at x - 2 to x + 3, in the lowest bits.
+    /// The rows from two before that of a box on, from the byte with the box two before it on.
     #[inline(always)]
-    fn six(&self, row: usize, x: usize) -> u64 {
-        let at = row * ROW + x / 8;
-        let pair = self.0.get(at..).and_then(|bytes| bytes.first_chunk()).copied().unwrap_or_default();
-        u64::from(u16::from_le_bytes(pair) >> (x % 8) & 63)
+    fn around<const BYTES: usize>(&self, first: usize, x: usize) -> Option<&[u8; BYTES]> {
+        self.0.get(first * ROW + x / 8..)?.first_chunk()
     }
 
-    /// The byte with box x of a row, and its place there.
+    /// The boxes of a node's children, from the four rows that they are in.
     #[inline(always)]
-    fn bit(&mut self, row: usize, x: usize) -> (&mut u8, usize) {
-        let len = self.0.len();
-        (&mut self.0[(row * ROW + (x + 2) / 8) % len], (x + 2) % 8)
-    }
-
-    /// Takes the boxes of a node's children from the four rows that they are in.
-    #[inline(always)]
-    fn children(&mut self, place: Place) -> u8 {
-        let (rows, x) = rows_of_children(place);
-        rows.into_iter().rev().fold(0, |mask, row| {
-            let (byte, at) = self.bit(row, x);
-            mask << 2 | *byte >> at & 3
-        })
+    fn children(&self, place: Place) -> u8 {
+        let (first, at) = first_child(place);
+        let Some(rows) = self.0.get(first..).and_then(|rows| rows.first_chunk::<CHILDREN>()) else {
+            return 0;
+        };
+        let two = |row: usize| rows[row * ROW] >> at & 3;
+        two(0) | two(1) << 2 | two(SIDE) << 4 | two(SIDE + 1) << 6
     }
 
     /// Puts others in the place of the boxes of a node's children.
     #[inline(always)]
     fn set_children(&mut self, place: Place, mask: u8) {
-        let (rows, x) = rows_of_children(place);
-        for (i, row) in rows.into_iter().enumerate() {
-            let (byte, at) = self.bit(row, x);
-            *byte = *byte & !(3 << at) | (mask >> (2 * i) & 3) << at;
+        let (first, at) = first_child(place);
+        let Some(rows) = self.0.get_mut(first..).and_then(|rows| rows.first_chunk_mut::<CHILDREN>()) else {
+            return;
+        };
+        for (row, two) in [(0, mask), (1, mask >> 2), (SIDE, mask >> 4), (SIDE + 1, mask >> 6)] {
+            rows[row * ROW] = rows[row * ROW] & !(3 << at) | (two & 3) << at;
+        }
+    }
+
+    /// Changes the byte of a node.
+    #[inline(always)]
+    fn set(&mut self, [x, y, z]: [usize; 3], byte: u8) {
+        if let Some(place) = self.0.get_mut(row_of(y, z) * ROW + (x + 2) / 8) {
+            *place = byte;
         }
     }
 }
 
 #[inline(always)]
-fn row_of([_, y, z]: [usize; 3]) -> usize {
+fn row_of(y: usize, z: usize) -> usize {
     (z + 2) * SIDE + y + 2
 }
 
+/// The byte of a node's first child, and its place there.
 #[inline(always)]
-fn rows_of_children(place: Place) -> ([usize; 4], usize) {
+fn first_child(place: Place) -> (usize, usize) {
     let [x, y, z] = coordinates(place).map(|c| 2 * c);
-    let row = row_of([x, y, z]);
-    ([row, row + 1, row + SIDE, row + SIDE + 1], x)
+    (row_of(y, z) * ROW + (x + 2) / 8, (x + 2) % 8)
+}
+
+/// The six boxes of a row from a place of its first byte on, in the lowest bits.
+#[inline(always)]
+fn six(rows: &[u8], row: usize, at: usize) -> u64 {
+    u64::from(u16::from_le_bytes([rows[row * ROW], rows[row * ROW + 1]]) >> (at % 8) & 63)
 }
 
 /// Codes the infobytes of groups.
@@ -106,15 +119,15 @@ impl GroupCoder for NodeCoder {
     fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError> {
         self.given.get_or_insert_with(Grid::new);
         let mut encoder = BitEncoder::new();
-        self.code(&mut encoder, group, |_| Ok(()))?;
+        self.code(Portable, &mut encoder, group, |_| Ok(()))?;
         Ok(encoder.finish())
     }
 
     /// Takes the number of cubes from the group and appends to its levels.
     #[inline(always)]
-    fn decode(&mut self, _: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
+    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
         let mut decoder = BitDecoder::new(payload)?;
-        let result = self.code(&mut decoder, group, BitDecoder::check).and_then(|()| decoder.finish());
+        let result = self.code(isa, &mut decoder, group, BitDecoder::check).and_then(|()| decoder.finish());
         if result.is_err() {
             // Boxes of the cube that went wrong are left.
             (self.nodes, self.boxes) = (Grid::new(), Grid::new());
@@ -136,6 +149,7 @@ impl NodeCoder {
     #[inline(always)]
     fn code<C: BitCoder>(
         &mut self,
+        isa: impl Isa,
         coder: &mut C,
         group: &mut Group,
         check: impl Fn(&C) -> Result<(), CodingError>,
@@ -148,7 +162,7 @@ impl NodeCoder {
             if group.voxels + group.leaves >= Self::VOXELS {
                 return Err(CodingError::GroupSubtrees { subtrees: group.subtrees });
             }
-            self.code_cube(coder, group, &mut begins)?;
+            self.code_cube(isa, coder, group, &mut begins)?;
             check(coder)?;
         }
         Ok(())
@@ -158,14 +172,14 @@ impl NodeCoder {
     #[inline(always)]
     fn code_cube<C: BitCoder>(
         &mut self,
+        isa: impl Isa,
         coder: &mut C,
         group: &mut Group,
         begins: &mut [usize; CUBE_DEPTH as usize],
     ) -> Result<(), CodingError> {
         self.places.clear();
         self.places.push(0);
-        let (byte, at) = self.nodes.bit(row_of([0; 3]), 0);
-        *byte |= 1 << at;
+        self.nodes.set([0; 3], 1 << 2);
         let depths = group.levels.len();
         for (depth, (level, begin)) in group.levels.iter_mut().zip(begins).enumerate() {
             let count = self.places.len();
@@ -178,7 +192,7 @@ impl NodeCoder {
             *begin += count;
             let is_last = depth + 1 == depths;
             let at = Depth { class: (depths - 1 - depth).min(2), has_leaves: depth >= group.first_leaves };
-            self.code_depth(coder, masks, at);
+            self.code_depth(isa, coder, masks, at);
             self.next.clear();
             for (place, mask) in self.places.iter().zip(masks) {
                 if C::READS {
@@ -187,8 +201,7 @@ impl NodeCoder {
                 if *mask == 0 {
                     group.leaves += 1;
                 }
-                let at = coordinates(*place);
-                *self.nodes.bit(row_of(at), at[0]).0 = 0;
+                self.nodes.set(coordinates(*place), 0);
                 if is_last {
                     group.voxels += mask.count_ones() as usize;
                     self.boxes.set_children(*place, 0);
@@ -210,7 +223,7 @@ impl NodeCoder {
 
     /// Codes the nodes at `places`, by z, y, x, into the grid of boxes.
     #[inline(always)]
-    fn code_depth<C: BitCoder>(&mut self, coder: &mut C, masks: &[u8], depth: Depth) {
+    fn code_depth<C: BitCoder>(&mut self, isa: impl Isa, coder: &mut C, masks: &[u8], depth: Depth) {
         let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
         for (place, mask) in self.places.iter().zip(masks) {
             self.boxes.set_children(*place, u8::MAX);
@@ -222,13 +235,13 @@ impl NodeCoder {
         }
         for z in low[2]..=high[2] {
             for y in low[1]..=high[1] {
-                let row = row_of([0, y, z]) * ROW;
+                let row = row_of(y, z) * ROW;
                 for byte in (low[0] + 2) / 8..=(high[0] + 2) / 8 {
                     let mut nodes = self.nodes.0.get(row + byte).copied().unwrap_or(0);
                     while nodes != 0 {
                         let x = 8 * byte + nodes.trailing_zeros() as usize - 2;
                         nodes &= nodes - 1;
-                        self.code_node(coder, [x, y, z], depth);
+                        self.code_node(isa, coder, [x, y, z], depth);
                     }
                 }
             }
@@ -236,29 +249,32 @@ impl NodeCoder {
     }
 
     #[inline(always)]
-    fn code_node<C: BitCoder>(&mut self, coder: &mut C, at: [usize; 3], depth: Depth) {
+    fn code_node<C: BitCoder>(&mut self, isa: impl Isa, coder: &mut C, at: [usize; 3], depth: Depth) {
         let place = at[0] as Place | (at[1] as Place) << 10 | (at[2] as Place) << 20;
         let given = match &mut self.given {
             Some(given) if !C::READS => given.children(place),
             _ => 0,
         };
         self.boxes.set_children(place, 0);
-        let around = Around::new(&self.nodes, &self.boxes, at);
+        let Some(around) = Around::new(&self.nodes, &self.boxes, at) else { return };
         let class = depth.class;
-        let mut sums = self.prior.sums(around.inputs(class));
         let keys = around.keys(class);
-        let existing = hash(around.nodes | (class as u64) << 48, FACTORS[0]);
+        for (octant, keys) in keys.iter().enumerate().take(4) {
+            self.mixer.fetch(with_own(keys, octant, 0));
+        }
+        let mut sums = self.prior.sums(around.inputs(class));
         let mut mask = 0_u8;
-        for (octant, [near, all]) in keys.into_iter().enumerate() {
+        for octant in 0..8 {
             if octant == 7 && mask == 0 && !depth.has_leaves {
                 mask = 1 << 7;
                 break;
             }
-            let own = usize::from(mask);
-            // Across a corner is not near.
-            let own = [own & !(1 << (7 - octant)), own, own | 1 << octant];
-            let keys = [near ^ own[0] << 8, all ^ own[1] << 8, existing ^ own[2] << 8];
-            let logit = self.prior.logit(&sums, octant);
+            if (1..5).contains(&octant) {
+                // The bits to come stay within a line.
+                self.mixer.fetch(with_own(&keys[octant + 3], octant + 3, mask.into()));
+            }
+            let keys = with_own(&keys[octant], octant, mask.into());
+            let logit = self.prior.logit(isa, &sums, octant);
             let place = 3 * octant + class;
             if self.mixer.code(coder, keys, place, logit, given >> octant & 1 == 1) {
                 mask |= 1 << octant;
@@ -271,6 +287,19 @@ impl NodeCoder {
 
 /// Odd numbers whose products have well mixed high bits.
 const FACTORS: [u64; 2] = [0x9e37_79b9_7f4a_7c15, 0xd6e8_feb8_6659_fd93];
+
+/// Keys of an octant with the node's bits so far: the last three are lowest, so that the others are known early.
+#[inline(always)]
+fn with_own(keys: &[usize; 3], octant: usize, own: usize) -> [usize; 3] {
+    let early = octant.saturating_sub(3);
+    let turned = |own: usize| own >> early | (own & ((1 << early) - 1)) << 3;
+    // Across a corner is not near.
+    [
+        keys[0] ^ turned(own & !(1 << (7 - octant))) << 8,
+        keys[1] ^ turned(own) << 8,
+        keys[2] ^ turned(own) << 8,
+    ]
+}
 
 #[inline(always)]
 fn hash(fields: u64, factor: u64) -> usize {
@@ -313,22 +342,32 @@ struct Around {
 
 impl Around {
     #[inline(always)]
-    fn new(nodes: &Grid, boxes: &Grid, [x, y, z]: [usize; 3]) -> Self {
-        let first = row_of([0, 2 * y, 2 * z]);
-        // The rows before the first are in the border.
-        let row = |dy: usize, dz: usize| boxes.six(first + dy + dz * SIDE - 2 * SIDE - 2, 2 * x);
-        let below = std::array::from_fn(|i| row(i, 1));
-        let deep = std::array::from_fn(|i| row(i + 1, 0));
-        let beside = [2, 3].map(|z| std::array::from_fn(|i| row(i, z)));
-        let above = std::array::from_fn(|i| row(i + 1, 4));
-        let first = row_of([0, y, z]);
-        let row = |dy: usize, dz: usize| nodes.six(first + dy + dz * SIDE - SIDE - 1, x);
-        let later =
-            [[1, 1], [2, 1], [3, 1], [0, 2], [1, 2], [2, 2], [0, 3], [1, 3], [2, 3]].map(|[y, z]| row(y, z));
-        let earlier = [[0, 0], [1, 0], [2, 0], [0, 1]].map(|[y, z]| row(y, z));
+    fn new(nodes: &Grid, boxes: &Grid, [x, y, z]: [usize; 3]) -> Option<Self> {
+        // Rows are counted from z - 2 and y - 2.
+        let boxes: &[u8; BOXES] = boxes.around(2 * z * SIDE + 2 * y, 2 * x)?;
+        let row = |y: usize, z: usize| six(boxes, y + z * SIDE, 2 * x);
+        let below = [row(0, 1), row(1, 1), row(2, 1), row(3, 1), row(4, 1), row(5, 1)];
+        let deep = [row(1, 0), row(2, 0), row(3, 0), row(4, 0)];
+        let beside = [2, 3].map(|z| [row(0, z), row(1, z), row(2, z), row(3, z), row(4, z)]);
+        let above = [row(1, 4), row(2, 4), row(3, 4), row(4, 4)];
+        // From z - 1 and y - 1.
+        let nodes: &[u8; NODES] = nodes.around((z + 1) * SIDE + y + 1, x)?;
+        let row = |y: usize, z: usize| six(nodes, y + z * SIDE, x);
+        let later = [
+            row(1, 1),
+            row(2, 1),
+            row(3, 1),
+            row(0, 2),
+            row(1, 2),
+            row(2, 2),
+            row(0, 3),
+            row(1, 3),
+            row(2, 3),
+        ];
+        let earlier = [row(0, 0), row(1, 0), row(2, 0), row(0, 1)];
         let rows = earlier.iter().chain(&later[..2]).chain(&later[3..6]);
         let nodes = rows.rev().fold(0, |all, row| all << 3 | row >> 1 & 7);
-        Self { below, deep, beside, above, later, nodes }
+        Some(Self { below, deep, beside, above, later, nodes })
     }
 
     /// The 4 x 4 x 4 boxes around the node's own.
@@ -339,14 +378,19 @@ impl Around {
         rows.rev().fold(0, |all, row| all << 4 | row >> 1 & 15)
     }
 
-    /// Keys for the first and the second table for each octant, none of the node's own boxes being there.
+    /// Keys for the tables for each octant, none of the node's own boxes being there.
     #[inline(always)]
-    fn keys(&self, class: usize) -> [[usize; 2]; 8] {
+    fn keys(&self, class: usize) -> [[usize; 3]; 8] {
         let window = self.window();
+        let existing = hash(self.nodes | (class as u64) << 48, FACTORS[0]);
         std::array::from_fn(|octant| {
             let cells = window >> (octant % 2 + 4 * (octant / 2 % 2) + 16 * (octant / 4));
             let place = ((octant | class << 3) as u64) << 48;
-            [hash(cells & NEAR | place, FACTORS[0]), hash(cells & ALL | place, FACTORS[1])]
+            [
+                hash(cells & NEAR | place, FACTORS[0]),
+                hash(cells & ALL | place, FACTORS[1]),
+                existing ^ octant << 15,
+            ]
         })
     }
 
@@ -378,7 +422,6 @@ impl Around {
 mod tests {
     use super::super::group::tests::slab;
     use super::*;
-    use crate::cpu::Portable;
 
     fn decode(coder: &mut NodeCoder, payload: &[u8], like: &Group) -> Result<Group, CodingError> {
         let mut got = Group { subtrees: like.subtrees, first_leaves: like.first_leaves, ..Group::default() };
@@ -416,7 +459,9 @@ mod tests {
                 let got = decode(&mut coder, &payload, &group).unwrap();
                 assert_eq!(got.levels, group.levels);
                 assert_eq!((got.voxels, got.leaves), (group.voxels, group.leaves));
-                assert!(decode(&mut coder, &payload[..payload.len() - 4], &group).is_err());
+                let cut = decode(&mut coder, &payload[..payload.len() - 4], &group);
+                assert!(cut.is_err() || cut.is_ok_and(|cut| cut.levels != group.levels));
+                assert!(decode(&mut coder, &[&payload[..], &[0; 4]].concat(), &group).is_err());
             }
         }
     }
@@ -434,7 +479,7 @@ mod tests {
             u64::from(grid.0[row + (x + 2) as usize / 8] >> ((x + 2) % 8) & 1)
         };
         for at in [[0, 0, 0], [63, 63, 63], [1, 5, 62], [30, 0, 7]] {
-            let around = Around::new(&nodes, &boxes, at);
+            let around = Around::new(&nodes, &boxes, at).unwrap();
             let [x, y, z] = at.map(|c| c as i32);
             let window = (0..64).fold(0, |all, i| {
                 all | has(&boxes, [2 * x + i % 4 - 1, 2 * y + i / 4 % 4 - 1, 2 * z + i / 16 - 1]) << i

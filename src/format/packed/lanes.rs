@@ -23,20 +23,22 @@ impl Row {
 pub(super) struct Octet(pub(super) [i16; 8]);
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{last_within, mean_of_four, sink};
+pub(super) use x86::{fetch, last_within, mean_of_four, products_above_0, sink};
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) use portable::{last_within, mean_of_four, sink};
+pub(super) use portable::{fetch, last_within, mean_of_four, products_above_0, sink};
 
 /// Written out with the instructions, for compilers take these loops apart into single lanes.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m128i, __m256i, _mm_add_epi16, _mm_and_si128, _mm_avg_epu16, _mm_cmpgt_epi16, _mm_cvtsi32_si128,
-        _mm_movemask_epi8, _mm_mullo_epi16, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16,
-        _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16, _mm_xor_si128,
-        _mm256_avg_epu16, _mm256_cmpgt_epi16, _mm256_movemask_epi8, _mm256_set1_epi16, _mm256_srl_epi16,
-        _mm256_sub_epi16, _mm256_xor_si256,
+        __m128i, __m256i, _MM_HINT_T0, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_avg_epu16,
+        _mm_cmpgt_epi16, _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16,
+        _mm_movemask_epi8, _mm_mullo_epi16, _mm_packs_epi16, _mm_prefetch, _mm_set_epi64x, _mm_set1_epi16,
+        _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16,
+        _mm_xor_si128, _mm256_add_epi32, _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16,
+        _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi16, _mm256_movemask_epi8,
+        _mm256_set1_epi16, _mm256_setzero_si256, _mm256_srl_epi16, _mm256_sub_epi16, _mm256_xor_si256,
     };
 
     use super::{LANES, Octet, Row};
@@ -95,6 +97,43 @@ mod x86 {
             unsafe { _mm_avg_epu16(_mm_avg_epu16(a[i], b[i]), _mm_avg_epu16(c[i], d[i])) }
         };
         Row(bytemuck::cast([mean(0), mean(1)]))
+    }
+
+    /// `fetch` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn fetch<T>(place: &T) {
+        // SAFETY: every x86-64 machine has SSE; the place may be read.
+        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()) }
+    }
+
+    /// `products_above_0` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn products_above_0(isa: impl Isa, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
+        let sum = if isa.avx2().is_some() {
+            let (sums, weights): ([__m256i; 2], [__m256i; 2]) =
+                (bytemuck::cast(*sums), bytemuck::cast(*weights));
+            // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+            unsafe {
+                let zero = _mm256_setzero_si256();
+                let product = |i: usize| _mm256_madd_epi16(_mm256_max_epi16(sums[i], zero), weights[i]);
+                let all = _mm256_add_epi32(product(0), product(1));
+                _mm_add_epi32(_mm256_castsi256_si128(all), _mm256_extracti128_si256::<1>(all))
+            }
+        } else {
+            let (sums, weights): ([__m128i; 4], [__m128i; 4]) =
+                (bytemuck::cast(*sums), bytemuck::cast(*weights));
+            // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+            unsafe {
+                let product =
+                    |i: usize| _mm_madd_epi16(_mm_max_epi16(sums[i], _mm_setzero_si128()), weights[i]);
+                _mm_add_epi32(_mm_add_epi32(product(0), product(1)), _mm_add_epi32(product(2), product(3)))
+            }
+        };
+        // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
+        unsafe {
+            let half = _mm_add_epi32(sum, _mm_shuffle_epi32::<0b01_00_11_10>(sum));
+            _mm_cvtsi128_si32(_mm_add_epi32(half, _mm_shuffle_epi32::<0b10_11_00_01>(half)))
+        }
     }
 
     /// `last_within` of the portable form.
@@ -205,6 +244,17 @@ mod portable {
         Row(std::array::from_fn(|i| mean(both(a, i), both(b, i))))
     }
 
+    /// Brings a place near that will be read soon, where a machine can.
+    #[inline(always)]
+    pub(in super::super) fn fetch<T>(_: &T) {}
+
+    /// The sum of products with weights, of sums above 0.
+    #[inline(always)]
+    pub(in super::super) fn products_above_0(_: impl Isa, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
+        let products = sums.iter().zip(weights).map(|(sum, w)| i32::from((*sum).max(0)) * i32::from(*w));
+        products.fold(0, i32::wrapping_add)
+    }
+
     /// The lane before the first that is above a number; lanes rise from 0.
     #[inline(always)]
     pub(in super::super) fn last_within(_: impl Isa, row: &Row, most: u16) -> usize {
@@ -276,6 +326,9 @@ mod tests {
                 }
                 let mut mean = x86::mean_of_four(isa, [&a, &b], [&c, &d]);
                 assert_eq!(mean, portable::mean_of_four(isa, [&a, &b], [&c, &d]));
+                let [sums, weights]: [[i16; 32]; 2] = bytemuck::cast([a.0, b.0, c.0, d.0]);
+                let product = x86::products_above_0(isa, &sums, &weights);
+                assert_eq!(product, portable::products_above_0(isa, &sums, &weights));
                 mean.0.sort_unstable();
                 mean.0[0] = 0;
                 for most in [mean.0[number() as usize % LANES], number(), 0, u16::MAX] {

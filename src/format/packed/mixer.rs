@@ -4,10 +4,12 @@
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]
 
 use super::bits::{BitCoder, PROBABILITIES};
+use super::lanes::fetch;
 
 /// Bits of a context's key: eight that its slot keeps, and above them those that choose a pair of slots.
 pub(super) const KEY_BITS: u32 = 23;
-const PAIRS: usize = 1 << (KEY_BITS - 8);
+/// Lines of a cache with eight pairs each.
+const LINES: usize = 1 << (KEY_BITS - 11);
 /// Sets of weights are chosen by so many places and sizes, and by how often both first slots were seen.
 pub(super) const PLACES: usize = 24;
 const SETS: usize = PLACES * 16;
@@ -18,9 +20,9 @@ const MOST_SEEN: u32 = 60;
 pub(super) const LOGIT: i32 = 2047;
 /// Weights of the prior, the tables and the bias, of 65536.
 const WEIGHTS: [i32; 5] = [39_322, 19_661, 22_938, 13_107, 0];
-const WEIGHT_LIMIT: i32 = 1 << 20;
+const WEIGHT_LIMIT: i32 = (1 << 19) - 1;
 /// e^(-1/256), of 2^32.
-const DECAY: u64 = 4_278_222_848;
+const DECAY: u64 = 4_278_222_805;
 
 /// The probability of each logit from 0, of 65536.
 const HALF: [i32; LOGIT as usize + 1] = {
@@ -95,7 +97,11 @@ static SEEN: [u8; MOST_SEEN as usize + 1] = {
     seen
 };
 
-type Table = Box<[[u32; 2]; PAIRS]>;
+#[derive(Clone, Copy, Debug)]
+#[repr(align(64))]
+struct Line([[u32; 2]; 8]);
+
+type Table = Box<[Line; LINES]>;
 
 /// What a group has taught.
 #[derive(Debug)]
@@ -106,7 +112,9 @@ pub(super) struct Mixer {
 
 impl Default for Mixer {
     fn default() -> Self {
-        let table = || vec![[NEW; 2]; PAIRS].into_boxed_slice().try_into().unwrap_or_else(|_| unreachable!());
+        let table = || {
+            vec![Line([[NEW; 2]; 8]); LINES].into_boxed_slice().try_into().unwrap_or_else(|_| unreachable!())
+        };
         Self { tables: [table(), table(), table()], weights: Box::new([WEIGHTS; SETS]) }
     }
 }
@@ -117,27 +125,32 @@ fn count(slot: u32) -> usize {
     ((slot >> 8) % 256).min(MOST_SEEN) as usize
 }
 
-/// The slot of a key: that of its pair which has it, else the one that was seen less, made new.
+/// The slot of a key, and where it goes: that of its pair which has it, else the one that was seen less, made new.
+/// Without branches: they could not be predicted.
 #[inline(always)]
-fn slot(table: &mut Table, key: usize) -> &mut u32 {
+fn slot(table: &mut Table, key: usize) -> (u32, &mut u32) {
     let low = key as u32 % 256;
-    let [first, second] = &mut table[(key >> 8) % PAIRS];
-    if *first % 256 == low {
-        return first;
-    }
-    if *second % 256 == low {
-        return second;
-    }
-    let less = if count(*first) <= count(*second) { first } else { second };
-    *less = NEW | low;
-    less
+    let pair = &mut table[(key >> 11) % LINES].0[(key >> 8) % 8];
+    let [is_first, is_second] = pair.map(|slot| slot % 256 == low);
+    let has_less = pair[1] << 16 >> 24 < pair[0] << 16 >> 24;
+    let place = &mut pair[usize::from(!is_first & (is_second | has_less))];
+    let is_new = u32::from(is_first | is_second).wrapping_sub(1);
+    (*place ^ (*place ^ (NEW | low)) & is_new, place)
 }
 
 impl Mixer {
     /// Forgets what was learnt.
     pub(super) fn restart(&mut self) {
-        self.tables.iter_mut().for_each(|table| table.fill([NEW; 2]));
+        self.tables.iter_mut().for_each(|table| table.fill(Line([[NEW; 2]; 8])));
         self.weights.fill(WEIGHTS);
+    }
+
+    /// Says that slots of these keys will be asked for.
+    #[inline(always)]
+    pub(super) fn fetch(&self, keys: [usize; 3]) {
+        for (table, key) in self.tables.iter().zip(keys) {
+            fetch(&table[(key >> 11) % LINES]);
+        }
     }
 
     /// Codes a bit, in a context of each table, at one of [`PLACES`], after a prior's logit; all learn it.
@@ -152,12 +165,12 @@ impl Mixer {
     ) -> bool {
         let [a, b, c] = &mut self.tables;
         let slots = [slot(a, keys[0]), slot(b, keys[1]), slot(c, keys[2])];
-        let logit = |slot: &u32| i32::from(LOGITS[(*slot >> 20) as usize]);
-        let inputs = [prior, logit(slots[0]), logit(slots[1]), logit(slots[2]), 256];
-        let seen = |slot: &u32| usize::from(SEEN[count(*slot)]);
-        let weights = &mut self.weights[(16 * place + 4 * seen(slots[0]) + seen(slots[1])) % SETS];
-        let sum: i64 = weights.iter().zip(inputs).map(|(w, input)| i64::from(*w) * i64::from(input)).sum();
-        let mixed = (sum >> 16).clamp(i64::from(-LOGIT), i64::from(LOGIT));
+        let logit = |slot: usize| i32::from(LOGITS[(slots[slot].0 >> 20) as usize]);
+        let inputs = [prior, logit(0), logit(1), logit(2), 256];
+        let seen = |slot: usize| usize::from(SEEN[count(slots[slot].0)]);
+        let weights = &mut self.weights[(16 * place + 4 * seen(0) + seen(1)) % SETS];
+        let products = weights.iter().zip(inputs).map(|(w, input)| w.wrapping_mul(input) >> 2);
+        let mixed = (products.fold(0, i32::wrapping_add) >> 14).clamp(-LOGIT, LOGIT);
         let one = ONES[(mixed + 2048) as usize % 4096];
         let bit = coder.bit(one.into(), bit);
         let error = (i32::from(bit) << 16) - i32::from(one);
@@ -165,12 +178,12 @@ impl Mixer {
             let step = input.wrapping_mul(error).wrapping_add(1 << 13) >> 14;
             *weight = weight.wrapping_add(step).clamp(-WEIGHT_LIMIT, WEIGHT_LIMIT);
         }
-        for slot in slots {
-            let (one, seen) = ((*slot >> 16).cast_signed(), count(*slot));
+        for (slot, place) in slots {
+            let (one, seen) = ((slot >> 16).cast_signed(), count(slot));
             // No product passes 32 bits: a slot that is new has its probability in the middle.
             let target = if bit { 65_535 } else { 0 };
             let one = one.wrapping_add((target - one).wrapping_mul(STEPS[seen]) >> 16);
-            *slot = one.cast_unsigned() << 16 | ((seen as u32 + 1).min(MOST_SEEN)) << 8 | *slot % 256;
+            *place = one.cast_unsigned() << 16 | ((seen as u32 + 1).min(MOST_SEEN)) << 8 | slot % 256;
         }
         bit
     }
@@ -185,7 +198,7 @@ mod tests {
     fn logits_and_probabilities_are_each_others_inverse() {
         for logit in -LOGIT..=LOGIT {
             let exact = 65_536.0 / (1.0 + (f64::from(-logit) / 256.0).exp());
-            assert!((f64::from(squash(logit)) - exact).abs() <= 1.01, "{logit}");
+            assert!((f64::from(squash(logit)) - exact).abs() <= 1.1, "{logit}");
         }
         for (i, logit) in LOGITS.iter().enumerate() {
             let one = (i as f64 + 0.5) / 4096.0;
@@ -204,7 +217,7 @@ mod tests {
             mixer.restart();
             (0..20_000).map(|i| coder(&mut mixer, i)).collect::<Vec<_>>()
         };
-        let keys = |i: usize| [i % 7, i % 5, 3];
+        let keys = |i: usize| [i % 7, i % 5, 3].map(|context| context << 8);
         let mut encoder = BitEncoder::new();
         let given = run(&mut |mixer, i| mixer.code(&mut encoder, keys(i), i % 24, 0, bits(i)));
         let payload = encoder.finish();

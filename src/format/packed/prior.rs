@@ -9,7 +9,9 @@
 
 use std::sync::LazyLock;
 
+use super::lanes::products_above_0;
 use super::mixer::LOGIT;
+use crate::cpu::Isa;
 
 /// Inputs in nibbles.
 const NIBBLES: usize = 28;
@@ -92,11 +94,9 @@ impl Prior {
 
     /// The logit of a bit.
     #[inline(always)]
-    pub(super) fn logit(&self, sums: &Sums, bit: usize) -> i32 {
-        let products =
-            sums.iter().zip(&self.last[bit % 8]).map(|(sum, w)| i32::from((*sum).max(0)) * i32::from(*w));
-        let sum = products.fold(self.bias[bit % 8], i32::wrapping_add);
-        (sum >> 4).clamp(-LOGIT, LOGIT)
+    pub(super) fn logit(&self, isa: impl Isa, sums: &Sums, bit: usize) -> i32 {
+        let sum = products_above_0(isa, sums, &self.last[bit % 8]);
+        (sum.wrapping_add(self.bias[bit % 8]) >> 4).clamp(-LOGIT, LOGIT)
     }
 
     /// Adds that a bit is 1.

@@ -198,7 +198,8 @@ impl Encoder {
 
     /// The finished payload; the encoder is as new.
     pub(crate) fn finish(&mut self) -> Vec<u8> {
-        if self.items > 0 {
+        // A payload without items is a block, too.
+        if self.items > 0 || self.out.is_empty() {
             self.end_block();
         }
         std::mem::take(&mut self.out)

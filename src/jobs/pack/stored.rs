@@ -99,7 +99,8 @@ impl<'a> LevelWriters<'a> {
             if brought > room {
                 return Err(FormatError::SubtreeNodes { level: Level::new(depth), room, brought }.into());
             }
-            writer.write(level).map_err(Stop::Output)?;
+            // In parts, so that they do not stand in memory twice.
+            level.chunks(1 << 14).try_for_each(|part| writer.write(part)).map_err(Stop::Output)?;
         }
         Ok(())
     }
