@@ -1,9 +1,9 @@
-//! `oct view`: a model in a browser of this machine, by the page of [`crate::page`].
+//! `oct view`: a model in a browser of this machine, by the page that an export writes.
 //!
 //! A server of one model on 127.0.0.1 under a path that nobody can guess. It answers GET and HEAD of two things: the
 //! page, and pictures of a camera, which the page asks for where there is no WebGL2 or the model is too large for a page.
 //! It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that leads here) and long or
-//! slow requests, and answers [`MAX_CLIENTS`] at a time.
+//! slow requests, and answers 16 at a time.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
