@@ -245,6 +245,7 @@ mod portable {
     }
 
     /// Brings a place near that will be read soon, where a machine can.
+    #[cfg(not(target_arch = "x86_64"))]
     #[inline(always)]
     pub(in super::super) fn fetch<T>(_: &T) {}
 
