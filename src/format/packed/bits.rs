@@ -1,5 +1,4 @@
 //! Bits of stated probabilities in words of 32 bits: a range coder (SPEC 5.9).
-#![expect(clippy::cast_possible_truncation, reason = "words are halves of 64 bits")]
 
 use super::CodingError;
 

@@ -183,7 +183,7 @@ impl Mixer {
             // No product passes 32 bits: a slot that is new has its probability in the middle.
             let target = if bit { 65_535 } else { 0 };
             let one = one.wrapping_add((target - one).wrapping_mul(STEPS[seen]) >> 16);
-            *place = one.cast_unsigned() << 16 | ((seen as u32 + 1).min(MOST_SEEN)) << 8 | slot % 256;
+            *place = one.cast_unsigned() << 16 | (seen as u32 + 1).min(MOST_SEEN) << 8 | (slot % 256);
         }
         bit
     }
@@ -211,7 +211,7 @@ mod tests {
 
     #[test]
     fn what_a_slot_foresees_costs_little_and_comes_back() {
-        let bits = |i: usize| (i % 7 == 3) ^ (i % 501 == 0);
+        let bits = |i: usize| (i % 7 == 3) ^ i.is_multiple_of(501);
         let run = |coder: &mut dyn FnMut(&mut Mixer, usize) -> bool| {
             let mut mixer = Mixer::default();
             mixer.restart();
