@@ -120,7 +120,7 @@ pub struct RenderReport {
     pub shade_s: f64,
     /// Seconds of looking around for soft light or ambient occlusion, whose rays are not in `rays`; 0 without it.
     pub ambient_s: f64,
-    /// Rays that looked around.
+    /// Rays of ambient occlusion.
     pub ambient_rays: u64,
     /// Pixels of several rays.
     pub refined_pixels: u64,

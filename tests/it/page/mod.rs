@@ -225,9 +225,9 @@ fn a_browser_meets_what_the_librarys_rays_meet() {
         ("leaves", &["synthetic:head@96", "--surface", "cells", "--error", "0.2"]),
         ("corners", &["synthetic:sphere@40?noise=0.4", "--surface", "cells"]),
         ("slices", &["synthetic:torus@48?spacing=1x1x6,slab=1", "--surface", "cells"]),
-        ("one", &[&one, "--dims", "1x1x1", "--type", "u8", "--iso", "100", "--surface", "skin"]),
-        ("flat", &[&flat, "--dims", "40x30x1", "--type", "u8", "--iso", "100", "--surface", "skin"]),
-        ("long", &[&long, "--dims", "4096x3x2", "--type", "u8", "--iso", "100", "--surface", "cells"]),
+        ("one", &[&one, "--dims", "1x1x1", "--dtype", "u8", "--iso", "100", "--surface", "skin"]),
+        ("flat", &[&flat, "--dims", "40x30x1", "--dtype", "u8", "--iso", "100", "--surface", "skin"]),
+        ("long", &[&long, "--dims", "4096x3x2", "--dtype", "u8", "--iso", "100", "--surface", "cells"]),
     ];
     for (name, arguments) in cases {
         let (model, page) = paged(folder.path(), name, arguments);
