@@ -320,7 +320,7 @@ def nodes(stored, levels, depth, larger):
         left -= count
         mixer, size, root_bits = Mixer(), 0, 0
         for _ in range(count):
-            if size >= 1 << 19:
+            if size >= 1 << 18:
                 raise Broken("a group ends later than where it is full")
             present, order, within = {(0, 0, 0)}, [(0, 0, 0)], {}
             for d, part in enumerate(parts, top):
@@ -342,7 +342,7 @@ def nodes(stored, levels, depth, larger):
             for voxel in order:
                 within[tuple(c >> root_bits for c in voxel)][0].append(tuple(c & 63 for c in voxel))
             subtrees += within.values()
-        if size < 1 << 19 and left:
+        if size < 1 << 18 and left:
             raise Broken("a group ends before it is full")
         coder.finish()
     if groups.at != len(stored):

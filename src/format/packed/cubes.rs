@@ -112,7 +112,7 @@ impl Default for NodeCoder {
 }
 
 impl GroupCoder for NodeCoder {
-    const VOXELS: usize = 1 << 19;
+    const VOXELS: usize = 1 << 18;
     const DEPTH: u32 = CUBE_DEPTH;
 
     #[inline(always)]

@@ -14,9 +14,9 @@
 //! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot
 //! disagree about a context.
 //!
-//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.9), in bits a voxel: phantom of 1024^3 0.63, of 512^3 0.81,
-//! iguana 0.92, brain 1.07. Without the net 12 % more; slots without checks 8 % more (and 3 % with one slot a key); groups of 2^18
-//! voxels 3 % more; tables of twice the size 2 % less. Cubes of 256 cells save 7 % more, but their grids and tables leave no
+//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.9), in bits a voxel: phantom of 1024^3 0.65, of 512^3 0.83,
+//! iguana 0.92, brain 1.07. Without the net 12 % more; slots without checks 8 % more (and 3 % with one slot a key); groups of 2^19
+//! voxels 3 % less, but no room for two workers; tables of twice the size 2 % less. Cubes of 256 cells save 7 % more, but their grids and tables leave no
 //! room for two workers. Decoding takes 0.35 microseconds a node: eight chains of table, sum and bit.
 //!
 //! Variants tried before, of infobytes as nibbles in sixteen-ary tables, in bits a voxel: infobytes, normals, offsets.
