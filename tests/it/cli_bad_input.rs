@@ -257,10 +257,12 @@ fn outputs_that_cannot_be_written_are_refused() {
                 .refused(5, &["nowhere/m.png", "folder does not exist"]);
         }
     }
-    oct(&["demo", "--size", "8", "-o", &missing, "--force"])
+    // Cells take more than 8 MiB in a program that is not optimised.
+    oct(&["demo", "--size", "8", "-o", &missing, "--force", "--memory", "16MiB"])
         .refused(2, &["nowhere/m.png", "name another file"]);
     let missing = text(&stage.path("nowhere/m.oct"));
-    oct(&["demo", "--size", "8", "-o", &missing]).refused(5, &["nowhere/m.oct", "folder does not exist"]);
+    oct(&["demo", "--size", "8", "-o", &missing, "--memory", "16MiB"])
+        .refused(5, &["nowhere/m.oct", "folder does not exist"]);
     oct(&["render", &model, "-o", &model, "--force"]).refused(2, &["is the model", "name another file"]);
     oct(&["thumbnail", &model, "-o", &model, "--force"]).refused(2, &["is the model", "name another file"]);
 }

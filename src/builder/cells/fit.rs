@@ -177,9 +177,11 @@ impl Batch {
             (self.code[slot], self.offset[slot]) = (code, plane.offset);
             self.fitted[slot] = u32::from(plane.covers == 0);
         }
-        dispatch(GradientKernel(self));
+        // In long cells the gradient would turn planes off the surface of thin bone.
         if stretch.is_long {
             dispatch(StrayKernel { batch: self, stretch });
+        } else {
+            dispatch(GradientKernel(self));
         }
     }
 

@@ -65,7 +65,8 @@ pub(super) fn pick(cell: &Cell, field: impl FnOnce() -> Field) -> CellShape {
     }
     let crossings = Crossings::new(cell.mask, &depth);
     let best = best_plane(cell, &depth, &crossings);
-    let picked = towards_gradient(cell, &crossings, best).unwrap_or(best);
+    let turned = if cell.stretch.is_long { None } else { towards_gradient(cell, &crossings, best) };
+    let picked = turned.unwrap_or(best);
     match picked {
         CellShape::Plane(code, offset) if cell.stretch.is_long => {
             let fit = crossings.fit(cell.mask, depth, code, offset);

@@ -89,7 +89,7 @@ fn every_report_is_what_its_schema_says() {
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
         ("scene", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
-        ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json"]).json()),
+        ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json", "--memory", "16MiB"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
         ("report", oct(&["report", &model, "--out", &at("figures"), "--pixels", "16", "--json"]).json()),
         ("scan", oct(&["scan", &text(&studies), "--json"]).json()),

@@ -3,6 +3,7 @@
 use crate::prelude::*;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::pack::StripRequest;
+use infobyte::jobs::view::ViewRequest;
 use infobyte::text::Name;
 
 use super::{ball, built, raw};
@@ -176,7 +177,8 @@ fn the_library_names_its_own_options() {
     let picture = RenderRequest { point, ..Default::default() };
     let export = ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0 };
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
-    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?}");
+    let view = ViewRequest::default();
+    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}");
     // Values of fields, arguments of functions, and functions.
     let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];
