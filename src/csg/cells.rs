@@ -52,8 +52,8 @@ impl Solid for CsgCells<'_> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        let crossed = self.tree.counts[1] * size_of::<LeafCrossing>()
-            + CellEdges::MAX_EDGES * size_of::<CellEdge>();
+        let crossed =
+            self.tree.counts[1] * size_of::<LeafCrossing>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
         self.tree.worker_bytes(tile)
             + (1 + self.tree.sampled.len() as u64) * CellEdges::BYTES
             + crossed as u64
