@@ -58,7 +58,7 @@ fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
     }
     if let Some(kind) = behind(words, "CoordType", |kind| kind.trim_matches('"') != "uniform") {
         return Err(unread(
-            format!("a lattice of the CoordType {}", kind[0]),
+            format!("a lattice of the CoordType {}", kind[0].trim_matches('"')),
             "resample it to a uniform one",
         ));
     }

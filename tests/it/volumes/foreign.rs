@@ -272,7 +272,7 @@ fn headers_before_raw_samples_are_placed_or_refused_with_the_way_out() {
         ("a.am", text(&am, "@1\n\n", "@1(HxByteRLE,123)\n\n"), ["packed by HxByteRLE", "as raw binary"]),
         ("a.am", text(&am, "@1\n\n", "@1(HxZip,99)\n\n"), ["packed by HxZip", "as raw binary"]),
         ("a.am", text(&am, "BINARY-LITTLE-ENDIAN", "3D ASCII"), ["holds text (ASCII)", "as raw binary"]),
-        ("a.am", text(&am, "\"uniform\"", "\"curvilinear\""), ["CoordType \"curvilinear\"", "resample"]),
+        ("a.am", text(&am, "\"uniform\"", "\"curvilinear\""), ["CoordType curvilinear", "resample"]),
         ("a.am", text(&am, "{ short Data", "{ short[3] Data"), ["type `short[3]`", "one value a voxel"]),
         ("a.am", text(&am, "define Lattice", "define VERTEX"), ["does not state", "a lattice"]),
         ("a.am", am[..am.len() - 9].to_vec(), ["promises", "are there"]),
