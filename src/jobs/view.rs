@@ -221,7 +221,10 @@ impl Server<'_> {
         let mut png = Vec::new();
         image.write_png_to(&mut png)?;
         head(client, "200 OK", "image/png", png.len() as u64)?;
-        Ok(if asked.is_head { () } else { client.write_all(&png)? })
+        if !asked.is_head {
+            client.write_all(&png)?;
+        }
+        Ok(())
     }
 
     /// The page in a scratch file.

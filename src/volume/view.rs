@@ -250,9 +250,9 @@ impl<'a> Block<'a> {
                 for (i, run) in square.iter_mut().enumerate() {
                     run.as_flattened_mut().copy_from_slice(&self.bytes[at([x + i, y, z])..][..SIDE * SIZE]);
                 }
-                for k in 0..SIDE {
+                for (k, to) in (z..z + SIDE).map(|z| to([x, y, z])).enumerate() {
                     let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
-                    ahead.samples[to([x, y, z + k])..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
+                    ahead.samples[to..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
                 }
             }
         }

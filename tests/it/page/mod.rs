@@ -4,6 +4,8 @@
 //! The browser is chromium, with software for graphics; without one these tests say that they are skipped, unless
 //! `INFOBYTE_BROWSER` names one (or says `required`).
 
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
 use crate::prelude::*;
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -174,7 +176,7 @@ fn compare(name: &str, model: &Model, looks: &[Look], said: &Value) -> usize {
                 let forward = unit(look.forward);
                 let right = unit(cross(forward, look.up));
                 let axes = [right, cross(right, forward), forward.map(|c| -c)];
-                let got = [0, 8, 16].map(|shift| f64::from((got[3] >> shift) as u8 as i8));
+                let got = [0, 8, 16].map(|shift| f64::from((got[3] >> shift).to_le_bytes()[0].cast_signed()));
                 let cosine = dot(unit(got), axes.map(|axis| dot(axis, unit(world))));
                 far += usize::from(cosine < 0.999);
             }
