@@ -198,8 +198,9 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
     // What is not chosen may be anything whole, and what is not there is said.
     let object = values(ScalarType::I32, &|i| if i == 300 { -70_000.0 } else { label(i) });
     let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
-    let run = command::build(&[&input], &model, &["--labels", "2..3,77"]);
-    assert!(run.code == 0 && run.stderr.contains("no voxel has the label 77"), "{}", run.stderr);
+    let run = oct(&["build", &text(&input), "-o", &text(&model), "--labels", "2..3,77"]);
+    let said = format!("{}{}", run.stdout, run.stderr);
+    assert!(run.code == 0 && said.contains("no voxel has the label 77"), "{said}");
     assert_eq!(BuildNote::LabelsAbsent { first: 77, others: 0 }.to_string(), "no voxel has the label 77");
 }
 
@@ -237,8 +238,8 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     let told: Vec<_> = table.iter().map(|label| (label.number, label.name.as_str())).collect();
     assert_eq!(told, [(1, "liver"), (2, ""), (3, "left rib")]);
     assert_eq!(table[0].color, [0x10, 0x20, 0x30]);
-    let text = oct(&["info", named.to_str().unwrap()]);
-    assert!(text.stdout.contains("liver, #102030, "), "{}", text.stdout);
+    let shown = oct(&["info", named.to_str().unwrap()]);
+    assert!(shown.stdout.contains("liver, #102030, "), "{}", shown.stdout);
     let text = oct(&["info", path.to_str().unwrap()]);
     assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
     for name in ["m.stl", "m.ply", "m.glb", "m.nrrd", "m.html"] {
