@@ -166,13 +166,16 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     let is_piped = args.input.iter().any(|path| is_dash(path));
     let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
     args.refuse_foreign(kind)?;
-    let surface = args.skin.surface(args.mesh.grid.is_thin());
+    let label_names = args.names.as_deref().map_or_else(|| Ok(Vec::new()), jobs::names::read_label_names)?;
+    let surface = args.skin.surface(args.mesh.grid.is_thin() || args.labels.is_some());
     let usual = match kind {
         SubjectKind::Mesh => usual_channels(surface),
         SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
     };
     let options = BuildOptions {
         threshold: args.selection.threshold(),
+        labels: args.labels.clone(),
+        label_names,
         surface,
         connectivity: args.skin.connectivity,
         channels: args.skin.channels.unwrap_or(usual),
@@ -238,6 +241,8 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         clean: args.clean.options(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
+            labels: None,
+            label_names: Vec::new(),
             surface: args.skin.surface(false),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or_default(),

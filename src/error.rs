@@ -19,7 +19,9 @@ use crate::page;
 use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
-use crate::text::names::{CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, PORT, SKIN, VISIBLE_FROM};
+use crate::text::names::{
+    CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
+};
 use crate::text::{shown, writing};
 
 /// Anything that can stop a job.
@@ -74,6 +76,18 @@ pub enum UsageError {
         /// What cannot be done to it.
         doing: &'static str,
     },
+    #[error("{}: has labels, and cannot be {doing} yet with them; build one of its labels by its range of values ({RANGE})", shown(.path))]
+    Labels {
+        path: PathBuf,
+        /// What cannot be done to it.
+        doing: &'static str,
+    },
+    #[error("{}: {}; give a TSV or CSV with a header, ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM SEG tools", shown(.path), unread(*.line))]
+    LabelNames { path: PathBuf, line: usize },
+    #[error("{}: names the label {number} twice; name it once", shown(.path))]
+    LabelTwice { path: PathBuf, number: u16 },
+    #[error("{}: labels are built as they are; leave out {asked}", shown(.path))]
+    CleanLabels { path: PathBuf, asked: &'static str },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
     ReplacesInput { path: PathBuf, folder: bool },
     #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid, or within a bound ({ERROR})", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
@@ -90,6 +104,15 @@ pub enum UsageError {
     FlatPlacement { path: PathBuf },
     #[error("a head of {side} voxels a side cannot be made; choose 1 to 65536")]
     HeadSize { side: u32 },
+}
+
+/// Why a table of labels cannot be read; line 0 for the whole.
+fn unread(line: usize) -> String {
+    if line == 0 {
+        "is no table of labels".into()
+    } else {
+        format!("line {line} is no row of a table of labels")
+    }
 }
 
 /// Why something cannot be left out of a model.

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Gradient, Threshold, Tolerance, ViewedFrom};
+use infobyte::builder::{Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
@@ -31,6 +31,14 @@ pub(crate) struct BuildArgs {
     pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
+    /// Build the skin of every label of a label map (a segmentation), walls between neighbours included, in one model: all,
+    /// or numbers and ranges as 1,5,7..20
+    #[arg(long, value_name = "all|LIST", group = "selection")]
+    pub(crate) labels: Option<LabelChoice>,
+    /// Names and colours of labels: a TSV or CSV with a header, ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM
+    /// SEG tools
+    #[arg(long, value_name = "FILE", requires = "labels")]
+    pub(crate) names: Option<PathBuf>,
     /// Peak resident memory of the whole process
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
@@ -423,6 +431,7 @@ impl BuildArgs {
     fn volume_flag(&self) -> Option<&'static str> {
         let Self { selection, clean, raw, which, mesh, .. } = self;
         let given = [
+            ("--labels", self.labels.is_some()),
             ("--iso", selection.iso.is_some()),
             ("--range", selection.range.is_some()),
             ("--otsu", selection.otsu),

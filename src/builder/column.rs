@@ -384,22 +384,40 @@ impl<'a> ColumnWorker<'a> {
         let slab = z / BRICK;
         let words = words_across(column);
         let bricks = column.x.len().div_ceil(BRICK_ROWS);
+        let (kept, nz) = (self.shared.kept, self.dims[2]);
+        // The skin of a run of words: as the solid says it, or as it follows from the bits.
+        let find =
+            |solid: &mut dyn SolidWorker, bits: &[u64], none: &[u64], skin: &mut [u64], run: Range<usize>| {
+                let (origin, width) = (i64::from(column.x.start) + 64 * run.start as i64, run.len());
+                let mut own = OccupancyRows {
+                    x: column.x.clone(),
+                    y: column.y.clone(),
+                    z,
+                    origin,
+                    width,
+                    pitch: words,
+                    words: &mut skin[run.start..],
+                };
+                if solid.skin(&mut own) {
+                    skin[words * column.y.len()..].fill(0);
+                } else {
+                    let bits = BitRows { bits, none, words, z, nz };
+                    find_skin(&bits, run, column.y.len(), kept, &mut skin[..words * BRICK_ROWS]);
+                }
+            };
         if let Some(seen) = self.shared.seen {
             // Only words of mixed runs are found below; the others are left from before.
             self.skin[..words * BRICK_ROWS].fill(0);
             for run in &self.covers[slab as usize % 2].mixed {
-                let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
-                let skin = &mut self.skin[..words * BRICK_ROWS];
-                find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
+                let run = run.clone();
+                find(&mut *self.solid, &self.bits, &self.no_bits, &mut self.skin, run);
             }
             self.hide(column, z, seen)?;
         }
         for at in 0..self.covers[slab as usize % 2].mixed.len() {
             let run = self.covers[slab as usize % 2].mixed[at].clone();
             if self.shared.seen.is_none() {
-                let bits = BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] };
-                let skin = &mut self.skin[..words * BRICK_ROWS];
-                find_skin(&bits, run.clone(), column.y.len(), self.shared.kept, skin);
+                find(&mut *self.solid, &self.bits, &self.no_bits, &mut self.skin, run.clone());
             }
             for brick in 2 * run.start..(2 * run.end).min(bricks) {
                 self.scan_brick_slice(column, z, brick)?;

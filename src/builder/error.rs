@@ -46,6 +46,10 @@ pub(crate) enum BuildFault {
         "{name}: only skin voxels of volumes have normals of 12 or 24 bits; leave out {NORMAL_BITS}, or use {SURFACE} skin"
     )]
     NormalBits { name: String },
+    #[error("{name}: no voxel has one of the labels asked for; choose others, or all of them")]
+    NoLabels { name: String },
+    #[error("{name}: a model of labels has no {asked} so far; leave it out")]
+    NotOfLabels { name: String, asked: &'static str },
     #[error("{name}: only cells are joined into larger leaves; leave out {ERROR}, or use {SURFACE} cells")]
     ErrorOfSkin { name: String },
     #[error("{name}: {ERROR} is {} voxels of the finest spacing here; give a bound above 0 and up to 1 voxel", Short(*.voxels))]
@@ -227,11 +231,13 @@ impl BuildFault {
             Self::EmptyResult { .. }
             | Self::NothingInside { .. }
             | Self::NothingInsideOpen { .. }
+            | Self::NoLabels { .. }
             | Self::NoNumbers { .. } => ExitKind::Input,
             Self::EmptyRange { .. }
             | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
             | Self::NormalBits { .. }
+            | Self::NotOfLabels { .. }
             | Self::ErrorOfSkin { .. }
             | Self::ErrorRange { .. }
             | Self::ErrorOfPart { .. }

@@ -22,7 +22,7 @@ use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parall
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::builder::BuildFault;
-use crate::format::{Channel, ErrorBound, Metadata, SurfaceKind};
+use crate::format::{Channel, ErrorBound, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
 use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
@@ -163,7 +163,12 @@ impl Job<'_> {
         let census = Census::take(solid.dims(), &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
-        let layout = Layout::new(&census, metadata.len() as u64, &channels);
+        let labels = match solid.labels()? {
+            none if none.is_empty() => Vec::new(),
+            labels => labels_to_bytes(&labels)?,
+        };
+        let lengths = [&metadata, &labels].map(|bytes| bytes.len() as u64);
+        let layout = Layout::new(&census, lengths, &channels);
         let target = Target {
             file: atomic.file(),
             path: self.output,
@@ -176,7 +181,8 @@ impl Job<'_> {
 
         let started = Instant::now();
         let _memory = self.part(solid, &plan, seal::MEMORY_BYTES)?;
-        let file_bytes = seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata)?;
+        let small = [&metadata[..], &labels];
+        let entries = seal::seal(&target, solid.dims(), solid.surface(), &census, small)?;
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
         solid.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
@@ -190,9 +196,8 @@ impl Job<'_> {
             skin_voxels: census.voxels,
             hidden: seen.map(|_| totals.hidden),
             nodes: census.nodes(),
-            file_bytes,
-            section_bytes: layout
-                .entries
+            file_bytes: entries.last().map_or(0, SectionEntry::end),
+            section_bytes: entries
                 .iter()
                 .filter_map(|e| e.kind.map(|k| (k.name(), e.stored_bytes)))
                 .collect(),
@@ -205,7 +210,7 @@ impl Job<'_> {
         })
     }
 
-    fn plan_solid(&self, solid: &dyn Solid) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
+    pub(super) fn plan_solid(&self, solid: &dyn Solid) -> Result<(ColumnPlan, Vec<ChannelForm>), BuildError> {
         let request = request_of(solid, self.options)?;
         Ok((self.plan(&solid.name(), &request)?, request.channels))
     }

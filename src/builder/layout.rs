@@ -5,7 +5,9 @@ use super::item::ChannelForm;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::BrickWalk;
 use crate::format::cell::{corner_blocks, leaf_blocks};
-use crate::format::{ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, rank};
+use crate::format::{
+    ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, most_label_bytes, rank,
+};
 use crate::geom::Dims;
 
 /// Levels inside a brick: edges 2, 4, 8, 16, 32.
@@ -117,13 +119,20 @@ impl StoredChannels {
 #[derive(Clone, Debug)]
 pub(super) struct Layout {
     pub(super) entries: Vec<SectionEntry>,
+    /// Where the labels of all voxels stand until their blocks are coded: behind the longest section of blocks.
+    pub(super) labels: u64,
 }
 
 impl Layout {
-    pub(super) fn new(census: &Census, metadata_bytes: u64, channels: &StoredChannels) -> Self {
+    pub(super) fn new(
+        census: &Census,
+        [metadata_bytes, table_bytes]: [u64; 2],
+        channels: &StoredChannels,
+    ) -> Self {
         let nodes = census.nodes();
         let fixed = [
             (SectionKind::Meta, 1, metadata_bytes),
+            (SectionKind::LabelTable, 1, table_bytes),
             (SectionKind::Levels, 8, u64::from(census.depth) + 1),
             (SectionKind::Nodes, 1, nodes),
             (SectionKind::Rank, 1, rank::directory_bytes(nodes).1),
@@ -135,8 +144,13 @@ impl Layout {
             .filter(|(_, rule)| rule.is_some() && census.lod_nodes() > 0)
             .map(|(c, _)| (SectionKind::Means(c.channel), item_bytes(c), census.lod_nodes()));
         let voxels = channels.forms.iter().map(|c| {
-            let items = if c.channel.row().is_sparse { census.corners } else { census.voxels };
-            (SectionKind::Voxels(c.channel), item_bytes(c), items)
+            let kind = SectionKind::Voxels(c.channel);
+            match c.channel.row() {
+                row if row.is_sparse => (kind, item_bytes(c), census.corners),
+                // The last section: its length is known when the blocks are coded.
+                row if row.is_coded => (kind, 1, most_label_bytes(census.voxels)),
+                _ => (kind, item_bytes(c), census.voxels),
+            }
         });
         let corner_rank =
             channels.has_corners().then(|| (SectionKind::CornerRank, 8, corner_blocks(census.voxels)));
@@ -147,8 +161,14 @@ impl Layout {
         ];
         let leaves = leaves.into_iter().filter(|_| channels.leaves);
         // Kind, bytes per item, items.
-        let wanted: Vec<_> =
-            fixed.into_iter().chain(means).chain(voxels).chain(corner_rank).chain(leaves).collect();
+        let wanted: Vec<_> = fixed
+            .into_iter()
+            .filter(|f| f.0 != SectionKind::LabelTable || f.2 > 0)
+            .chain(means)
+            .chain(voxels)
+            .chain(corner_rank)
+            .chain(leaves)
+            .collect();
         let mut end = (HEADER_BYTES + wanted.len() * ENTRY_BYTES) as u64;
         let mut entries = Vec::with_capacity(wanted.len());
         for (kind, item_bytes, items) in wanted {
@@ -156,14 +176,10 @@ impl Layout {
             end = entry.end();
             entries.push(entry);
         }
-        Self { entries }
+        Self { entries, labels: align_up(end) }
     }
 
     pub(super) fn offset(&self, kind: SectionKind) -> Option<u64> {
         self.entries.iter().find(|e| e.kind == Some(kind)).map(|e| e.offset)
-    }
-
-    pub(super) fn file_bytes(&self) -> u64 {
-        self.entries.last().map_or(0, SectionEntry::end)
     }
 }

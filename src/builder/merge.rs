@@ -301,7 +301,11 @@ impl MergeWorker {
         for (runs, ChannelForm { channel, form }) in self.channels.iter_mut().zip(&target.channels.forms) {
             let item = form.stored_bytes();
             let first = if channel.row().is_sparse { group.corners } else { group.voxel };
-            runs.items.restart(target.offset(SectionKind::Voxels(*channel), first, item));
+            let at = match channel.row().is_coded {
+                true => Some(target.layout.labels + first * item as u64),
+                false => target.offset(SectionKind::Voxels(*channel), first, item),
+            };
+            runs.items.restart(at);
             for e in 2..=merge.levels() as usize {
                 runs.means[e - 1].restart(target.offset(SectionKind::Means(*channel), group.node[e], item));
             }

@@ -21,6 +21,7 @@
 //! | files | what they do |
 //! |---|---|
 //! | `solid`, `file_solid`, `volume`, `typed`, `cells` | what is built: any solid, one from files, a volume with a threshold |
+//! | `labels` | the skin of every label of a volume |
 //! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
 //! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
@@ -47,6 +48,7 @@ mod gradient;
 mod histogram;
 mod item;
 mod job;
+mod labels;
 mod lanes;
 mod layout;
 mod merge;
@@ -80,6 +82,7 @@ pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub(crate) use job::reserve_least_of;
+pub use labels::LabelChoice;
 pub use options::{BuildOptions, Threshold, Tolerance};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
@@ -141,6 +144,18 @@ pub(crate) fn reserve_least(
 /// refused elsewhere.
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
+    if options.labels.is_some() {
+        let options = options.for_surface(SurfaceKind::Skin);
+        let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(channel)? });
+        return PlanRequest {
+            dims: info.dims,
+            channels: options.channels.iter().filter_map(form_of).collect(),
+            threads: options.threads,
+            solid_bytes: Box::new(|tile| labels::worker_bytes(info, tile)),
+            input_bytes: source.resident_bytes(),
+            with_sides: false,
+        };
+    }
     let surface = options.volume_surface();
     let (dims, reach) = match surface {
         SurfaceKind::Skin => (info.dims, AROUND),
@@ -195,6 +210,13 @@ pub fn build_volume(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
+    if let Some(choice) = &options.labels {
+        let solid = labels::label_solid(source, choice, options)?;
+        let options = &options.for_surface(SurfaceKind::Skin);
+        let job = Job { options, output, progress };
+        drop(job.plan_solid(&*solid)?);
+        return job.run(job.open_files(solid.dims())?, &*solid);
+    }
     let surface = options.volume_surface();
     let options = &options.for_surface(surface);
     let job = Job { options, output, progress };

@@ -3,11 +3,11 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::{BuildError, Connectivity, Gradient, ViewedFrom};
+use super::{BuildError, Connectivity, Gradient, LabelChoice, ViewedFrom};
 use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
-use crate::format::{Channel, Channels, Selection, SurfaceKind};
+use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
 
 /// How to choose what is inside; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -66,6 +66,10 @@ impl FromStr for Tolerance {
 pub struct BuildOptions {
     /// The inside of a volume; other solids define their own.
     pub threshold: Threshold,
+    /// The labels whose skin is built, each with its own, of a volume of labels; the threshold does not count then.
+    pub labels: Option<LabelChoice>,
+    /// Their names and colours, as far as they are known.
+    pub label_names: Vec<LabelName>,
     /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
     /// Other solids know for themselves.
     pub surface: SurfaceKind,
@@ -98,6 +102,8 @@ impl Default for BuildOptions {
     fn default() -> Self {
         Self {
             threshold: Threshold::Otsu,
+            labels: None,
+            label_names: Vec::new(),
             surface: SurfaceKind::Skin,
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),
@@ -121,14 +127,26 @@ impl BuildOptions {
 
     /// The same for a solid with this surface: cells need normals, offsets and corners.
     pub(super) fn for_surface(&self, surface: SurfaceKind) -> Self {
+        let labelled = if self.labels.is_some() { self.channels.with(Channel::Label) } else { self.channels };
         let channels = match surface {
-            SurfaceKind::Skin if self.has_fine_normals() => self.channels.with(Channel::Fine),
-            SurfaceKind::Skin => self.channels,
+            SurfaceKind::Skin if self.has_fine_normals() => labelled.with(Channel::Fine),
+            SurfaceKind::Skin => labelled,
             SurfaceKind::Cells => {
                 self.channels.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners)
             }
         };
         Self { surface, channels, ..self.clone() }
+    }
+
+    /// What is asked for that a model of labels does not have, by its name.
+    pub(super) fn labels_refused(&self) -> Option<&'static str> {
+        let refused = [
+            ("cells", self.volume_surface() == SurfaceKind::Cells),
+            ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
+            ("channel 'value'", self.channels.contains(Channel::Value)),
+            ("larger leaves", self.joins()),
+        ];
+        refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
     }
 
     /// Are there normals, and in 24 bits?

@@ -57,6 +57,18 @@ pub enum BuildNote {
         /// The value.
         value: f64,
     },
+    /// Labels that were asked for have no voxel.
+    LabelsAbsent {
+        /// The first of them.
+        first: u16,
+        /// How many there are besides.
+        others: usize,
+    },
+    /// None of the labels that the table of names has is there.
+    LabelsUnnamed {
+        /// Labels of the table.
+        named: usize,
+    },
     /// Some samples are NaN, and so outside.
     NotNumbers,
     /// Some samples are infinite and within the range, and so inside.
@@ -75,6 +87,13 @@ impl fmt::Display for BuildNote {
                 f,
                 "its values are taken for labels, {count} of them, and everything above 0 is inside; {RANGE} takes a label alone, {ISO} those from one on"
             ),
+            Self::LabelsAbsent { first, others: 0 } => write!(f, "no voxel has the label {first}"),
+            Self::LabelsAbsent { first, others } => {
+                write!(f, "no voxel has the label {first}, nor {others} more of those asked for")
+            }
+            Self::LabelsUnnamed { named } => {
+                write!(f, "no voxel has any of the {named} labels of the table, so that none has a name")
+            }
             Self::Padding { value } => write!(
                 f,
                 "{} lies outside the circle that its slices have room for, and hardly anywhere else: taken for padding, and left out when the threshold was looked for",

@@ -6,7 +6,8 @@ use super::merge::{RUN_BYTES, Run, Target};
 use crate::format::cell::{CornerRankBuilder, HAS_CORNERS};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{
-    Channel, Encoding, HEADER_BYTES, Header, SectionKind, SurfaceKind, least_minor, table_bytes,
+    Channel, Encoding, HEADER_BYTES, Header, LABEL_GROUP, SectionEntry, SectionKind, SurfaceKind,
+    encode_group, label_directory_bytes, least_minor, table_bytes,
 };
 use crate::geom::Dims;
 use crate::platform::FileExt;
@@ -23,10 +24,18 @@ pub(super) fn seal(
     dims: Dims,
     surface: SurfaceKind,
     census: &Census,
-    metadata: &[u8],
-) -> Result<u64, BuildError> {
+    [metadata, labels]: [&[u8]; 2],
+) -> Result<Vec<SectionEntry>, BuildError> {
     let layout = target.layout;
-    let file_bytes = layout.file_bytes();
+    let mut buffer = vec![0; STEP];
+    let mut entries = layout.entries.clone();
+    if let Some(last) = entries.last_mut()
+        && last.kind == Some(SectionKind::Voxels(Channel::Label))
+    {
+        let bytes = code_labels(target, last.offset, census.voxels, &mut buffer)?;
+        *last = SectionEntry::plain(SectionKind::Voxels(Channel::Label), 1, bytes, last.offset);
+    }
+    let file_bytes = entries.last().map_or(0, SectionEntry::end);
     // The space between sections reads as zeros, which is what it must be.
     target.file.set_len(file_bytes).map_err(|e| target.error(e))?;
     let put = |kind, bytes: &[u8]| match layout.offset(kind) {
@@ -34,9 +43,8 @@ pub(super) fn seal(
         None => Ok(()),
     };
     put(SectionKind::Meta, metadata)?;
+    put(SectionKind::LabelTable, labels)?;
     put(SectionKind::Levels, &census.levels())?;
-    let mut buffer = vec![0; STEP];
-    let mut entries = layout.entries.clone();
     let nodes_crc = rank_directory(target, census.nodes(), &mut buffer)?;
     let offsets = SectionKind::Voxels(Channel::Offset);
     directory(
@@ -76,7 +84,30 @@ pub(super) fn seal(
     };
     target.file.write_all_at(&table, HEADER_BYTES as u64).map_err(|e| target.error(e))?;
     target.file.write_all_at(&header.to_bytes(), 0).map_err(|e| target.error(e))?;
-    Ok(file_bytes)
+    Ok(entries)
+}
+
+/// Codes the labels that stand behind the longest section of blocks, and gives the length of that section.
+fn code_labels(target: &Target<'_>, section: u64, voxels: u64, buffer: &mut [u8]) -> Result<u64, BuildError> {
+    let mut at = label_directory_bytes(voxels);
+    let (mut directory, mut blocks) = (Run::new(Some(section)), Run::new(Some(section + at)));
+    let (mut labels, mut coded) = (Vec::with_capacity(LABEL_GROUP), Vec::new());
+    // Parts are whole groups, but the last.
+    const { assert!(STEP.is_multiple_of(2 * LABEL_GROUP)) };
+    for_each_part(target, target.layout.labels, 2 * voxels, buffer, |part| {
+        for group in part.chunks(2 * LABEL_GROUP) {
+            labels.clear();
+            labels.extend(group.as_chunks::<2>().0.iter().map(|label| u16::from_le_bytes(*label)));
+            coded.clear();
+            directory.put(target, &encode_group(&labels, at, &mut coded))?;
+            blocks.put(target, &coded)?;
+            at += coded.len() as u64;
+        }
+        Ok(())
+    })?;
+    directory.flush(target)?;
+    blocks.flush(target)?;
+    Ok(at)
 }
 
 /// Builds the directory from the infobytes written before; returns their CRC.

@@ -19,7 +19,7 @@ use super::item::ItemForm;
 use super::report::BuildNote;
 use super::skin::{BitRows, Exposed, corner_samples, exposed};
 use crate::builder::BuildFault;
-use crate::format::{Channel, Channels, Metadata, SurfaceKind};
+use crate::format::{Channel, Channels, Label, Metadata, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::SourceError;
 
@@ -142,6 +142,14 @@ pub trait Solid: Sync {
         self.metadata(&ScanSummary::default()).source.kind
     }
 
+    /// The labels that the scan has found, of a solid that has them; their numbers rise.
+    ///
+    /// # Errors
+    /// There are too many.
+    fn labels(&self) -> Result<Vec<Label>, BuildError> {
+        Ok(Vec::new())
+    }
+
     /// Is what the solid is made of still what it was? Asked before the model is given its name.
     ///
     /// # Errors
@@ -194,6 +202,14 @@ pub trait SolidWorker {
     /// # Errors
     /// The solid cannot be read.
     fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError>;
+
+    /// Sets the bits of voxels that are kept in the rows asked for, of a solid that has walls within: every bit of them.
+    /// Otherwise `false`, and the skin follows from the occupancy. As for [`SolidWorker::describe`], the occupancy of
+    /// the next `LOOKAHEAD` slices has been asked for.
+    fn skin(&mut self, rows: &mut OccupancyRows<'_>) -> bool {
+        let _ = rows;
+        false
+    }
 
     /// Computes the items of skin voxels, of all channels of the tile; the occupancy of the next
     /// `LOOKAHEAD` slices has been asked for (except for boxes whose cover was given).

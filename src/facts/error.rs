@@ -266,6 +266,12 @@ pub(crate) enum Fault {
     Mesh,
     #[error("{0}")]
     MeshFile(MeshFault),
+    #[error("holds the value {value}, and labels are whole numbers")]
+    NotALabel { value: f64 },
+    #[error("holds the value {value}, and labels are numbers from 1 to 65535, 0 for none")]
+    LabelRange { value: f64 },
+    #[error("holds more than {most} labels; choose some of them")]
+    ManyLabels { most: usize },
     #[error(transparent)]
     Csg(#[from] CsgFault),
     #[error(transparent)]

@@ -6,7 +6,7 @@ use super::error::FormatError;
 use super::header::{Encoding, HEADER_BYTES, Header};
 use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
-use super::section::{ENTRY_BYTES, SectionEntry, align_up, table_bytes};
+use super::section::{ENTRY_BYTES, SectionEntry, align_up, least_minor, table_bytes};
 use super::{normal, rank};
 use crate::geom::{Dims, morton};
 
@@ -77,7 +77,7 @@ pub fn join_sections(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: SurfaceKind::Skin.minor(),
+        minor: least_minor(SurfaceKind::Skin, &entries),
         encoding,
         surface: SurfaceKind::Skin,
         leaves: false,

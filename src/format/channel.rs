@@ -33,6 +33,8 @@ pub struct ChannelRow {
     pub illegal: Option<fn(&[u8]) -> bool>,
     /// Does only a part of the voxels have an item? The offset says which (SPEC 4.8).
     pub is_sparse: bool,
+    /// Does its section hold bytes from which the items are decoded (SPEC 4.11), rather than the items?
+    pub is_coded: bool,
 }
 
 /// The section of coarse means of a channel.
@@ -66,6 +68,7 @@ impl ChannelRow {
             is_stated: None,
             illegal: None,
             is_sparse: false,
+            is_coded: false,
         }
     }
 }
@@ -96,6 +99,7 @@ static TABLE: &[ChannelRow] = &[
         is_sparse: true,
         ..ChannelRow::plain(Channel::Corners, "corners", "corners", *b"CORN", &[8])
     },
+    ChannelRow { is_coded: true, ..ChannelRow::plain(Channel::Label, "label", "labels", *b"LABL", &[1]) },
     #[cfg(test)]
     ChannelRow {
         means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number }),

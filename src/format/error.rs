@@ -184,6 +184,14 @@ pub enum FormatError {
         /// Cells with corners before it.
         due: u64,
     },
+    #[error(
+        "{DAMAGED}the labels of voxels and their table are not both there, or not of skin voxels (SPEC I4){AGAIN}"
+    )]
+    LabelsApart { kind: SectionKind },
+    #[error("{DAMAGED}the table of labels cannot be read, or is impossible (SPEC I21){AGAIN}")]
+    LabelTable { bytes: u64 },
+    #[error("{DAMAGED}the labels of voxels {first} to {last} are illegal (SPEC I22){AGAIN}")]
+    LabelBlocks { first: u64, last: u64 },
     #[error("{DAMAGED}encoding and sections disagree about larger leaves (SPEC I4){AGAIN}")]
     LeavesApart { kind: SectionKind },
     #[error("{DAMAGED}{found} larger leaves are described where the nodes have {due} (SPEC I20){AGAIN}")]

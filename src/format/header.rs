@@ -10,9 +10,11 @@ pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 pub(crate) const VERSION_MAJOR: u16 = 1;
 /// Highest minor version written; a file is given the lowest that has all it needs
 /// ([`least_minor`](super::least_minor), or [`GROUPS_MINOR`](super::packed::GROUPS_MINOR) of a packed one).
-pub(crate) const VERSION_MINOR: u16 = LEAVES_MINOR;
+pub(crate) const VERSION_MINOR: u16 = LABELS_MINOR;
 /// Lowest minor version that has larger leaves.
 pub(crate) const LEAVES_MINOR: u16 = 3;
+/// Lowest minor version that has labels.
+pub(crate) const LABELS_MINOR: u16 = 4;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 

@@ -55,6 +55,8 @@ pub enum Channel {
     Fine,
     /// The eight samples of cells that no plane can separate (SPEC 4.8).
     Corners,
+    /// Number of the label (SPEC 4.11), 16 bits, in blocks with palettes.
+    Label,
     /// A row for the test below.
     #[cfg(test)]
     Dummy,
@@ -65,6 +67,7 @@ impl Channel {
     pub const fn minor(self) -> u16 {
         match self {
             Self::Fine => 2,
+            Self::Label => super::header::LABELS_MINOR,
             _ => 0,
         }
     }
@@ -75,6 +78,8 @@ impl Channel {
 pub enum SectionKind {
     /// Metadata.
     Meta,
+    /// Labels with their names and colours (SPEC 4.10).
+    LabelTable,
     /// First node of every depth.
     Levels,
     /// Infobytes.

@@ -11,6 +11,7 @@ mod channel;
 mod error;
 mod header;
 mod kind;
+mod label;
 mod metadata;
 pub mod normal;
 #[doc(hidden)]
@@ -25,6 +26,12 @@ pub use error::FormatError;
 pub use header::{Encoding, HEADER_BYTES, Header, MAGIC};
 pub(crate) use header::{VERSION_MAJOR, VERSION_MINOR};
 pub use kind::{Channel, SectionKind, SurfaceKind};
+pub(crate) use label::{ENTRY as LABEL_ENTRY, GROUP as LABEL_GROUP, MAX_LABELS};
+pub use label::{Label, LabelItems, LabelName};
+pub(crate) use label::{decode_group, directory_bytes as label_directory_bytes, encode_group};
+pub(crate) use label::{
+    most_bytes as most_label_bytes, parse_table as parse_labels, table_to_bytes as labels_to_bytes,
+};
 pub(crate) use metadata::METADATA_LIMIT;
 pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};

@@ -25,7 +25,7 @@ impl SectionKind {
     pub fn all() -> impl Iterator<Item = Self> {
         let means = Channel::all().filter(|c| c.row().means.is_some()).map(Self::Means);
         let voxels = Channel::all().map(Self::Voxels);
-        let fixed = [Self::Meta, Self::Levels, Self::Nodes, Self::Rank];
+        let fixed = [Self::Meta, Self::LabelTable, Self::Levels, Self::Nodes, Self::Rank];
         let of_leaves = [Self::CornerRank, Self::LeafNormals, Self::LeafOffsets, Self::LeafRank];
         fixed.into_iter().chain(means).chain(voxels).chain(of_leaves)
     }
@@ -47,6 +47,7 @@ impl SectionKind {
     pub fn tag(self) -> [u8; 4] {
         match self {
             Self::Meta => *b"META",
+            Self::LabelTable => *b"LTAB",
             Self::Levels => *b"LEVL",
             Self::Nodes => *b"NODE",
             Self::Rank => *b"RANK",
@@ -63,6 +64,7 @@ impl SectionKind {
     pub fn name(self) -> &'static str {
         match self {
             Self::Meta => "metadata",
+            Self::LabelTable => "label_table",
             Self::Levels => "levels",
             Self::Nodes => "nodes",
             Self::Rank => "rank",
@@ -78,7 +80,7 @@ impl SectionKind {
     /// The codec of its packed section (SPEC 5.1): fixed, so that the same content gives the same bytes.
     pub fn codec(self) -> u8 {
         match self {
-            Self::Meta | Self::Levels | Self::Rank => CODEC_NONE,
+            Self::Meta | Self::LabelTable | Self::Levels | Self::Rank => CODEC_NONE,
             Self::Nodes => CODEC_CUBES,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,

@@ -250,6 +250,7 @@ impl BuildJob<'_> {
 
     fn volume(&self, mut source: Box<dyn VolumeSource>) -> Result<Built, Error> {
         let Self { clean, output, progress, .. } = *self;
+        self.refuse_cleaned_labels(&*source)?;
         let threshold = clean.preset.map_or(self.options.threshold, |preset| preset.threshold());
         let mut options = BuildOptions { threshold, ..self.options.clone() };
         prepare(&mut *source, clean, &options, output, progress)?;
@@ -269,8 +270,31 @@ impl BuildJob<'_> {
         warnings.extend(doubt.map(|doubt| doubt.to_string()));
         warnings
             .extend(cleaned.as_ref().and_then(|cleaned| cleaned.report.note).map(|note| note.to_string()));
+        // What is said of thresholds is not said of labels.
+        let threshold =
+            if options.labels.is_some() { Threshold::Chosen(report.selection) } else { threshold };
         let hints = hints(&*source, threshold, options.surface, &report);
         Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
+    }
+
+    /// Cleaning works on one inside, and would mix labels.
+    fn refuse_cleaned_labels(&self, source: &dyn VolumeSource) -> Result<(), Error> {
+        let CleanOptions { downsample, preset, close, fill_cavities, keep_largest, drop_below, .. } =
+            self.clean;
+        let asked = [
+            ("a preset", preset.is_some()),
+            ("the downsampling", downsample.is_some()),
+            ("the closing", *close > 0),
+            ("the filling of cavities", *fill_cavities),
+            ("the choice of components", keep_largest.is_some() || drop_below.is_some()),
+        ];
+        match asked.into_iter().find(|(_, given)| *given && self.options.labels.is_some()) {
+            None => Ok(()),
+            Some((asked, _)) => {
+                let path = PathBuf::from(&source.info().description.name);
+                Err(UsageError::CleanLabels { path, asked }.into())
+            }
+        }
     }
 
     fn mesh(&self, inputs: &[PathBuf]) -> Result<Built, Error> {

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::{open_fine_model, open_model};
+use super::opened::{open_fine_model, open_model, refuse_labels};
 use super::render::{RenderRequest, render_view_watched};
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
@@ -104,6 +104,9 @@ pub fn export(
         return export_page(input, output, progress);
     }
     let model = open_fine_model(input, "exported")?;
+    if request.form.has_triangles() || request.form.is_mask() {
+        refuse_labels(&model, input, "exported to triangles or masks")?;
+    }
     if let (true, Some(seen_from)) = (request.needs_inside(), model.metadata().seen_from()) {
         let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
         return Err(UsageError::KeepsPart { path, seen_from }.into());
@@ -178,6 +181,7 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let model = open_model(input)?;
+    refuse_labels(&model, input, "shown in a page")?;
     let bytes = model.header().file_bytes;
     if bytes > page::MAX_BYTES {
         return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());

@@ -2,7 +2,9 @@
 
 mod report;
 
-pub use report::{InfoReport, LeafFigures, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures};
+pub use report::{
+    InfoReport, LabelFigures, LeafFigures, MeasuredFigures, ModelFigures, NotMeasured, RangeFigures,
+};
 
 use std::fmt::Write;
 use std::path::Path;
@@ -11,7 +13,8 @@ use super::measure::{Measures, measure};
 use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{Encoding, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
+use crate::format::{Encoding, Label, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
+use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault};
 use crate::platform::open_file;
 use crate::text::names::{MEASURE, VERIFY};
@@ -44,6 +47,8 @@ pub enum Measured {
     Large,
     /// It has larger leaves.
     Leaves,
+    /// It has labels, with walls within.
+    Labels,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -72,6 +77,8 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         Measured::Packed
     } else if info.frame.header.leaves {
         Measured::Leaves
+    } else if !info.frame.labels.is_empty() {
+        Measured::Labels
     } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
@@ -254,6 +261,13 @@ impl Info {
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
         row("written by", shown(&m.program).to_string());
+        for label in label_figures(frame) {
+            let name =
+                if label.name.is_empty() { String::new() } else { format!("{}, ", shown(&label.name)) };
+            let volume = Short(label.volume_mm3);
+            let text = format!("{name}{}, {} voxels, {volume} mm³", label.color, label.voxels);
+            rows.push((format!("label {}", label.number), text));
+        }
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
             let _ = writeln!(text, "{name:width$}  {value}");
@@ -274,6 +288,7 @@ impl Measured {
                 )];
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
+            Self::Labels => return vec![("measures", "of its labels below".to_owned())],
             Self::Leaves => return vec![("measures", "none of a model with larger leaves".to_owned())],
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
@@ -335,6 +350,19 @@ pub(super) fn one_of(frame: &Frame) -> &'static str {
         SurfaceKind::Cells => "cell",
         SurfaceKind::Skin => "skin voxel",
     }
+}
+
+/// The labels of a model, with the volume of their voxels.
+pub(super) fn label_figures(frame: &Frame) -> Vec<LabelFigures> {
+    let volume_mm3 = Affine { rows: frame.metadata.affine }.determinant().abs();
+    let figures = |label: &Label| LabelFigures {
+        number: label.number,
+        name: label.name.clone(),
+        color: label.color.iter().fold("#".to_owned(), |text, c| format!("{text}{c:02x}")),
+        voxels: label.voxels,
+        volume_mm3: to_f64(label.voxels) * volume_mm3,
+    };
+    frame.labels.iter().map(figures).collect()
 }
 
 /// Larger leaves of a model.

@@ -14,6 +14,7 @@ pub mod info;
 pub mod intersect;
 #[doc(hidden)]
 pub mod measure;
+pub mod names;
 #[doc(hidden)]
 pub mod opened;
 pub mod pack;

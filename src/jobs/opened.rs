@@ -36,6 +36,21 @@ pub fn open_fine_model(path: &Path, doing: &'static str) -> Result<Model, Error>
     open_model(path)
 }
 
+/// Refuses what would lose the labels of a model.
+///
+/// # Errors
+/// [`UsageError::Labels`].
+pub(crate) fn refuse_labels<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    path: &Path,
+    doing: &'static str,
+) -> Result<(), Error> {
+    match model.frame().labels.is_empty() {
+        true => Ok(()),
+        false => Err(UsageError::Labels { path: path.to_path_buf(), doing }.into()),
+    }
+}
+
 /// Refuses a model with larger leaves.
 ///
 /// # Errors

@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::export::still;
-use super::opened::open_model;
+use super::opened::{open_model, refuse_labels};
 use super::render::{RenderRequest, render_view};
 use super::verify::verify_unless_packed;
 use crate::error::Error;
@@ -61,6 +61,7 @@ pub fn view(
 ) -> Result<(), Error> {
     verify_unless_packed(input)?;
     let model = open_model(input)?;
+    refuse_labels(&model, input, "shown in a page")?;
     let refused = |cause| Error::Port { port: request.port, cause };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
     listener.set_nonblocking(true).map_err(refused)?;

@@ -1,8 +1,9 @@
 //! The small parts of a file that say what the large ones are: header, table, metadata, levels.
 
 use crate::format::{
-    Channel, Encoding, FormatError, HEADER_BYTES, Header, MAX_SECTIONS, METADATA_LIMIT, Metadata,
-    SectionEntry, SectionKind, SurfaceKind, cell, parse_table, rank,
+    Channel, Encoding, FormatError, HEADER_BYTES, Header, Label, MAX_SECTIONS, METADATA_LIMIT, Metadata,
+    SectionEntry, SectionKind, SurfaceKind, cell, label_directory_bytes, most_label_bytes, parse_labels,
+    parse_table, rank,
 };
 use crate::geom::{Affine, Dims, Level};
 
@@ -23,6 +24,8 @@ pub struct Frame {
     pub metadata_bytes: Vec<u8>,
     /// First node of every depth, then N (SPEC 4.3 `LEVL`).
     pub levels: Vec<u64>,
+    /// The labels, by number (SPEC 4.10); none of a model without them.
+    pub labels: Vec<Label>,
 }
 
 impl Frame {
@@ -65,7 +68,14 @@ impl Frame {
             .map(|b| u64::from_le_bytes(*b))
             .collect();
         check_levels(&header, &levels)?;
-        let frame = Self { header, sections, metadata, metadata_bytes, levels };
+        let labels = match sections.iter().any(|e| e.kind == Some(SectionKind::LabelTable)) {
+            true => {
+                let bytes = read_small(source, &sections, SectionKind::LabelTable)?;
+                parse_labels(&bytes, header.dims.voxels())?
+            }
+            false => Vec::new(),
+        };
+        let frame = Self { header, sections, metadata, metadata_bytes, levels, labels };
         frame.check_item_counts()?;
         Ok(frame)
     }
@@ -132,7 +142,7 @@ impl Frame {
             let Some(kind) = entry.kind else { continue };
             let (item_ok, items) = match kind {
                 // Checked before they were read.
-                SectionKind::Meta | SectionKind::Levels => continue,
+                SectionKind::Meta | SectionKind::LabelTable | SectionKind::Levels => continue,
                 SectionKind::Nodes => (entry.item_bytes == 1, n),
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
                 SectionKind::Means(channel) => {
@@ -143,7 +153,14 @@ impl Frame {
                 }
                 SectionKind::Voxels(channel) => {
                     // How many have an item of a sparse channel is known when all offsets are (SPEC I18).
-                    let items = if channel.row().is_sparse { entry.items.min(v) } else { v };
+                    let items = match channel.row() {
+                        row if row.is_sparse => entry.items.min(v),
+                        // The bytes of blocks are known when all are read (SPEC I22).
+                        row if row.is_coded => {
+                            entry.items.clamp(label_directory_bytes(v), most_label_bytes(v))
+                        }
+                        _ => v,
+                    };
                     (channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
@@ -205,13 +222,20 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
             _ => {}
         }
     }
+    for kind in [SectionKind::LabelTable, SectionKind::Voxels(Channel::Label)] {
+        let labelled = has(SectionKind::LabelTable) || has(SectionKind::Voxels(Channel::Label));
+        if labelled && (cells || !has(kind)) {
+            return Err(FormatError::LabelsApart { kind });
+        }
+    }
     for kind in [SectionKind::LeafNormals, SectionKind::LeafOffsets, SectionKind::LeafRank] {
         if has(kind) != header.leaves {
             return Err(FormatError::LeavesApart { kind });
         }
     }
     for entry in sections {
-        let small = matches!(entry.kind, Some(SectionKind::Meta | SectionKind::Levels));
+        let small =
+            matches!(entry.kind, Some(SectionKind::Meta | SectionKind::LabelTable | SectionKind::Levels));
         if entry.codec != 0 && (!packed || small) {
             return Err(FormatError::ForbiddenCodec { kind: entry.kind, codec: entry.codec });
         }

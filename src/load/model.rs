@@ -6,7 +6,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::format::{
-    Channel, FormatError, Header, Metadata, SectionEntry, SectionKind, SurfaceKind, cell::Plane, rank,
+    Channel, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind, cell::Plane,
+    rank,
 };
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
@@ -41,6 +42,7 @@ struct Places {
     node_normals: Option<Range<usize>>,
     fine: Option<Range<usize>>,
     colors: Option<Range<usize>>,
+    labels: Option<Range<usize>>,
     /// Offsets, corners and their directory, of a model of cells.
     cells: Option<[Range<usize>; 3]>,
     /// Normals, offsets and directory of larger leaves.
@@ -182,6 +184,7 @@ impl<D: AsRef<[u8]>> Model<D> {
             node_normals: range(SectionKind::Means(Channel::Normal)),
             fine: of_voxels(Channel::Fine),
             colors: of_voxels(Channel::Color),
+            labels: of_voxels(Channel::Label),
             cells: (frame.surface() == SurfaceKind::Cells).then(|| {
                 let corner_rank = range(SectionKind::CornerRank);
                 [of_voxels(Channel::Offset), of_voxels(Channel::Corners), corner_rank]
@@ -296,7 +299,7 @@ impl<D: AsRef<[u8]>> Model<D> {
         let bytes = self.bytes();
         let part = |range: &Range<usize>| bytes.get(range.clone()).unwrap_or_default();
         let codes = |range: &Option<Range<usize>>| range.as_ref().map(|range| part(range).as_chunks::<2>().0);
-        let Places { nodes, rank, normals, node_normals, fine, colors, cells, leaves } = &self.places;
+        let Places { nodes, rank, normals, node_normals, fine, colors, labels, cells, leaves } = &self.places;
         let normal_codes = normals.as_ref().map(part).unwrap_or_default();
         ModelView {
             depth: self.frame.header.dims.depth(),
@@ -314,6 +317,9 @@ impl<D: AsRef<[u8]>> Model<D> {
             node_normals: codes(node_normals),
             fine: fine.as_ref().map(part),
             colors: colors.as_ref().map(|range| part(range).as_chunks::<3>().0),
+            labels: labels
+                .as_ref()
+                .map(|range| LabelItems::new(part(range), self.frame.header.voxels, &self.frame.labels)),
         }
     }
 
@@ -378,6 +384,7 @@ pub struct ModelView<'a> {
     leaves: Option<LeafItems<'a>>,
     fine: Option<&'a [u8]>,
     colors: Option<&'a [[u8; 3]]>,
+    labels: Option<LabelItems<'a>>,
 }
 
 impl<'a> ModelView<'a> {
@@ -396,6 +403,7 @@ impl<'a> ModelView<'a> {
             leaves: None,
             fine: None,
             colors: None,
+            labels: None,
         }
     }
 
@@ -419,6 +427,12 @@ impl<'a> ModelView<'a> {
     #[inline(always)]
     pub(crate) fn has_leaves(&self) -> bool {
         self.leaves.is_some()
+    }
+
+    /// The labels of the voxels, if the model has them.
+    #[inline]
+    pub fn labels(&self) -> Option<LabelItems<'a>> {
+        self.labels
     }
 
     /// Is there no box of the surface?
@@ -524,7 +538,10 @@ impl NodeView for ModelView<'_> {
 
     #[inline]
     fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
-        self.colors?.get(voxel.index()?).copied()
+        match self.labels {
+            None => self.colors?.get(voxel.index()?).copied(),
+            Some(labels) => labels.label(voxel.get()).map(|label| label.color),
+        }
     }
 
     #[inline]

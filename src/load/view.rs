@@ -51,7 +51,7 @@ pub trait NodeView: Sync {
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.
     fn node_normal(&self, node: NodeIndex) -> Option<u16>;
 
-    /// Colour of a voxel (sRGB), if the model has colours.
+    /// Colour of a voxel (sRGB), if the model has colours, or labels with theirs.
     #[inline]
     fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
         let _ = voxel;

@@ -22,6 +22,8 @@ pub struct StoredVoxel {
     pub value: Option<f64>,
     /// Colour (sRGB), where the model has colours.
     pub color: Option<[u8; 3]>,
+    /// Number of its label, where the model has labels.
+    pub label: Option<u16>,
 }
 
 /// The voxels or cells of a model in the order of the file, which is that of Morton codes; see
@@ -135,6 +137,7 @@ impl Iterator for StoredVoxels<'_> {
             normal: self.normal(index),
             value: self.values.and_then(|v| v.get(number)).map(|v| slope * to_f64(v) + intercept),
             color: self.view.voxel_color(index),
+            label: self.view.labels().and_then(|labels| labels.get(number)),
         })
     }
 

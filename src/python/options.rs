@@ -160,6 +160,8 @@ impl BuildAsked {
         }
         Ok(BuildOptions {
             threshold: self.threshold(),
+            labels: None,
+            label_names: Vec::new(),
             surface: self.surface()?,
             connectivity: neighbours(
                 "connectivity",

@@ -48,6 +48,17 @@ fn content(file: &[u8], kind: SectionKind) -> Vec<u8> {
     file[entry.offset as usize..entry.end() as usize].to_vec()
 }
 
+/// A model of three labels.
+fn labelled() -> Vec<u8> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let volume =
+        Voxels::from_fn(Dims::new(20, 16, 12).unwrap(), |[x, y, z]| ((x / 5 + y / 4 + z / 6) % 4) as u8);
+    let labels = Some(infobyte::builder::LabelChoice::All);
+    infobyte::build(&volume, &BuildOptions { labels, ..BuildOptions::default() }, &path).unwrap();
+    std::fs::read(&path).unwrap()
+}
+
 /// The header with a right checksum after a change of its bytes.
 fn with_header(file: &[u8], change: impl FnOnce(&mut [u8])) -> Vec<u8> {
     let mut file = file.to_vec();
@@ -237,6 +248,10 @@ fn i4_sections_and_their_items() {
         (
             with_entry(&unknown(VALUE_LOD), VALUE, |e| e.tag = *b"LNRM"),
             E::LeavesApart { kind: SectionKind::LeafNormals },
+        ),
+        (
+            with_entry(&labelled(), SectionKind::LabelTable, |e| e.tag = *b"ZZZZ"),
+            E::LabelsApart { kind: SectionKind::LabelTable },
         ),
         (with_header(&file, |h| h[12] = 1), E::RankInPackedFile),
         (unknown(NORMAL), E::LoneMeans { kind: NORMAL_LOD }),
@@ -472,7 +487,7 @@ fn i19_minor_version() {
     std::fs::write(&mapped, &file).unwrap();
     pack(&mapped, &packed).unwrap();
     let stating = |file: &[u8], minor: u8| with_header(file, |h| h[10] = minor);
-    for minor in 1..=3 {
+    for minor in 1..=4 {
         let file = stating(&file, minor);
         assert!(
             matches!(verify(file.as_slice()), Err(Fault::Format(E::MinorApart { minor: m })) if m == u16::from(minor))
@@ -484,6 +499,29 @@ fn i19_minor_version() {
     std::fs::write(&other, stating(&file, 1)).unwrap();
     assert!(verify_file(&other).is_err() && unpack(&other, &folder.path().join("d.oct")).is_err());
     // Of a later version nothing is known.
-    assert!(verify(stating(&sound(), 4).as_slice()).is_ok());
+    assert!(verify(stating(&sound(), 5).as_slice()).is_ok());
     verify_file(&packed).unwrap();
+}
+
+#[test]
+fn i21_and_i22_labels() {
+    let (file, table) = (labelled(), SectionKind::LabelTable);
+    let blocks = SectionKind::Voxels(Channel::Label);
+    verify(file.as_slice()).unwrap();
+    assert_eq!(verify(with_content(&file, table, |_| {}).as_slice()).unwrap().labels, frame(&file).labels);
+    let bytes = content(&file, table).len() as u64;
+    Rule("I21").broken_by(vec![
+        (with_content(&file, table, |t| t.truncate(t.len() - 1)), E::LabelTable { bytes: bytes - 1 }),
+        (with_content(&file, table, |t| t[8] = 0), E::LabelTable { bytes }),
+    ]);
+    let voxels = frame(&file).header.voxels;
+    assert!(voxels > 512);
+    let of_first = E::LabelBlocks { first: 0, last: 511 };
+    let directory = 16 * voxels.div_ceil(512) as usize;
+    Rule("I22").broken_by(vec![
+        (with_content(&file, blocks, |b| b[0] += 1), of_first.clone()),
+        (with_content(&file, blocks, |b| b[8] = 17), of_first.clone()),
+        (with_content(&file, blocks, |b| b[directory] = 9), of_first),
+        (with_content(&file, blocks, |b| b.push(0)), E::LabelBlocks { first: voxels, last: voxels }),
+    ]);
 }

@@ -29,6 +29,7 @@ mod foreign_text;
 mod hard_cases;
 mod intersect;
 mod invariants;
+mod labels;
 mod larger_leaves;
 mod library;
 mod light_leaks;

@@ -143,9 +143,27 @@ pub struct InfoReport {
     pub ratio_to_paper: f64,
     /// The same for a volume that fills the grid.
     pub ratio_to_paper_grid: f64,
+    /// The labels, by number; empty for a model without them.
+    pub labels: Vec<LabelFigures>,
     /// Measures of its skin.
     #[serde(flatten)]
     pub measured: MeasuredFigures,
+}
+
+/// One label of a model.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct LabelFigures {
+    /// Its number in the volume.
+    pub number: u16,
+    /// Its name; empty if it has none.
+    pub name: String,
+    /// Its colour (sRGB), as #rrggbb.
+    pub color: String,
+    /// Voxels of the volume that have it, those inside included.
+    pub voxels: u64,
+    /// Volume of these voxels.
+    pub volume_mm3: f64,
 }
 
 /// Why a model was not measured.
@@ -159,6 +177,8 @@ pub enum NotMeasured {
     Large,
     /// It has larger leaves.
     Leaves,
+    /// It has labels: see `labels`.
+    Labels,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -195,6 +215,7 @@ impl From<&Measured> for MeasuredFigures {
             Measured::Packed => return not(NotMeasured::Packed),
             Measured::Large => return not(NotMeasured::Large),
             Measured::Leaves => return not(NotMeasured::Leaves),
+            Measured::Labels => return not(NotMeasured::Labels),
             Measured::Impossible => return not(NotMeasured::Impossible),
         };
         let (area, volume) = (m.area_mm2.unzip(), m.volume_mm3.unzip());
@@ -238,6 +259,7 @@ impl Info {
             paper_bytes: paper_dims,
             ratio_to_paper: paper_dims / to_f64(bytes),
             ratio_to_paper_grid: paper_grid / to_f64(bytes),
+            labels: super::label_figures(frame),
             measured: self.measured.as_ref().map(MeasuredFigures::from).unwrap_or_default(),
         }
     }

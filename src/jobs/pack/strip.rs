@@ -168,6 +168,7 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
     left.metadata_bytes = left.metadata.to_bytes()?;
     left.sections.retain(|entry| match entry.kind {
         Some(SectionKind::Voxels(channel)) => kept.contains(channel),
+        Some(SectionKind::LabelTable) => kept.contains(Channel::Label),
         Some(SectionKind::Means(channel)) => request.lod && kept.contains(channel),
         Some(_) => true,
         None => false,
@@ -181,7 +182,9 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
             Some(SectionKind::Nodes) => nodes,
             Some(SectionKind::Rank) => rank::directory_bytes(nodes).1,
             Some(SectionKind::Means(_)) => coarse,
-            Some(SectionKind::Voxels(channel)) if !channel.row().is_sparse => voxels,
+            Some(SectionKind::Voxels(channel)) if !channel.row().is_sparse && !channel.row().is_coded => {
+                voxels
+            }
             _ => entry.items,
         };
         *entry = match entry.kind {

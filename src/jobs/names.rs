@@ -1,0 +1,212 @@
+//! Names and colours of labels from the tables that segmentation tools write.
+//!
+//! | table | a row |
+//! |---|---|
+//! | TSV or CSV with a header | columns index (or LabelValue), name, and color as #rrggbb or Color_R, Color_G, Color_B |
+//! | ITK-SNAP label descriptions | `number R G B A visible mesh "name"` |
+//! | Slicer colour table (.ctbl), FreeSurfer | `number name R G B A`; in .ctbl `_` stands for a blank |
+//! | JSON of DICOM SEG tools | `segmentAttributes`: labelID, SegmentLabel, recommendedDisplayRGBValue |
+
+use std::io::Read;
+use std::path::Path;
+
+use serde_json::Value;
+
+use crate::error::{Error, UsageError};
+use crate::format::LabelName;
+use crate::load::{LoadError, LoadFault};
+use crate::platform::open_file;
+
+/// Longest table.
+const MOST_BYTES: u64 = 4 << 20;
+
+/// Reads a table of labels, of the kind that its content shows; label 0 is left out.
+///
+/// # Errors
+/// The file cannot be read, is none of these tables, or names a label twice.
+pub fn read_label_names(path: &Path) -> Result<Vec<LabelName>, Error> {
+    let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
+    let mut bytes = Vec::new();
+    let file = open_file(path).map_err(unreadable)?;
+    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    let wrong = |line: usize| UsageError::LabelNames { path: path.to_path_buf(), line };
+    if bytes.len() as u64 > MOST_BYTES {
+        return Err(wrong(0).into());
+    }
+    let text = String::from_utf8_lossy(&bytes);
+    let blanks = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ctbl"));
+    let mut names = match text.trim_start().starts_with(['{', '[']) {
+        true => of_json(&text).ok_or_else(|| wrong(0))?,
+        false => of_rows(&text, blanks).map_err(wrong)?,
+    };
+    names.sort_by_key(|label| label.number);
+    match names.windows(2).find(|pair| pair[0].number == pair[1].number) {
+        Some([twice, _]) => {
+            Err(UsageError::LabelTwice { path: path.to_path_buf(), number: twice.number }.into())
+        }
+        _ => Ok(names),
+    }
+}
+
+/// The labels of `segmentAttributes`, in lists within a list.
+fn of_json(text: &str) -> Option<Vec<LabelName>> {
+    let table: Value = serde_json::from_str(text).ok()?;
+    let mut names = Vec::new();
+    for segment in table.get("segmentAttributes")?.as_array()?.iter().map(|list| list.as_array()) {
+        for segment in segment? {
+            let number = u16::try_from(segment.get("labelID")?.as_u64()?).ok()?;
+            let name =
+                ["SegmentLabel", "SegmentDescription"].iter().find_map(|key| segment.get(key)?.as_str());
+            let color = segment.get("recommendedDisplayRGBValue").and_then(|color| {
+                let parts = color.as_array().filter(|parts| parts.len() == 3)?;
+                let part = |i: usize| u8::try_from(parts.get(i)?.as_u64()?).ok();
+                Some([part(0)?, part(1)?, part(2)?])
+            });
+            names.push(LabelName { number, name: name.unwrap_or_default().to_owned(), color });
+        }
+    }
+    names.retain(|label| label.number > 0);
+    (!names.is_empty()).then_some(names)
+}
+
+/// The labels of a table of lines; the number of a line that cannot be read.
+fn of_rows(text: &str, blanks: bool) -> Result<Vec<LabelName>, usize> {
+    let mut names = Vec::new();
+    let mut header: Option<(char, Columns)> = None;
+    for (line, row) in (1_usize..).zip(text.lines()) {
+        let row = row.trim().trim_start_matches('\u{feff}');
+        if row.is_empty() || row.starts_with('#') {
+            continue;
+        }
+        if names.is_empty() && header.is_none() && !row.starts_with(|c: char| c.is_ascii_digit()) {
+            let separator = if row.contains('\t') { '\t' } else { ',' };
+            header = Some((separator, Columns::of(row, separator).ok_or(line)?));
+            continue;
+        }
+        let label = match &header {
+            Some((separator, columns)) => columns.label(row, *separator),
+            None => of_fields(row, blanks),
+        };
+        match label.ok_or(line)? {
+            label if label.number == 0 => {}
+            label => names.push(label),
+        }
+    }
+    if names.is_empty() { Err(0) } else { Ok(names) }
+}
+
+/// `number R G B A visible mesh "name"`, or `number name R G B A`.
+fn of_fields(row: &str, blanks: bool) -> Option<LabelName> {
+    let (before, name) = match row.split_once('"') {
+        Some((before, rest)) => (before, Some(rest.strip_suffix('"')?)),
+        None => (row, None),
+    };
+    let fields: Vec<&str> = before.split_whitespace().collect();
+    let number = fields.first()?.parse().ok()?;
+    let (name, first) = match name {
+        Some(name) => (name.to_owned(), 1),
+        None if blanks => (fields.get(1)?.replace('_', " "), 2),
+        None => ((*fields.get(1)?).to_owned(), 2),
+    };
+    let part = |i: usize| fields.get(first + i)?.parse::<u8>().ok();
+    Some(LabelName { number, name, color: Some([part(0)?, part(1)?, part(2)?]) })
+}
+
+/// Where a table with a header has its columns.
+struct Columns {
+    number: usize,
+    name: usize,
+    color: Option<usize>,
+    parts: Option<[usize; 3]>,
+}
+
+impl Columns {
+    fn of(header: &str, separator: char) -> Option<Self> {
+        let names: Vec<String> =
+            header.split(separator).map(|name| name.trim().to_ascii_lowercase()).collect();
+        let at = |wanted: &[&str]| names.iter().position(|name| wanted.contains(&name.as_str()));
+        Some(Self {
+            number: at(&["index", "labelvalue", "value", "label", "id"])?,
+            name: at(&["name"])?,
+            color: at(&["color", "colour"]),
+            parts: at(&["color_r"]).zip(at(&["color_g"])).zip(at(&["color_b"])).map(|((r, g), b)| [r, g, b]),
+        })
+    }
+
+    fn label(&self, row: &str, separator: char) -> Option<LabelName> {
+        let fields: Vec<&str> = row.split(separator).map(|field| field.trim().trim_matches('"')).collect();
+        let number = fields.get(self.number)?.parse().ok()?;
+        let hex = |text: &str| {
+            let text = text.strip_prefix('#').filter(|text| text.len() == 6)?;
+            let rgb = u32::from_str_radix(text, 16).ok()?.to_be_bytes();
+            Some([rgb[1], rgb[2], rgb[3]])
+        };
+        let color = match (self.parts, self.color.and_then(|at| fields.get(at))) {
+            (Some(parts), _) => {
+                let part = |i: usize| fields.get(parts[i])?.parse::<u8>().ok();
+                Some([part(0)?, part(1)?, part(2)?])
+            }
+            (None, Some(color)) if !color.is_empty() && *color != "n/a" => Some(hex(color)?),
+            _ => None,
+        };
+        Some(LabelName { number, name: (*fields.get(self.name)?).to_owned(), color })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn label(number: u16, name: &str, color: Option<[u8; 3]>) -> LabelName {
+        LabelName { number, name: name.into(), color }
+    }
+
+    #[test]
+    fn tables_of_the_usual_tools_are_read_and_others_refused_with_their_line() {
+        let folder = tempfile::tempdir().unwrap();
+        let (red, blue) = (Some([255, 0, 0]), Some([0, 0, 254]));
+        let due = [label(1, "left lung", red), label(7, "rib", blue)];
+        let tables = [
+            (
+                "a.tsv",
+                "index\tname\tabbreviation\tcolor\n0\tbackground\tB\t\n7\trib\tR\t#0000fe\n1\tleft lung\tL\t#ff0000\n",
+            ),
+            (
+                "a.csv",
+                "LabelValue,Name,Color_R,Color_G,Color_B,Color_A\n1,left lung,255,0,0,255\n7,rib,0,0,254,255\n",
+            ),
+            (
+                "a.txt",
+                "# ITK-SNAP\n 0 0 0 0 0 0 0 \"Clear Label\"\n 1 255 0 0 1 1 1 \"left lung\"\n 7 0 0 254 0.5 1 0 \"rib\"\n",
+            ),
+            ("a.ctbl", "# Color table\n0 Background 0 0 0 0\n1 left_lung 255 0 0 255\n7 rib 0 0 254 255\n"),
+            (
+                "a.json",
+                r#"{"segmentAttributes": [[{"labelID": 1, "SegmentLabel": "left lung", "recommendedDisplayRGBValue": [255, 0, 0]}], [{"labelID": 7, "SegmentDescription": "rib", "recommendedDisplayRGBValue": [0, 0, 254]}]]}"#,
+            ),
+        ];
+        for (name, text) in tables {
+            let path = folder.path().join(name);
+            std::fs::write(&path, text).unwrap();
+            assert_eq!(read_label_names(&path).unwrap(), due, "{name}");
+        }
+        let wrong = [
+            ("index\tname\n1\ta\n1\tb\n", "label 1 twice"),
+            ("index\tname\tcolor\n1\ta\tred\n", "line 2"),
+            ("1 a 1 2\n", "line 1"),
+            ("1 255 0 0 1 1 1 \"a\n", "line 1"),
+            ("65536 a 1 2 3 0\n", "line 1"),
+            ("liver\n", "line 1"),
+            ("", "no table"),
+            ("{}", "no table"),
+            (r#"{"segmentAttributes": [[{"labelID": 70000}]]}"#, "no table"),
+        ];
+        for (text, words) in wrong {
+            let path = folder.path().join("w.txt");
+            std::fs::write(&path, text).unwrap();
+            let said = read_label_names(&path).unwrap_err().to_string();
+            assert!(said.contains(words) && said.contains("w.txt"), "{text}: {said}");
+        }
+        assert!(read_label_names(&folder.path().join("absent.txt")).is_err());
+    }
+}

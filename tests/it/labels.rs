@@ -1,0 +1,252 @@
+//! A model of labels holds the skin of every label, walls between neighbours included, as its definition says, whatever
+//! the type of the samples, the memory and the threads. If this fails, organs are lost, mixed up or have holes.
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
+use crate::common::volume::encode;
+use crate::prelude::*;
+use infobyte::builder::{BuildNote, LabelChoice};
+
+/// Blocks of labels with ragged borders: `kinds` numbers from 1 on, some of them 300 and more apart, and none.
+fn map(dims: [u32; 3], kinds: u32, block: u32, seed: u64) -> Vec<u16> {
+    let mut random = Random(seed);
+    let mut labels = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                let shaken = [x, y, z].map(|c| (c + u32::from(random.below(3_u8) == 0)) / block);
+                let kind = (shaken[0] * 7 + shaken[1] * 13 + shaken[2] * 29) % (kinds + 1);
+                labels.push((kind * if kinds > 200 { 200 } else { 1 }) as u16);
+            }
+        }
+    }
+    labels
+}
+
+/// The skin by definition: chosen voxels with a face neighbour that has another label, or none.
+fn skin(labels: &[u16], dims: [u32; 3], choice: &LabelChoice) -> HashMap<[u32; 3], u16> {
+    let [nx, ny, _] = dims;
+    let at = |p: [i64; 3]| {
+        let inside = (0..3).all(|a| (0..i64::from(dims[a])).contains(&p[a]));
+        let index = p[0] + i64::from(nx) * (p[1] + i64::from(ny) * p[2]);
+        let label = if inside { labels[index as usize] } else { 0 };
+        if choice.contains(label) { label } else { 0 }
+    };
+    let mut found = HashMap::new();
+    for (index, _) in labels.iter().enumerate() {
+        let (x, rest) = (index as u32 % nx, index as u32 / nx);
+        let p = [x, rest % ny, rest / ny];
+        let here = p.map(i64::from);
+        let label = at(here);
+        let wall = (0..3).any(|a| {
+            [-1, 1].into_iter().any(|step| {
+                let mut next = here;
+                next[a] += step;
+                at(next) != label
+            })
+        });
+        if label != 0 && wall {
+            found.insert(p, label);
+        }
+    }
+    found
+}
+
+/// The skin of a model, and its table as numbers and voxels.
+fn stored(model: &Model) -> (HashMap<[u32; 3], u16>, Vec<(u16, u64)>) {
+    let voxels = model.voxels().map(|v| (v.voxel, v.label.unwrap())).collect();
+    (voxels, model.frame().labels.iter().map(|label| (label.number, label.voxels)).collect())
+}
+
+fn counts(labels: &[u16], choice: &LabelChoice) -> Vec<(u16, u64)> {
+    let mut counts = BTreeMap::new();
+    labels.iter().filter(|label| choice.contains(**label)).for_each(|l| *counts.entry(*l).or_insert(0) += 1);
+    counts.into_iter().collect()
+}
+
+#[test]
+fn every_label_has_its_skin_at_any_budget_and_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = LabelChoice::All;
+    let cases = [
+        ([70, 40, 37], 2, 9, all.clone()),
+        ([130, 33, 35], 5, 4, all.clone()),
+        ([64, 65, 66], 300, 1, all.clone()),
+        ([1, 1, 1], 3, 1, all.clone()),
+        ([67, 34, 5], 40, 3, LabelChoice::Only(vec![[2, 2], [7, 19]])),
+        ([40, 300, 40], 20, 5, all),
+    ];
+    for (seed, (dims, kinds, block, choice)) in (1..).zip(cases) {
+        let mut labels = map(dims, kinds, block, seed);
+        labels[0] = 2;
+        let volume = Voxels::from_fn(Dims::new(dims[0], dims[1], dims[2]).unwrap(), |[x, y, z]| {
+            labels[(x + dims[0] * (y + dims[1] * z)) as usize]
+        });
+        let mut first: Option<Vec<u8>> = None;
+        for (memory, threads) in [(64 << 20, 1), (4 << 20, 2), (1 << 20, 1), (256 << 20, 5)] {
+            let options = BuildOptions {
+                labels: Some(choice.clone()),
+                memory: infobyte::budget::MemoryCap::Share(memory),
+                threads,
+                ..BuildOptions::default()
+            };
+            let path = folder.path().join("m.oct");
+            let least = infobyte::builder::smallest_share(&volume, &options);
+            if let Err(refusal) = infobyte::build(&volume, &options, &path) {
+                assert!(memory < least, "{refusal}");
+                continue;
+            }
+            let bytes = std::fs::read(&path).unwrap();
+            if let Some(first) = &first {
+                assert!(*first == bytes, "{dims:?} {memory} {threads}");
+                continue;
+            }
+            first = Some(bytes);
+            let model = Model::open(&path).unwrap();
+            verify(&model).unwrap();
+            let (voxels, table) = stored(&model);
+            assert!(voxels == skin(&labels, dims, &choice), "{dims:?}");
+            assert_eq!(table, counts(&labels, &choice));
+            for voxel in model.voxels() {
+                let color =
+                    model.frame().labels.iter().find(|l| Some(l.number) == voxel.label).unwrap().color;
+                assert_eq!(voxel.color, Some(color));
+            }
+            let [packed, unpacked] = ["p.oct", "u.oct"].map(|name| folder.path().join(name));
+            pack::pack(&path, &packed).unwrap();
+            assert_eq!(info::read_info(&packed).unwrap().frame.labels, model.frame().labels);
+            pack::unpack(&packed, &unpacked).unwrap();
+            assert!(std::fs::read(&unpacked).unwrap() == std::fs::read(&path).unwrap());
+        }
+    }
+}
+
+#[test]
+fn normals_of_a_label_do_not_see_its_neighbours() {
+    // A ball of one label in a box of another: the ball's normals are radial.
+    let dims = Dims::new(60, 60, 60).unwrap();
+    let centre = 29.3;
+    let volume = Voxels::from_fn(dims, |p| {
+        let r = p.map(|c| (f64::from(c) - centre).powi(2)).iter().sum::<f64>().sqrt();
+        let in_box = p.iter().all(|c| (3..57).contains(c));
+        if r < 20.0 { 7_u8 } else { u8::from(in_box) * 3 }
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
+    infobyte::build(&volume, &options, &path).unwrap();
+    let model = Model::open(&path).unwrap();
+    let (mut sum, mut count) = (0.0, 0.0);
+    for voxel in model.voxels().filter(|v| v.label == Some(7)) {
+        let out = voxel.voxel.map(|c| f64::from(c) - centre);
+        let (n, length) = (voxel.normal.unwrap(), out.iter().map(|c| c * c).sum::<f64>().sqrt());
+        let cos = (0..3).map(|a| n[a] * out[a]).sum::<f64>() / length;
+        sum += cos.clamp(-1.0, 1.0).acos().to_degrees();
+        count += 1.0;
+    }
+    assert!(count > 4000.0 && sum / count < 3.0, "{} degrees", sum / count);
+}
+
+#[test]
+fn every_format_gives_the_same_labels_and_other_values_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let dims = [9, 8, 7];
+    let values = |scalar: ScalarType, value: &dyn Fn(usize) -> f64| {
+        let mut object = Object::new(dims, scalar, [1.0; 3]);
+        object.bytes.clear();
+        (0..9 * 8 * 7).for_each(|i| encode(scalar, value(i), &mut object.bytes));
+        object
+    };
+    let label = |i: usize| f64::from((i * 7 % 5) as u8);
+    let labels: Vec<u16> = (0..9 * 8 * 7).map(|i| label(i) as u16).collect();
+    let due = skin(&labels, dims, &LabelChoice::All);
+    let model = folder.path().join("m.oct");
+    for scalar in ScalarType::ALL {
+        let object = values(scalar, &label);
+        let files = [
+            ("a.nrrd", nrrd(&object, "raw", false, "")),
+            ("a.nii", [nifti(&object, 1, false, true, 1), object.bytes.clone()].concat()),
+            ("a.mha", [metaimage(&object, false, false, "LOCAL"), object.bytes.clone()].concat()),
+            ("a.npy", npy(&object, 1, false, false)),
+        ];
+        for (name, bytes) in files {
+            let input = file(folder.path(), name, &bytes);
+            let run = command::build(&[&input], &model, &["--labels", "all"]);
+            assert_eq!(run.code, 0, "{scalar} {name}: {}", run.stderr);
+            assert!(stored(&Model::open(&model).unwrap()).0 == due, "{scalar} {name}");
+        }
+    }
+    let refused: [(ScalarType, f64, &[&str], i32, &str); 7] = [
+        (ScalarType::F32, 1.5, &["--labels", "all"], 3, "holds the value 1.5, and labels are whole numbers"),
+        (ScalarType::F64, f64::NAN, &["--labels", "1"], 3, "NaN"),
+        (ScalarType::I16, -3.0, &["--labels", "all"], 3, "holds the value -3"),
+        (ScalarType::U32, 65_536.0, &["--labels", "all"], 3, "holds the value 65536"),
+        (ScalarType::U8, 2.0, &["--labels", "9"], 3, "no voxel has one of the labels"),
+        (ScalarType::U8, 2.0, &["--labels", "all", "--surface", "cells"], 2, "no cells so far"),
+        (
+            ScalarType::U8,
+            2.0,
+            &["--labels", "all", "--keep-largest", "1"],
+            2,
+            "leave out the choice of components",
+        ),
+    ];
+    for (scalar, odd, how, code, words) in refused {
+        let object = values(scalar, &|i| if i == 300 { odd } else { label(i) });
+        let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
+        command::build(&[&input], &model, how).refused(code, &["a.nrrd", words]);
+    }
+    // What is not chosen may be anything whole, and what is not there is said.
+    let object = values(ScalarType::I32, &|i| if i == 300 { -70_000.0 } else { label(i) });
+    let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
+    let run = command::build(&[&input], &model, &["--labels", "2..3,77"]);
+    assert!(run.code == 0 && run.stderr.contains("no voxel has the label 77"), "{}", run.stderr);
+    assert_eq!(BuildNote::LabelsAbsent { first: 77, others: 0 }.to_string(), "no voxel has the label 77");
+}
+
+#[test]
+fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
+    let folder = tempfile::tempdir().unwrap();
+    let labels = map([40, 41, 42], 3, 8, 5);
+    let volume =
+        Voxels::from_fn(Dims::new(40, 41, 42).unwrap(), |[x, y, z]| labels[(x + 40 * (y + 41 * z)) as usize]);
+    let path = folder.path().join("m.oct");
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
+    infobyte::build(&volume, &options, &path).unwrap();
+    let info = oct(&["info", path.to_str().unwrap(), "--json"]).json();
+    let table = info["labels"].as_array().unwrap();
+    assert_eq!(table.len(), 3);
+    for ((number, voxels), row) in counts(&labels, &LabelChoice::All).into_iter().zip(table) {
+        assert_eq!((row["number"].as_u64(), row["voxels"].as_u64()), (Some(number.into()), Some(voxels)));
+        assert_eq!(row["volume_mm3"].as_f64(), Some(voxels as f64));
+        assert_eq!(row["color"].as_str().map(str::len), Some(7));
+    }
+    let names = file(
+        folder.path(),
+        "names.tsv",
+        b"index\tname\tcolor\n1\tliver\t#102030\n3\tleft rib\tn/a\n9\tno\tn/a\n",
+    );
+    let mut object = Object::new([40, 41, 42], ScalarType::U16, [1.0; 3]);
+    object.bytes = labels.iter().flat_map(|label| label.to_le_bytes()).collect();
+    let input = file(folder.path(), "named.nrrd", &nrrd(&object, "raw", false, ""));
+    let named = folder.path().join("named.oct");
+    assert_eq!(
+        command::build(&[&input], &named, &["--labels", "all", "--names", names.to_str().unwrap()]).code,
+        0
+    );
+    let table = Model::open(&named).unwrap().frame().labels.clone();
+    let told: Vec<_> = table.iter().map(|label| (label.number, label.name.as_str())).collect();
+    assert_eq!(told, [(1, "liver"), (2, ""), (3, "left rib")]);
+    assert_eq!(table[0].color, [0x10, 0x20, 0x30]);
+    let text = oct(&["info", named.to_str().unwrap()]);
+    assert!(text.stdout.contains("liver, #102030, "), "{}", text.stdout);
+    let text = oct(&["info", path.to_str().unwrap()]);
+    assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
+    for name in ["m.stl", "m.ply", "m.glb", "m.nrrd", "m.html"] {
+        let out = folder.path().join(name);
+        let run = oct(&["export", path.to_str().unwrap(), "-o", out.to_str().unwrap()]);
+        run.refused(2, &["has labels, and cannot be"]);
+        assert!(!out.exists());
+    }
+    let picture = folder.path().join("m.png");
+    assert_eq!(oct(&["render", path.to_str().unwrap(), "-o", picture.to_str().unwrap()]).code, 0);
+}
