@@ -33,6 +33,8 @@ pub(crate) enum Refusal {
     ForMeshes(&'static str),
     /// This flag says something about the picture of one model, and a scene is shown.
     ForModels(&'static str),
+    /// This flag says something about the picture of a whole model, and one is cut.
+    ForWhole(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// A name that does not say what a model is to be exported as.
@@ -151,6 +153,9 @@ impl fmt::Display for Refusal {
             }
             Self::ForModels(flag) => {
                 return write!(f, "{flag} is for pictures of one model, and the input is a scene; leave it out");
+            }
+            Self::ForWhole(flag) => {
+                return write!(f, "{flag} is for pictures of whole models, and --clip cuts this one; leave one out");
             }
             Self::Dash(dash) => match dash {
                 Dash::Volume => {

@@ -439,17 +439,19 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
     let bars = Bars::new(args.json);
     platform::tell_of(&args.model, args.json);
-    if is_scene(&args.model) {
-        if let Some(flag) = args.model_flag() {
-            return Err(Refusal::ForModels(flag).into());
+    let is_scene = is_scene(&args.model);
+    let model = Input::of(&args.model)?;
+    // A model that is cut is a scene of its own.
+    if is_scene || args.clip.is_some() {
+        if let Some(flag) = args.model_flag(is_scene) {
+            return Err(if is_scene { Refusal::ForModels(flag) } else { Refusal::ForWhole(flag) }.into());
         }
-        let report = jobs::scene::render_scene(&args.model, &outputs, &args.scene_request(), &bars);
+        let report = jobs::scene::render_scene(model.path(), &outputs, &args.scene_request(), &bars);
         bars.finish();
         let report = report?;
         return output
             .finish(|| print_scene(args.json, (&args.model, &args.output), depth.is_some(), report));
     }
-    let model = Input::of(&args.model)?;
     let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;

@@ -319,6 +319,48 @@ pub(super) fn fov(text: &str) -> Result<f64, String> {
         .ok_or_else(|| format!("'{text}' is not a field of view; choose 0.01 to 170 degrees"))
 }
 
+/// Magnification of a picture.
+pub(super) fn zoom(text: &str) -> Result<f64, String> {
+    number(text)
+        .ok()
+        .filter(|factor| (0.01..=1000.0).contains(factor))
+        .ok_or_else(|| format!("'{text}' is not a magnification; choose 0.01 to 1000"))
+}
+
+/// A colour in sRGB.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Rgb(pub(super) [u8; 3]);
+
+pub(super) fn color(text: &str) -> Result<Rgb, String> {
+    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
+    let code = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
+    let [_, r, g, b] = code
+        .ok_or_else(|| format!("'{text}' is not a colour; write #rrggbb, for example '#f0f0f0'"))?
+        .to_be_bytes();
+    Ok(Rgb([r, g, b]))
+}
+
+/// Low and high bounds along each axis in mm.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Bounds(pub(super) [[f64; 2]; 3]);
+
+pub(super) fn bounds(text: &str) -> Result<Bounds, String> {
+    let bad = || format!("'{text}' are not bounds; write for example z=..40 or x=-20..20,y=0..");
+    let mut bounds = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+    for part in text.split(',') {
+        let (axis, limits) = part.split_once('=').ok_or_else(bad)?;
+        let axis = ["x", "y", "z"].iter().position(|name| *name == axis.trim()).ok_or_else(bad)?;
+        let (low, high) = limits.split_once("..").ok_or_else(bad)?;
+        let limit = |text: &str, open: f64| if text.trim().is_empty() { Ok(open) } else { number(text) };
+        let [low, high] = [limit(low, f64::NEG_INFINITY)?, limit(high, f64::INFINITY)?];
+        if low >= high || bounds[axis] != [f64::NEG_INFINITY, f64::INFINITY] {
+            return Err(bad());
+        }
+        bounds[axis] = [low, high];
+    }
+    Ok(Bounds(bounds))
+}
+
 pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
     PossibleValuesParser::new(NamedView::ALL.map(NamedView::name)).try_map(|name| name.parse())
 }

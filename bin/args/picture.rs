@@ -60,6 +60,19 @@ pub(crate) struct RenderArgs {
     /// Vertical field of view in degrees, for the perspective projection; by default that of the scene, or 35
     #[arg(long, value_name = "DEG", value_parser = parse::fov)]
     pub(crate) fov: Option<f64>,
+    /// Magnification about the middle of the picture
+    #[arg(long, value_name = "FACTOR", value_parser = parse::zoom)]
+    pub(crate) zoom: Option<f64>,
+    /// Cut away what is outside of bounds along the axes in mm (LPS), such as z=..40 or x=-20..20,y=0..; closed models show
+    /// their inside in red
+    #[arg(long, value_name = "BOUNDS", value_parser = parse::bounds)]
+    pub(crate) clip: Option<parse::Bounds>,
+    /// Colour behind the model, #rrggbb; transparent by default, for a scene its own
+    #[arg(long, value_name = "COLOR", value_parser = parse::color)]
+    pub(crate) background: Option<parse::Rgb>,
+    /// Colour of a model without colours of its own, #rrggbb; that of bone by default
+    #[arg(long, value_name = "COLOR", value_parser = parse::color)]
+    pub(crate) color: Option<parse::Rgb>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
     /// Stop at nodes about as small as a pixel instead of at voxels
@@ -162,7 +175,8 @@ impl RenderArgs {
             Some(projection) => projection == Projection::Parallel,
             None => !is_scene,
         };
-        let looks_around = self.shading == Some(Shade::Ao) || (!is_scene && self.light().0 == Shading::Soft);
+        let looks_around = self.shading == Some(Shade::Ao)
+            || (!is_scene && self.clip.is_none() && self.light().0 == Shading::Soft);
         let given = [
             (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
             (self.ao_rays.is_some() && !looks_around, "--ao-rays", "--shading ao"),
@@ -190,6 +204,9 @@ impl RenderArgs {
             lod_bias: self.lod_bias,
             memory_bytes: self.memory,
             shading,
+            color: self.color.map(|color| color.0),
+            background: self.background.map(|color| color.0),
+            zoom: self.zoom.unwrap_or(usual.zoom),
             smoothing,
             samples: self.samples,
             ambient_rays: self.ao_rays.unwrap_or(0),
@@ -207,6 +224,10 @@ impl RenderArgs {
             projection: self.projection,
             fov_deg: self.fov,
             ambient_rays: self.ambient_rays(),
+            zoom: self.zoom,
+            background: self.background.map(|color| color.0),
+            color: self.color.map(|color| color.0),
+            clip_mm: self.clip.map(|bounds| bounds.0),
             annotate: self.annotate,
             threads: self.threads.count(),
         }
@@ -221,9 +242,10 @@ impl RenderArgs {
         }
     }
 
-    /// A flag that says something about the picture of one model, if it was given.
-    pub(crate) fn model_flag(&self) -> Option<&'static str> {
+    /// A flag that says something about the picture of one whole model, if it was given.
+    pub(crate) fn model_flag(&self, is_scene: bool) -> Option<&'static str> {
         let given = [
+            (is_scene && self.color.is_some(), "--color"),
             (self.lod == Switch::On, "--lod"),
             (self.memory.is_some(), "--memory"),
             (self.shading == Some(Shade::Blended), "--shading blended"),

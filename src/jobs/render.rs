@@ -49,6 +49,12 @@ pub struct RenderRequest {
     pub ids: bool,
     /// The light.
     pub shading: Shading,
+    /// Colour (sRGB) of a model without colours of its own; `None` for that of bone.
+    pub color: Option<[u8; 3]>,
+    /// Colour (sRGB) behind the model; `None` leaves it transparent.
+    pub background: Option<[u8; 3]>,
+    /// Magnification about the picture's middle, 0.01 to 1000.
+    pub zoom: f64,
     /// The normals that are shown, in the normal image, too.
     pub smoothing: Smoothing,
     /// Rays of each pixel, at most 1024, that tell how open its surroundings are, unless light is plain; a mean over the pixels
@@ -64,6 +70,16 @@ pub struct RenderRequest {
 impl RenderRequest {
     /// Default angle of perspective pictures, in degrees.
     pub const FOV_DEG: f64 = 35.0;
+
+    /// What comes over and behind the model, in rows from `top` on.
+    fn finish(&self, part: &mut Image, top: u32, scene: &Prepared) {
+        if self.annotate {
+            annotate(part, (top, self.height), &scene.camera, scene.middle_mm());
+        }
+        if let Some(background) = self.background {
+            part.lay_on(background);
+        }
+    }
 }
 
 impl Default for RenderRequest {
@@ -84,6 +100,9 @@ impl Default for RenderRequest {
             normals: false,
             ids: false,
             shading: Shading::Soft,
+            color: None,
+            background: None,
+            zoom: 1.0,
             smoothing: Smoothing::Smooth,
             ambient_rays: 0,
             traversal: Traversal::Exact,
@@ -214,9 +233,7 @@ pub(super) fn render_view_relieved(
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, watch)?;
-    if request.annotate {
-        annotate(&mut image, (0, request.height), camera, scene.middle_mm());
-    }
+    request.finish(&mut image, 0, &scene);
     Ok((image, scene.report(request, &counts)))
 }
 
@@ -241,9 +258,7 @@ pub(super) fn render_view_parts(
     let Prepared { space, camera, canvas, .. } = &scene;
     let mut top = 0;
     let counts = picture::paint_parts(view, space, camera, *canvas, watch, &mut |part| {
-        if request.annotate {
-            annotate(part, (top, request.height), camera, scene.middle_mm());
-        }
+        request.finish(part, top, &scene);
         top += part.height;
         take(part)
     })?;
@@ -298,7 +313,8 @@ impl Prepared {
                 relief.look_now();
                 space.support_to(view, direction, few)
             };
-            let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+            let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?
+                .zoomed(request.zoom)?;
             let near_mm = camera.depth_range_mm(support).0;
             lod_edge_log2 = level_of_detail(view, &space, &camera, request, near_mm);
             finest = lod_edge_log2;
@@ -307,7 +323,8 @@ impl Prepared {
             relief.look_now();
             space.support_to(view, direction, finest)
         };
-        let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?;
+        let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?
+            .zoomed(request.zoom)?;
         let range_mm = camera.depth_range_mm(support);
         let canvas = Canvas {
             width: request.width,
@@ -318,6 +335,7 @@ impl Prepared {
             // Pictures by level of detail are made for speed.
             creases: !request.lod,
             shading: request.shading,
+            color: request.color,
             smoothing: request.smoothing,
             depth_range_mm: request.depth.then_some(range_mm),
             normals: request.normals,

@@ -15,6 +15,7 @@ use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
+use crate::render::shade::linear_of;
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
 use crate::scene::{self, Colors, Key, Look, MAX_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
 
@@ -31,6 +32,14 @@ pub struct SceneRequest {
     pub fov_deg: Option<f64>,
     /// Rays of each point that tell how open its surroundings are.
     pub ambient_rays: Option<u32>,
+    /// Magnification about the picture's middle, 0.01 to 1000.
+    pub zoom: Option<f64>,
+    /// Colour (sRGB) behind everything.
+    pub background: Option<[u8; 3]>,
+    /// Colour (sRGB) of a model without colours; scenes have materials.
+    pub color: Option<[u8; 3]>,
+    /// What is left of all models: low and high bounds along each axis in mm, which may be infinite.
+    pub clip_mm: Option<[[f64; 2]; 3]>,
     /// Draw a scale bar and the patient's sides.
     pub annotate: bool,
     /// Threads; 0 counts as 1. The picture does not depend on them.
@@ -104,6 +113,24 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     scene::read(&text).map_err(wrong)
 }
 
+/// The scene of a text, or a model by itself, as the request wants it.
+fn scene_at(path: &Path, request: &SceneRequest) -> Result<Scene, Error> {
+    let mut scene = if is_scene(path) {
+        read_scene(path)?
+    } else {
+        let mut scene = Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()));
+        for model in &mut scene.models {
+            model.material.color = request.color.map_or(model.material.color, linear_of);
+        }
+        scene
+    };
+    if let Some(bounds) = request.clip_mm {
+        scene.cut(bounds);
+    }
+    scene.background = request.background.map(linear_of).or(scene.background);
+    Ok(scene)
+}
+
 /// The files of a scene, each opened once.
 struct Files {
     paths: Vec<PathBuf>,
@@ -125,16 +152,17 @@ impl Files {
             let at = match known.iter().position(|other| *other == real) {
                 Some(at) => at,
                 None => {
-                    files.models.push(open_fine_model(&path, "put into a scene").map_err(
-                        |error| match error {
-                            Error::Load(cause) => {
-                                let key = Key { table: Table::Model(number), name: "file" };
-                                let fault = SceneFault::File { key, told: cause.to_string() };
-                                Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
-                            }
-                            other => other,
-                        },
-                    )?);
+                    files.models.push(
+                        open_fine_model(&path, if is_scene(scene_path) { "put into a scene" } else { "cut" })
+                            .map_err(|error| match error {
+                                Error::Load(cause) if is_scene(scene_path) => {
+                                    let key = Key { table: Table::Model(number), name: "file" };
+                                    let fault = SceneFault::File { key, told: cause.to_string() };
+                                    Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                                }
+                                other => other,
+                            })?,
+                    );
                     files.paths.push(path);
                     known.push(real);
                     known.len() - 1
@@ -150,7 +178,7 @@ impl Files {
     }
 }
 
-/// Renders the scene at `path` to `output`, and to the depth and normal images if named.
+/// Renders the scene at `path`, or a model that is cut, to `output`, and to the depth and normal images if named.
 ///
 /// # Errors
 /// The scene is wrong, a model cannot be used, the camera makes no sense, or a picture cannot be written.
@@ -162,7 +190,7 @@ pub fn render_scene(
 ) -> Result<SceneReport, Error> {
     let start = Instant::now();
     outputs.refuse_clash(path)?;
-    let scene = read_scene(path)?;
+    let scene = scene_at(path, request)?;
     if let (None, Some([width, height])) = (request.size, scene.size) {
         check_size(path, width, height)?;
     }
@@ -287,8 +315,9 @@ fn look(
     let projection = request.projection.or(own.projection).unwrap_or_default();
     let fov = request.fov_deg.or(own.fov_deg).unwrap_or(super::render::RenderRequest::FOV_DEG);
     let aspect = f64::from(width) / f64::from(height);
-    let camera =
-        Camera::new(point, projection, fov, aspect, support).map_err(|error| match *error.fault() {
+    let camera = Camera::new(point, projection, fov, aspect, support)
+        .and_then(|camera| camera.zoomed(request.zoom.unwrap_or(1.0)))
+        .map_err(|error| match *error.fault() {
             // A fault of the command line is reported as elsewhere.
             RenderFault::Camera(fault) if request.point.is_none() && request.fov_deg.is_none() => {
                 Error::Scene(SceneError { path: path.to_path_buf(), fault: SceneFault::Camera(fault) })

@@ -266,6 +266,7 @@ mod tests {
             let top = ViewPoint::Named(NamedView::Top);
             let camera = Camera::new(top, Projection::Parallel, 35.0, 1.0, support).unwrap();
             let canvas = Canvas {
+                color: None,
                 width: 48,
                 height: 48,
                 threads,

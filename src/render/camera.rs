@@ -131,6 +131,9 @@ const MARGIN: f64 = 0.04;
 /// Widest and narrowest field of view in degrees.
 const FOV_RANGE_DEG: (f64, f64) = (0.1, 170.0);
 
+/// Least and greatest magnification of a framed picture.
+const ZOOM_RANGE: (f64, f64) = (0.01, 1000.0);
+
 /// A camera ready to cast rays.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Camera {
@@ -276,6 +279,20 @@ impl Camera {
         let (along, f_along) = fit(axes.up, inner);
         let eye = axes.point(across, along, f_across.min(f_along));
         Self::assemble(Projection::Perspective, eye, axes, tangent, aspect)
+    }
+
+    /// The same camera, whose picture shows a part so many times smaller, about its middle.
+    ///
+    /// # Errors
+    /// [`RenderError`] for a factor out of 0.01..=1000.
+    pub(crate) fn zoomed(mut self, factor: f64) -> Result<Self, RenderError> {
+        let (least, most) = ZOOM_RANGE;
+        if !(least..=most).contains(&factor) {
+            return Err(CameraFault::Zoom { factor, least, most }.into());
+        }
+        self.half_width /= factor;
+        self.half_height /= factor;
+        Ok(self)
     }
 
     /// Line of sight through the picture point (x, y), each -1..=1, x to the right and y up: origin, and a

@@ -71,6 +71,8 @@ pub(crate) enum RenderFault {
 pub(crate) enum CameraFault {
     #[error("the field of view is {degrees} degrees; choose {least} to {most}")]
     FieldOfView { degrees: f64, least: f64, most: f64 },
+    #[error("the magnification is {factor}; choose {least} to {most}")]
+    Zoom { factor: f64, least: f64, most: f64 },
     #[error("a camera coordinate is not a finite number")]
     NotFinite,
     #[error("the eye is in the point that it looks at; move one of them ({EYE}, {LOOK_AT})")]

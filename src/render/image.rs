@@ -4,6 +4,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::{Path, PathBuf};
 
+use super::shade::Shader;
 use super::{Layer, RenderError};
 use crate::atomic::AtomicFile;
 use crate::mark::{KEYWORD, PROGRAM};
@@ -95,6 +96,24 @@ impl Image {
     /// [`RenderError`] when the picture was made without them; else as [`Image::write_png`].
     pub fn write_ids_png(&self, path: impl AsRef<Path>) -> Result<(), RenderError> {
         self.write_layer_to(ImageFile::create(path.as_ref())?, PngLayer::Ids)
+    }
+
+    /// Puts an opaque background (sRGB) behind the colours; pixels that are half covered are mixed in linear light.
+    pub(crate) fn lay_on(&mut self, background: [u8; 3]) {
+        let shader = Shader::new();
+        let behind = shader.decode(background);
+        for pixel in self.rgba.as_chunks_mut::<4>().0 {
+            let [r, g, b, alpha] = *pixel;
+            let [r, g, b] = match alpha {
+                0 => background,
+                255 => [r, g, b],
+                _ => {
+                    let (front, part) = (shader.decode([r, g, b]), f64::from(alpha) / 255.0);
+                    [0, 1, 2].map(|c| shader.encode(behind[c] + part * (front[c] - behind[c])))
+                }
+            };
+            *pixel = [r, g, b, 255];
+        }
     }
 
     /// Writes a layer to a file begun before.

@@ -60,6 +60,8 @@ pub struct Canvas {
     pub creases: bool,
     /// The light.
     pub shading: Shading,
+    /// Colour (sRGB) of a model without colours; `None` for that of bone.
+    pub color: Option<[u8; 3]>,
     /// The normals that are shown.
     pub smoothing: Smoothing,
     /// Depth range in mm for a depth image, if one is wanted.
@@ -335,7 +337,7 @@ pub(crate) fn paint_parts(
         form: Form::best(),
         canvas,
         shader: Shader::new(),
-        light: Light::new(canvas.shading, camera.axes()),
+        light: Light::new(canvas.shading, camera.axes(), canvas.color),
         sky,
         places,
         step: step_size(space, camera, &canvas),

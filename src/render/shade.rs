@@ -58,7 +58,7 @@ impl Shader {
             }
             srgb.push(code);
         }
-        let lights = (0..=255_u8).map(|code| linear(f64::from(code) / 255.0)).collect();
+        let lights = (0..=255_u8).map(|code| linear_of([code; 3])[0]).collect();
         Self { srgb, lights }
     }
 
@@ -99,6 +99,11 @@ const KEY_FLAT: f64 = 0.35;
 /// Part of it that comes into what is closed: a lamp has one direction, hollows are open to some.
 const KEY_CLOSED: f64 = 0.3;
 
+/// Unit vector towards the key lamp, for a camera with these axes: to the right, up and forward in the picture.
+pub(crate) fn towards_key([right, up, forward]: [[f64; 3]; 3]) -> [f64; 3] {
+    std::array::from_fn(|a| KEY[0] * right[a] + KEY[1] * up[a] - KEY[2] * forward[a])
+}
+
 /// Lamps, and the surface that they shine on.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Light {
@@ -109,10 +114,11 @@ pub(super) struct Light {
 }
 
 impl Light {
-    /// For a camera with these axes: to the right, up and forward in the picture.
-    pub(super) fn new(shading: Shading, [right, up, forward]: [[f64; 3]; 3]) -> Self {
-        let key = std::array::from_fn(|a| KEY[0] * right[a] + KEY[1] * up[a] - KEY[2] * forward[a]);
-        Self { surface: SURFACE, rig: (shading == Shading::Soft).then_some([up, key]) }
+    /// For a camera with these axes: to the right, up and forward in the picture. Surfaces without colours of their own have
+    /// `surface` (sRGB), or that of bone.
+    pub(super) fn new(shading: Shading, axes: [[f64; 3]; 3], surface: Option<[u8; 3]>) -> Self {
+        let rig = (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]);
+        Self { surface: surface.map_or(SURFACE, linear_of), rig }
     }
 
     /// Linear RGB of a surface of this colour and unit normal, so far open, seen along `sight` (any length, not null); may
@@ -192,6 +198,11 @@ impl LanesKernel for TileLight<'_> {
     }
 }
 
+/// Linear RGB of a colour in sRGB.
+pub(crate) fn linear_of(color: [u8; 3]) -> [f64; 3] {
+    color.map(|code| linear(f64::from(code) / 255.0))
+}
+
 /// Linear light of an sRGB value 0..=1 (IEC 61966-2-1).
 pub(crate) fn linear(s: f64) -> f64 {
     if s <= 0.040_45 {
@@ -230,7 +241,7 @@ mod tests {
         // To the right, up, forward: as a camera at the front has them.
         let axes = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
         for shading in Shading::ALL {
-            let light = Light::new(*shading, axes);
+            let light = Light::new(*shading, axes, None);
             let of = |normal, open| light.of(SURFACE, normal, [0.0, 3.0, 0.0], open);
             let (facing, half, edge) =
                 (of([0.0, -1.0, 0.0], 1.0), of([0.8, -0.6, 0.0], 1.0), of([1.0, 0.0, 0.0], 1.0));

@@ -1,7 +1,7 @@
 //! Values of a scene's text: within their limits, or refused with their key.
 
 use crate::geom::dot;
-use crate::render::shade::linear;
+use crate::render::shade::linear_of;
 
 use super::fault::{Key, SceneFault, Table};
 
@@ -66,7 +66,7 @@ impl Checked {
         let digits =
             text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
         let code = u32::from_str_radix(digits.ok_or_else(wrong)?, 16).map_err(|_| wrong())?;
-        Ok([16, 8, 0].map(|shift| linear(f64::from(code >> shift & 0xff) / 255.0)))
+        Ok(linear_of([16, 8, 0].map(|shift| (code >> shift).to_le_bytes()[0])))
     }
 
     /// Light of some colour and strength.

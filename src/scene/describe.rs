@@ -61,6 +61,7 @@ pub(super) struct ClipKeys {
 #[serde(rename_all = "lowercase")]
 pub(super) enum LightName {
     Head,
+    Key,
     Directional,
     Point,
 }

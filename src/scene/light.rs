@@ -2,6 +2,7 @@
 
 use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
+use crate::render::shade::towards_key;
 
 /// A light.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +20,8 @@ pub struct Light {
 pub enum LightKind {
     /// At the eye; with a parallel camera, it shines along the line of sight.
     Head,
+    /// Far away, over the viewer's left shoulder.
+    Key,
     /// Far away.
     Directional {
         /// Unit vector towards it.
@@ -49,7 +52,17 @@ pub(super) struct Way {
     pub(super) distance: f64,
 }
 
+/// Linear RGB of the key lamp, and of the lamp at the eye that comes with it.
+const KEY_COLOR: [f64; 3] = [0.70, 0.68, 0.65];
+const FILL_COLOR: [f64; 3] = [0.25; 3];
+
 impl Light {
+    /// The lamps of a scene that has no others: a key lamp, and one at the eye.
+    pub(super) fn usual() -> Vec<Self> {
+        let lamp = |kind, color| Self { kind, color, shadows: false };
+        vec![lamp(LightKind::Key, KEY_COLOR), lamp(LightKind::Head, FILL_COLOR)]
+    }
+
     /// The way there from a point; `None` at the light itself.
     pub(super) fn way(&self, from: [f64; 3], camera: &Camera) -> Option<Way> {
         let to = |at: [f64; 3]| {
@@ -59,6 +72,7 @@ impl Light {
         };
         match self.kind {
             LightKind::Directional { towards } => Some(Way { towards, distance: f64::INFINITY }),
+            LightKind::Key => Some(Way { towards: towards_key(camera.axes()), distance: f64::INFINITY }),
             LightKind::Point { at } => to(at),
             LightKind::Head => match camera.eye() {
                 Some(eye) => to(eye),

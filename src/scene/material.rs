@@ -2,7 +2,7 @@
 
 use crate::format::Channel;
 use crate::load::{Items, Model};
-use crate::render::shade::linear;
+use crate::render::shade::linear_of;
 
 /// A surface's effect on light. Colours are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -110,7 +110,7 @@ const RAMPS: &[Ramp] = &[
 
 /// `#rrggbb` as linear RGB.
 fn color_of(code: u32) -> [f64; 3] {
-    [16, 8, 0].map(|shift| linear(f64::from(code >> shift & 0xff) / 255.0))
+    linear_of([16, 8, 0].map(|shift| (code >> shift).to_le_bytes()[0]))
 }
 
 impl Coloring {
@@ -154,7 +154,7 @@ impl<'a> Colors<'a> {
     /// The colour of a voxel or cell, if it has one of its own.
     pub(super) fn color(&self, voxel: u64) -> Option<[f64; 3]> {
         match (&self.coloring, self.items.get(voxel)?) {
-            (Coloring::Stored, [r, g, b]) => Some([r, g, b].map(|c| linear(f64::from(*c) / 255.0))),
+            (Coloring::Stored, [r, g, b]) => Some(linear_of([*r, *g, *b])),
             (Coloring::Values(ramp), [value]) => mixed(ramp, self.value((*value).into())),
             (Coloring::Values(ramp), [low, high]) => {
                 mixed(ramp, self.value(u16::from_le_bytes([*low, *high])))

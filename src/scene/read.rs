@@ -61,7 +61,7 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
     let lights = (1..).zip(&keys.light).map(|(number, keys)| light(number, keys));
     let mut lights: Vec<Light> = lights.collect::<Result<_, _>>()?;
     if lights.is_empty() {
-        lights.push(Light { kind: LightKind::Head, color: [0.9; 3], shadows: false });
+        lights = Light::usual();
     }
     Ok(Scene {
         size: keys.size,
@@ -122,6 +122,7 @@ fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
     on.not_both("from", keys.from.is_some() && keys.kind != LightName::Directional, "kind")?;
     let kind = match keys.kind {
         LightName::Head => LightKind::Head,
+        LightName::Key => LightKind::Key,
         LightName::Directional => {
             let from = keys.from.ok_or_else(|| needs("kind", "from"))?;
             LightKind::Directional { towards: on.direction("from", from)? }
@@ -133,7 +134,7 @@ fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
     Ok(Light {
         kind,
         color: on.light(keys.color.as_deref(), keys.strength, 0.9)?,
-        shadows: keys.shadows.unwrap_or(keys.kind != LightName::Head),
+        shadows: keys.shadows.unwrap_or(!matches!(keys.kind, LightName::Head | LightName::Key)),
     })
 }
 

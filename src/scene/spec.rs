@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::geom::{Affine, add_scaled};
 use crate::render::{NamedView, Projection};
 
-use super::clip::Clip;
+use super::clip::{Clip, CutPlane};
 use super::light::{Ambient, Light};
 use super::material::{Coloring, Material};
 use super::place::Placement;
@@ -29,6 +29,52 @@ pub struct Scene {
     pub lights: Vec<Light>,
     /// Models, at least one.
     pub models: Vec<SceneModel>,
+}
+
+/// Colour of what a cut opens (linear RGB).
+const CUT_COLOR: [f64; 3] = [0.50, 0.13, 0.09];
+
+impl Scene {
+    /// One model by itself, in the usual light.
+    pub fn of_model(file: PathBuf) -> Self {
+        let placement = Placement { scale: [1.0; 3], turn_deg: [0.0; 3], pivot: [0.0; 3], at: [0.0; 3] };
+        let model = SceneModel {
+            file,
+            material: Material::default(),
+            coloring: Coloring::Own,
+            place: Place::About(placement),
+            clip: Clip::default(),
+            framed: true,
+        };
+        Self {
+            size: None,
+            background: None,
+            bounces: 0,
+            samples: 2,
+            camera: SceneCamera::default(),
+            ambient: Ambient { color: [0.1; 3], rays: 16, reach_mm: f64::INFINITY },
+            lights: Light::usual(),
+            models: vec![model],
+        }
+    }
+
+    /// Cuts away what is outside of a box of the scene: low and high bounds along each axis in mm, which may be infinite.
+    pub fn cut(&mut self, bounds: [[f64; 2]; 3]) {
+        let mut planes = Vec::new();
+        for (axis, [low, high]) in bounds.into_iter().enumerate() {
+            let mut normal = [0.0; 3];
+            for (sign, limit) in [(1.0, high), (-1.0, -low)] {
+                normal[axis] = sign;
+                if limit.is_finite() {
+                    planes.push(CutPlane { normal, limit, cap: Some(CUT_COLOR) });
+                }
+            }
+        }
+        let cut = Clip::new(planes);
+        for model in &mut self.models {
+            model.clip = model.clip.and(&cut);
+        }
+    }
 }
 
 /// The eye, as far as the text says.

@@ -244,6 +244,71 @@ fn chunks(path: &Path) -> Vec<String> {
     names
 }
 
+/// The samples of a PNG, as bytes.
+fn samples(path: &Path) -> Vec<u8> {
+    let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap()));
+    let mut reader = decoder.read_info().unwrap();
+    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+    reader.next_frame(&mut bytes).unwrap();
+    bytes
+}
+
+#[test]
+fn a_model_is_magnified_coloured_and_cut() {
+    let folder = folder();
+    let at = |name: &str| folder.path().join(name);
+    let render = |input: &str, picture: &str, extra: &[&str]| {
+        let run = ["render", &text(&at(input)), "-o", &text(&at(picture)), "--view", "iso", "--json"];
+        oct(&[&run[..], extra].concat()).json()
+    };
+    // The middle half of a picture twice as large, box by box.
+    let ids = |picture: &str, size: &str, zoom: &str| {
+        let layer = at(picture);
+        render("ring.oct", "p.png", &["--size", size, "--zoom", zoom, "--ids", &text(&layer)]);
+        samples(&layer)
+    };
+    let (near, whole) = (ids("near.png", "60x60", "2"), ids("whole.png", "120x120", "1"));
+    let rows = whole.chunks(120 * 6).skip(30).take(60);
+    let middle: Vec<u8> = rows.flat_map(|row| row[30 * 6..90 * 6].to_vec()).collect();
+    assert!(near == middle && near.iter().any(|byte| *byte > 0));
+    // The colours behind and of the model.
+    render("ring.oct", "p.png", &["--size", "60x60"]);
+    let bare = samples(&at("p.png"));
+    let json =
+        render("ring.oct", "p.png", &["--size", "60x60", "--background", "#102030", "--color", "#2040ff"]);
+    assert!(json["hits"].as_u64() > Some(100));
+    let colored = samples(&at("p.png"));
+    assert!(colored.chunks(4).zip(bare.chunks(4)).all(|(pixel, before)| match before[3] {
+        0 => pixel == [0x10, 0x20, 0x30, 255],
+        255 => pixel[2] > pixel[0] && before[0] >= before[2],
+        _ => pixel[3] == 255,
+    }));
+    // A model that is cut is a scene that is.
+    for (clip, planes) in [("z=..0", "[0, 0, 1, 0]"), ("x=-2..,z=..3", "[-1, 0, 0, 2], [0, 0, 1, 3]")] {
+        fs::write(
+            at("cut.toml"),
+            format!("[[model]]\nfile = 'cube.oct'\n[clip]\nplanes = [{planes}]\ncap = '#ff0000'"),
+        )
+        .unwrap();
+        let depth = |input: &str, layer: &str, extra: &[&str]| {
+            let [picture, layer_path] = ["p.png", layer].map(|name| text(&at(name)));
+            let json =
+                render(input, "p.png", &[&["--size", "60x60", "--depth", &layer_path], extra].concat());
+            assert!(json["hits"].as_u64() > Some(100), "{picture}: {json}");
+            samples(&at(layer))
+        };
+        let cut = depth("cube.oct", "a.png", &["--clip", clip]);
+        assert!(
+            samples(&at("p.png")).chunks(4).any(|pixel| pixel[0] > 2 * pixel[1] && pixel[3] == 255),
+            "{clip}"
+        );
+        assert!(cut == depth("cut.toml", "b.png", &[]), "{clip}");
+        assert!(
+            cut != depth("cube.oct", "c.png", &[]) && cut != depth("cube.oct", "c.png", &["--clip", "z=3.."])
+        );
+    }
+}
+
 #[test]
 fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
     let folder = folder();
@@ -279,12 +344,10 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
     let report = oct(&["info", &at("ring.oct"), "--json"]).json();
     let most = report["nodes"].as_u64().unwrap() + report["skin_voxels"].as_u64().unwrap();
     assert_eq!(render(&["--size", "64x64", "--ids", &at("i.png")]).code, 0);
-    let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(at("i.png")).unwrap()));
-    let mut reader = decoder.read_info().unwrap();
-    let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
-    reader.next_frame(&mut bytes).unwrap();
-    let ids: Vec<u64> =
-        bytes.chunks(6).map(|p| p.iter().fold(0, |id, byte| id << 8 | u64::from(*byte))).collect();
+    let ids: Vec<u64> = samples(&folder.path().join("i.png"))
+        .chunks(6)
+        .map(|p| p.iter().fold(0, |id, byte| id << 8 | u64::from(*byte)))
+        .collect();
     assert_eq!(ids.len(), 64 * 64);
     let nodes = report["nodes"].as_u64().unwrap();
     assert!(ids.iter().all(|id| *id == 0 || (nodes + 1..=most).contains(id)) && ids.iter().any(|id| *id > 0));
