@@ -22,8 +22,11 @@ fn map(dims: [u32; 3], kinds: u32, block: u32, seed: u64) -> Vec<u16> {
     labels
 }
 
+/// Labels of skin voxels.
+type Skin = HashMap<[u32; 3], u16>;
+
 /// The skin by definition: chosen voxels with a face neighbour that has another label, or none.
-fn skin(labels: &[u16], dims: [u32; 3], choice: &LabelChoice) -> HashMap<[u32; 3], u16> {
+fn skin(labels: &[u16], dims: [u32; 3], choice: &LabelChoice) -> Skin {
     let [nx, ny, _] = dims;
     let at = |p: [i64; 3]| {
         let inside = (0..3).all(|a| (0..i64::from(dims[a])).contains(&p[a]));
@@ -52,7 +55,7 @@ fn skin(labels: &[u16], dims: [u32; 3], choice: &LabelChoice) -> HashMap<[u32; 3
 }
 
 /// The skin of a model, and its table as numbers and voxels.
-fn stored(model: &Model) -> (HashMap<[u32; 3], u16>, Vec<(u16, u64)>) {
+fn stored(model: &Model) -> (Skin, Vec<(u16, u64)>) {
     let voxels = model.voxels().map(|v| (v.voxel, v.label.unwrap())).collect();
     (voxels, model.frame().labels.iter().map(|label| (label.number, label.voxels)).collect())
 }
