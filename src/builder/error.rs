@@ -227,9 +227,9 @@ impl BuildFault {
             Self::EmptyResult { .. }
             | Self::NothingInside { .. }
             | Self::NothingInsideOpen { .. }
+            | Self::NothingVisible { .. }
             | Self::NoNumbers { .. } => ExitKind::Input,
             Self::EmptyRange { .. }
-            | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
             | Self::NormalBits { .. }
             | Self::ErrorOfSkin { .. }
