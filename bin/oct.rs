@@ -59,7 +59,7 @@ fn main() -> ExitCode {
     let as_json = cli.command.json();
     match run(cli.command) {
         Ok(code) => code,
-        Err(e) => tell(&e.to_string(), e.kind(), as_json),
+        Err(e) => tell(&streams::of_streams(&e.to_string()), e.kind(), as_json),
     }
 }
 

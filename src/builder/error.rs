@@ -232,9 +232,9 @@ impl BuildFault {
             | Self::NothingInside { .. }
             | Self::NothingInsideOpen { .. }
             | Self::NoLabels { .. }
+            | Self::NothingVisible { .. }
             | Self::NoNumbers { .. } => ExitKind::Input,
             Self::EmptyRange { .. }
-            | Self::NothingVisible { .. }
             | Self::NoChannel { .. }
             | Self::NormalBits { .. }
             | Self::NotOfLabels { .. }

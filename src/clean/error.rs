@@ -39,8 +39,8 @@ impl CleanFault {
     fn kind(&self) -> ExitKind {
         match self {
             Self::Build(e) => e.kind(),
-            Self::Options { .. } | Self::NoSample { .. } => ExitKind::Usage,
-            Self::NothingKept { .. } => ExitKind::Input,
+            Self::Options { .. } => ExitKind::Usage,
+            Self::NoSample { .. } | Self::NothingKept { .. } => ExitKind::Input,
         }
     }
 

@@ -25,7 +25,7 @@ const BRICK: usize = 32;
 const FACES: [[i32; 3]; 6] = [[-1, 0, 0], [1, 0, 0], [0, -1, 0], [0, 1, 0], [0, 0, -1], [0, 0, 1]];
 /// A sampled leaf does not say how near its surface is: half a voxel, in lattice steps.
 const HALF_A_VOXEL: f64 = 2048.0;
-/// Leaves that are tried together: one bit each, and one for the tree as it is.
+/// Most leaves that are tried together, one bit each; of more, the tree is gone through forwards and backwards.
 const AT_ONCE: usize = 63;
 /// With more leaves than this next to the voxels of a brick's slice, these are described by blocks of so many rows and
 /// columns, each with the leaves next to it.
@@ -44,6 +44,8 @@ pub(super) struct Description {
     here: Vec<bool>,
     leaves: Vec<u32>,
     turned: Vec<u32>,
+    /// What is known of each step.
+    marks: Vec<u8>,
     /// Which sampled leaf describes each voxel; 0 for none, otherwise its number and one.
     sampled: Vec<u32>,
 }
@@ -130,7 +132,7 @@ enum Surface {
 impl Description {
     /// Memory of one, for so many leaves, and programs of boxes of so many steps.
     pub(super) const fn bytes(leaves: usize, steps: usize) -> u64 {
-        (SkinSlice::MAX_VOXELS * 8 + leaves * 9 + steps * 8) as u64
+        (SkinSlice::MAX_VOXELS * 8 + leaves * 11 + steps * 8) as u64
     }
 
     pub(super) fn new(leaves: usize, steps: usize) -> Self {
@@ -142,6 +144,7 @@ impl Description {
             here: Vec::with_capacity(leaves),
             leaves: Vec::with_capacity(leaves),
             turned: Vec::with_capacity(leaves),
+            marks: Vec::with_capacity(2 * leaves),
             sampled: vec![0; SkinSlice::MAX_VOXELS],
         }
     }
@@ -310,14 +313,18 @@ impl Description {
         // next to it.
         for from_beside in [false, true] {
             let mut any = false;
-            for group in self.turned.chunks(AT_ONCE) {
-                let value = self.turned_alone(steps, group, from_beside);
-                for (bit, at) in group.iter().enumerate() {
-                    if (value >> bit & 1 == 1) == from_beside {
-                        any = true;
-                        let at = *at as usize;
-                        take(best, self.leaves[at], voxel, beside, self.here[at], solid);
-                    }
+            if self.turned.len() > AT_ONCE {
+                if self.turned_of_many(best, [voxel, beside], around, from_beside) {
+                    break;
+                }
+                continue;
+            }
+            let value = self.turned_alone(steps, from_beside);
+            for (bit, at) in self.turned.iter().enumerate() {
+                if (value >> bit & 1 == 1) == from_beside {
+                    any = true;
+                    let at = *at as usize;
+                    take(best, self.leaves[at], voxel, beside, self.here[at], solid);
                 }
             }
             if any {
@@ -326,17 +333,45 @@ impl Description {
         }
     }
 
-    /// The tree's value, bit by bit, with one leaf of a group turned alone; all others are as at the voxel, or as
-    /// next to it.
-    fn turned_alone(&self, steps: &[Step], group: &[u32], from_beside: bool) -> u64 {
-        let (mut at, mut next, mut beside) = (0_usize, 0_usize, 0_usize);
+    /// Takes the leaves that turn the tree alone, where they are more than a word has bits; `true` if there are some.
+    fn turned_of_many(
+        &mut self,
+        best: &mut Candidates,
+        [voxel, beside]: [[i32; 3]; 2],
+        Around { solid, steps, .. }: Around<'_>,
+        from_beside: bool,
+    ) -> bool {
+        let mut next = self.turned.iter().peekable();
+        let value = program::turns(
+            steps,
+            |at| {
+                let turns = next.next_if(|turned| **turned as usize == at).is_some();
+                self.here[at] != (turns && from_beside)
+            },
+            &mut self.marks,
+        );
+        let mut next = self.turned.iter().peekable();
+        let leaves = steps.iter().zip(&self.marks).filter(|(step, _)| program::leaf_of(**step).is_some());
+        let mut any = false;
+        for (at, (_, mark)) in leaves.enumerate() {
+            let turns = next.next_if(|turned| **turned as usize == at).is_some();
+            if turns && (value != (*mark != 0)) == from_beside {
+                any = true;
+                take(best, self.leaves[at], voxel, beside, self.here[at], solid);
+            }
+        }
+        any
+    }
+
+    /// The tree's value, bit by bit, with one leaf of those that turn turned alone; all others are as at the voxel, or
+    /// as next to it.
+    fn turned_alone(&self, steps: &[Step], from_beside: bool) -> u64 {
+        let (mut at, mut next) = (0_usize, 0_usize);
         program::value(steps, |_| {
-            let turns = self.turned.get(beside).is_some_and(|turned| *turned as usize == at);
-            beside += usize::from(turns);
+            let turns = self.turned.get(next).is_some_and(|turned| *turned as usize == at);
             let own = self.here[at] != (turns && from_beside);
-            let is_one = group.get(next).is_some_and(|turned| *turned as usize == at);
-            let bit = if is_one { 1 << next } else { 0 };
-            next += usize::from(is_one);
+            let bit = if turns { 1 << next } else { 0 };
+            next += usize::from(turns);
             at += 1;
             bit ^ if own { u64::MAX } else { 0 }
         })

@@ -138,6 +138,45 @@ pub(super) fn value(program: &[Step], mut leaf: impl FnMut(u32) -> u64) -> u64 {
     stack[0]
 }
 
+/// The value of a program; of each leaf's step, `marks` says whether the value turns when that leaf alone does. Once
+/// forwards for the values, once backwards for what turns with them.
+pub(super) fn turns(program: &[Step], mut leaf: impl FnMut(usize) -> bool, marks: &mut Vec<u8>) -> bool {
+    marks.clear();
+    let mut stack = [false; STACK];
+    let (mut top, mut at) = (0, 0);
+    for step in program {
+        if let Some((_, negated)) = leaf_of(*step) {
+            stack[top] = leaf(at) != negated;
+            top += 1;
+            at += 1;
+            marks.push(0);
+        } else {
+            let (a, b) = (stack[top - 2], stack[top - 1]);
+            top -= 1;
+            stack[top - 1] = if *step == AND { a && b } else { a || b };
+            marks.push(u8::from(a) | u8::from(b) << 1);
+        }
+    }
+    let value = stack[0];
+    // Parts that are still to come: the right one of a join ends just before it.
+    stack[0] = true;
+    top = 1;
+    for (step, mark) in program.iter().zip(marks.iter_mut()).rev() {
+        top -= 1;
+        let turns = stack[top];
+        if *step < OR {
+            *mark = u8::from(turns);
+        } else {
+            let decides = |other: u8| (other != 0) == (*step == AND);
+            let (left, right) = (decides(*mark & 2), decides(*mark & 1));
+            stack[top] = turns && left;
+            stack[top + 1] = turns && right;
+            top += 2;
+        }
+    }
+    value
+}
+
 /// The values of a program, of rows of 64 voxels: `stack` has room for [`STACK`] times `rows`, and holds the result
 /// first.
 pub(super) fn rows_of(
@@ -165,5 +204,49 @@ pub(super) fn rows_of(
             }
             top -= 1;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A program of so many leaves, its joins as chance has it, the deeper part first.
+    fn random(leaves: u32, first: u32, next: &mut impl FnMut(u32) -> u32) -> Vec<Step> {
+        if leaves == 1 {
+            return vec![first << 1 | next(2)];
+        }
+        let left = leaves - 1 - next(leaves / 2);
+        let mut steps = random(left, first, next);
+        steps.extend(random(leaves - left, first + left, next));
+        steps.push(if next(2) == 0 { AND } else { OR });
+        steps
+    }
+
+    #[test]
+    fn the_leaves_that_turn_a_program_are_those_that_do_when_tried() {
+        let mut state = 7_u32;
+        let mut next = |n: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 10) % n
+        };
+        let mut turning = 0;
+        for round in 0..2000 {
+            let leaves = 1 + next(if round % 10 == 0 { 300 } else { 9 });
+            let steps = random(leaves, 0, &mut next);
+            let set: Vec<bool> = (0..leaves).map(|_| next(2) == 0).collect();
+            let of = |turned: Option<u32>| {
+                value(&steps, |at| u64::from(set[at as usize] != (turned == Some(at)))) & 1 != 0
+            };
+            let mut marks = Vec::new();
+            assert_eq!(turns(&steps, |at| set[at], &mut marks), of(None));
+            for (step, mark) in steps.iter().zip(&marks) {
+                if let Some((leaf, _)) = leaf_of(*step) {
+                    assert_eq!(*mark != 0, of(Some(leaf)) != of(None), "{steps:?} {set:?} {leaf}");
+                    turning += u32::from(*mark);
+                }
+            }
+        }
+        assert!(turning > 2000, "{turning}");
     }
 }

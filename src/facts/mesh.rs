@@ -240,6 +240,10 @@ pub(crate) enum MeshLack {
     Morphs,
     #[error("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if *.thin == 1 { "is" } else { "are" }, if *.thin == 1 { "it" } else { "them" })]
     Thin { thin: u64, parts: u64 },
+    #[error(
+        "reaches {voxels} voxels further than the model: what lies there is thinner than a voxel; {FILL} surface or smaller voxels keep it"
+    )]
+    Short { voxels: u64 },
 }
 
 /// What was found about a mesh, and what was chosen.

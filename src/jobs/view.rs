@@ -1,6 +1,6 @@
 //! `oct view`: a model in a browser of this machine, by the page that an export writes.
 //!
-//! A server of one model on 127.0.0.1 under a path that nobody can guess. It answers GET and HEAD of two things: the
+//! A server of one model on 127.0.0.1 under a path that cannot be guessed. It answers GET and HEAD of two things: the
 //! page, and pictures of a camera, which the page asks for where there is no WebGL2 or the model is too large for a page.
 //! It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that leads here) and long or
 //! slow requests, and answers 16 at a time.
@@ -45,7 +45,7 @@ pub struct ViewRequest {
     pub idle: Option<Duration>,
 }
 
-/// Serves the model at `input` until `stopped` says so or nobody asks; `ready` is told the address.
+/// Serves the model at `input` until `stopped` says so, or for `idle` without a request; `ready` gets the address.
 ///
 /// Memory: the model is mapped, its page lies in a scratch file in `scratch`, a picture takes its pixels. Cost: pages and
 /// pictures are made when they are asked for.
@@ -110,7 +110,7 @@ pub fn view(
     })
 }
 
-/// Hexadecimal digits that nobody can guess.
+/// Random hexadecimal digits.
 fn secret() -> io::Result<String> {
     let mut bytes = [0; 16];
     File::open("/dev/urandom")?.read_exact(&mut bytes)?;

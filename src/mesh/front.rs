@@ -1,6 +1,7 @@
 //! From files to a solid: bounds, grid, bins, what the mesh carries, caps.
 
 use std::path::PathBuf;
+use std::sync::Arc;
 use std::time::Instant;
 
 use super::bins::{BINNING_BYTES, Binner, Bins};
@@ -11,6 +12,7 @@ use super::crossed::MeshCells;
 use super::lattice::{Bounds, Grid, GridChoice, Triangle, smallest_first};
 use super::paint::{self, COLLECTING_BYTES, Collector, PaintChannels, Painter};
 use super::raster::Rule;
+use super::reach::Reach;
 use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
 use super::solid::{MeshSolid, fixed_bytes};
@@ -40,6 +42,8 @@ pub(super) struct Front<'a> {
     pub(super) progress: &'a dyn Progress,
     /// Where the mesh lies as a part of something else, in units of the grid.
     pub(super) placed: Option<Affine>,
+    /// How far the model reaches, filled while it is built.
+    pub(super) reach: Arc<Reach>,
 }
 
 /// All triangles, caps included, and what is inside of them.
@@ -199,7 +203,8 @@ impl Front<'_> {
         let rule = Rule::NonZero;
         let wanted = wanted.anything().then_some(wanted);
         let (closed, open, paint) = (true, false, None);
-        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, inputs, wanted, paint };
+        let reach = Arc::clone(&self.reach);
+        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, reach, inputs, wanted, paint };
         drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
         Ok(dry.smallest_limit(1))
     }
@@ -232,8 +237,7 @@ impl Front<'_> {
         let parts = files.iter().map(MeshFile::parts).sum();
         let mut notes = self.notes(&files);
         if thin > 0 && self.mesh.thin().is_none() {
-            let mesh = if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() };
-            notes.push(MeshNote { mesh, lack: MeshLack::Thin { thin, parts } });
+            notes.push(MeshNote { mesh: self.mesh_name(), lack: MeshLack::Thin { thin, parts } });
         }
         drop(files);
         drop((reading, held, described));
@@ -263,7 +267,8 @@ impl Front<'_> {
         let resident = self.resident(&bins, &grid, paint.as_ref());
         let open = matches!(boundary, Boundary::Open { .. });
         let (name, wanted) = (self.name(), paint.as_ref().map(|paint| paint.wanted));
-        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, inputs, wanted, paint };
+        let reach = Arc::clone(&self.reach);
+        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, reach, inputs, wanted, paint };
         Ok((mesh, facts, notes))
     }
 
@@ -391,6 +396,16 @@ impl Front<'_> {
         }
     }
 
+    /// What the model lacks, known once it is built: is it short of the mesh, as walls thinner than a voxel vanished?
+    pub(super) fn short(&self) -> Option<MeshNote> {
+        let voxels = self.reach.short()?;
+        Some(MeshNote { mesh: self.mesh_name(), lack: MeshLack::Short { voxels } })
+    }
+
+    fn mesh_name(&self) -> String {
+        if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() }
+    }
+
     /// The grid of the choice, and how many parts of several have no centre of a voxel within; the bounds are those of
     /// triangles, not of vertices that no face names.
     fn grid(&self, files: &[MeshFile]) -> Result<(Grid, u64), SourceError> {
@@ -413,6 +428,9 @@ impl Front<'_> {
             Grid::new(self.mesh.grid, &bounds, self.mesh.unit_mm).map_err(|fault| self.unusable(fault))?;
         let thin = |part: &&Bounds| **part != Bounds::EMPTY && !grid.has_centre(part);
         let thin = if parts.len() > 1 { parts.iter().filter(thin).count() } else { 0 };
+        if thin == 0 && bounds != Bounds::EMPTY && self.mesh.thin().is_none() {
+            self.reach.expect(grid.centres(&bounds));
+        }
         Ok((grid, thin as u64))
     }
 

@@ -151,9 +151,16 @@ impl Grid {
 
     /// Does the centre of a voxel lie within bounds in units of the file? Otherwise no voxel is inside what they bound.
     pub(crate) fn has_centre(&self, bounds: &Bounds) -> bool {
-        (0..3).all(|axis| {
+        self.centres(bounds).iter().all(|[first, last]| first <= last)
+    }
+
+    /// First and last voxel along each axis whose centre lies within bounds in units of the file.
+    pub(crate) fn centres(&self, bounds: &Bounds) -> [[i32; 2]; 3] {
+        [0, 1, 2].map(|axis| {
             let at = |c: f64| (c * self.scale - self.shift[axis]).round() / f64::from(STEPS) - 0.5;
-            at(bounds.low[axis]).ceil() <= at(bounds.high[axis]).floor()
+            #[expect(clippy::cast_possible_truncation, reason = "saturates")]
+            let range = [at(bounds.low[axis]).ceil() as i32, at(bounds.high[axis]).floor() as i32];
+            range
         })
     }
 

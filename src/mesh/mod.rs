@@ -21,6 +21,7 @@
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `front` | from files to a solid: all of the above, one after the other |
 //! | `solid` | all of it as a solid of the builder |
+//! | `reach` | how far the inside reaches, beside how far the mesh does |
 //! | `thin` | surfaces alone, and walls thinner than a voxel |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one
@@ -41,6 +42,7 @@ mod nearest;
 mod paint;
 mod prism;
 mod raster;
+mod reach;
 mod read;
 mod resident;
 mod solid;
@@ -53,6 +55,7 @@ pub(crate) use nearest::{Facet, Nearest};
 pub(crate) use raster::{Crossings, Rule, cross_slice};
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
@@ -139,12 +142,14 @@ pub fn build_mesh(
     progress: &dyn Progress,
 ) -> Result<MeshReport, BuildError> {
     let scratch = options.scratch_folder(output);
-    let front = Front { inputs, mesh, options, scratch, progress, placed: None };
-    let (made, channels, facts, notes) = front.made()?;
+    let front = Front { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() };
+    let (made, channels, facts, mut notes) = front.made()?;
     // Memory of reading goes back before the build takes its own.
     give_back();
     let options = BuildOptions { channels, ..options.clone() };
-    Ok(MeshReport { build: made.build(&options, output, progress)?, facts, notes })
+    let build = made.build(&options, output, progress)?;
+    notes.extend(front.short());
+    Ok(MeshReport { build, facts, notes })
 }
 
 /// Has a mesh colours that would be stored? Its files are opened for it, not read, but for OBJ; what cannot be opened has
@@ -157,7 +162,7 @@ pub(crate) fn has_colors(
     progress: &dyn Progress,
 ) -> bool {
     let scratch = options.scratch_folder(output);
-    Front { inputs, mesh, options, scratch, progress, placed: None }.has_colors()
+    Front { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() }.has_colors()
 }
 
 /// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low
@@ -177,7 +182,15 @@ pub(crate) fn mesh_part(
     let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
-    let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed: Some(placed) };
+    let front = Front {
+        inputs: &inputs,
+        mesh: &mesh,
+        options,
+        scratch,
+        progress,
+        placed: Some(placed),
+        reach: Arc::default(),
+    };
     let (mut solid, facts, _) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
     Ok((solid, facts))

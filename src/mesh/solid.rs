@@ -18,6 +18,7 @@
 
 use std::ops::Range;
 use std::path::PathBuf;
+use std::sync::Arc;
 
 use super::bins::{BEYOND, BinTriangle, Bins, BlockBuffers, Record, held, numbered};
 use super::cells::Cells;
@@ -27,6 +28,7 @@ use super::nearest::{Facet, Nearest};
 use super::paint::{Paint, PaintChannels, Painter};
 use super::prism::Prism;
 use super::raster::{Crossings, Rule, cross_slice};
+use super::reach::Reach;
 use super::resident::{Resident, bricks_of, slices};
 use crate::builder::{
     BuildError, BuildFault, CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary,
@@ -62,6 +64,8 @@ pub(crate) struct MeshSolid {
     pub(super) open: bool,
     /// Triangles that a worker has room for.
     pub(super) resident: usize,
+    /// How far the inside reaches.
+    pub(super) reach: Arc<Reach>,
     /// The files, and what they were before they were read.
     pub(super) inputs: Vec<(PathBuf, u64)>,
     /// Colours, parts and smooth normals, if there are any.
@@ -278,6 +282,8 @@ impl MeshWorker<'_> {
             })?;
         }
         crossings.settle(solid.rule);
+        let rows = column.y.clone().map(|y| (y as i32, crossings.row((y as i32 - top) as usize)));
+        solid.reach.add(slice, column, left, rows);
         self.crossed = Some(z);
         Ok(())
     }

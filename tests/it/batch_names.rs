@@ -121,6 +121,14 @@ fn two_batches_do_not_write_into_one_folder_and_a_killed_one_leaves_no_lock() {
         let object = Object::new([6, 5, 4 + i], ScalarType::I16, [1.0; 3]);
         file(&top, &format!("{i}.nrrd"), &nrrd(&object, "raw", false, ""));
     }
+    // One that takes seconds, all of it a hole of its file, so that a batch cannot end before it is held.
+    let slow = file(
+        &top,
+        "slow.nrrd",
+        b"NRRD0004\ntype: short\ndimension: 3\nsizes: 1024 1024 1024\nencoding: raw\nendian: little\n\n",
+    );
+    let bytes = fs::metadata(&slow).unwrap().len() + (2 << 30);
+    fs::OpenOptions::new().write(true).open(&slow).unwrap().set_len(bytes).unwrap();
     let lock = out.join(".oct-lock");
     let args = ["batch", &text(&top), "--out", &text(&out), "--iso", "500", "--quiet"];
     // One that is held in the middle of its work.
@@ -141,6 +149,7 @@ fn two_batches_do_not_write_into_one_folder_and_a_killed_one_leaves_no_lock() {
         })
         .expect("none of 20 batches could be held while it worked");
     oct(&args).refused(5, &["out", "another batch", "wait until it has finished", "--out"]);
+    fs::remove_file(&slow).unwrap();
     // Another folder is free.
     let free = folder.path().join("free");
     assert_eq!(oct(&["batch", &text(&top), "--out", &text(&free), "--quiet"]).code, 0);

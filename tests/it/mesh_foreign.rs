@@ -493,6 +493,36 @@ fn parts_thinner_than_a_voxel_are_counted_in_a_note() {
     assert_eq!(report.unwrap().notes, []);
 }
 
+#[test]
+fn a_fin_of_a_body_that_vanishes_is_reported() {
+    let folder = tempfile::tempdir().unwrap();
+    // A block with a fin of .8 voxel along each axis in turn, between two centres; and one that is met.
+    for axis in 0..3 {
+        for (low, high, met) in [(1.6, 2.4, false), (1.4, 2.6, true)] {
+            let at = |along: f64, thin: f64, wide: f64| {
+                let mut place = [wide; 3];
+                (place[axis], place[(axis + 1) % 3]) = (along, thin);
+                place
+            };
+            let mut body = Body::cuboid([1.0; 3], [31.0; 3]);
+            let fin = Body::cuboid(at(20.0, low, 2.0), at(45.0, high, 30.0));
+            let first = body.vertices.len();
+            body.vertices.extend(fin.vertices);
+            body.faces.extend(fin.faces.iter().map(|face| face.map(|at| at + first)));
+            for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+                let grid = GridChoice::Voxel { edge_mm: 1.0, margin: 1 };
+                let input = file(folder.path(), "fin.stl", &body.stl());
+                let options = BuildOptions { surface, ..share(8, 2) };
+                let model = folder.path().join("m.oct");
+                let report = build_mesh(&[input], &on_grid(grid), &options, &model, &Silent).unwrap();
+                let notes: Vec<_> = report.notes.iter().map(ToString::to_string).collect();
+                let wanted = "fin.stl reaches 14 voxels further than the model: what lies there is thinner than a voxel; fill surface or smaller voxels keep it";
+                assert_eq!(notes, if met { vec![] } else { vec![wanted.to_owned()] }, "{axis} {surface:?}");
+            }
+        }
+    }
+}
+
 /// A body of several balls and boxes, on lattice points that singles hold.
 fn random_body(random: &mut Random) -> Body {
     let mut body = Body::default();

@@ -266,6 +266,27 @@ fn what_a_threshold_does_to_the_whole_volume_is_told() {
     assert!(run.json()["warnings"].to_string().contains("all 120 voxels are inside"), "{run:?}");
     // Nothing.
     build(folder.path(), &ball, &["--iso", "10"]).0.refused(3, &["9", "--iso"]);
+    // Values near the largest double are cut as all others are.
+    let huge: Vec<f64> = ball.iter().map(|value| if *value > 5.0 { 1e308 } else { -1e308 }).collect();
+    let at = folder.path().join("huge.raw");
+    fs::write(&at, huge.iter().flat_map(|value| value.to_le_bytes()).collect::<Vec<_>>()).unwrap();
+    let count = |surface: &str, how: &[&str]| {
+        let model = folder.path().join("huge.oct");
+        let all = ["--dims", "6x5x4", "--dtype", "f64", "--surface", surface];
+        let run = command::build(&[&at], &model, &[&all[..], how].concat());
+        assert_eq!(run.code, 0, "{run:?}");
+        run.stdout.split(' ').nth(1).unwrap().to_owned()
+    };
+    for how in [
+        &["--iso", "5"][..],
+        &["--iso", "1e308"],
+        &["--iso=-9.9e307"],
+        &["--otsu"],
+        &["--range", "0..1.5e308"],
+    ] {
+        assert_eq!(count("skin", how), "17", "{how:?}");
+        assert_eq!(count("cells", how), count("cells", &["--iso", "0"]), "{how:?}");
+    }
     // NaN: anywhere, and in doubles, too.
     for at in [0, 61, 119] {
         let old = std::mem::replace(&mut ball[at], f32::NAN);

@@ -4,6 +4,12 @@
 
 pub(super) const LANES: usize = 16;
 
+/// A boxed array of one value, made on the heap: arrays in boxes would be made on the stack first.
+pub(super) fn boxed<T: Copy, const N: usize>(value: T) -> Box<[T; N]> {
+    // The list has this length, so it becomes the array, and the second way is not taken.
+    vec![value; N].into_boxed_slice().try_into().unwrap_or_else(|_| Box::new([value; N]))
+}
+
 /// Sixteen lanes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(align(32))]

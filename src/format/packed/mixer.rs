@@ -4,7 +4,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]
 
 use super::bits::{BitCoder, PROBABILITIES};
-use super::lanes::fetch;
+use super::lanes::{boxed, fetch};
 
 /// Bits of a context's key: eight that its slot keeps, and above them those that choose a pair of slots.
 pub(super) const KEY_BITS: u32 = 23;
@@ -15,7 +15,7 @@ pub(super) const PLACES: usize = 24;
 const SETS: usize = PLACES * 16;
 /// A slot: a probability of 16 bits, how often it was seen, and the low bits of its key.
 const NEW: u32 = 1 << 31;
-const MOST_SEEN: u32 = 60;
+const MAX_SEEN: u32 = 60;
 /// Logits are in 1/256, at most so large.
 pub(super) const LOGIT: i32 = 2047;
 /// Weights of the prior, the tables and the bias, of 65536.
@@ -75,8 +75,8 @@ static LOGITS: [i16; 4096] = {
 };
 
 /// 65536 / (n + 3/2), rounded down.
-static STEPS: [i32; MOST_SEEN as usize + 1] = {
-    let mut steps = [0; MOST_SEEN as usize + 1];
+static STEPS: [i32; MAX_SEEN as usize + 1] = {
+    let mut steps = [0; MAX_SEEN as usize + 1];
     let mut n = 0;
     while n < steps.len() {
         steps[n] = 131_072 / (2 * n as i32 + 3);
@@ -86,8 +86,8 @@ static STEPS: [i32; MOST_SEEN as usize + 1] = {
 };
 
 /// Classes of counts: 0; 1 and 2; 3 to 7; more.
-static SEEN: [u8; MOST_SEEN as usize + 1] = {
-    let mut seen = [3; MOST_SEEN as usize + 1];
+static SEEN: [u8; MAX_SEEN as usize + 1] = {
+    let mut seen = [3; MAX_SEEN as usize + 1];
     [seen[0], seen[1], seen[2]] = [0, 1, 1];
     let mut n = 3;
     while n < 8 {
@@ -112,9 +112,7 @@ pub(super) struct Mixer {
 
 impl Default for Mixer {
     fn default() -> Self {
-        let table = || {
-            vec![Line([[NEW; 2]; 8]); LINES].into_boxed_slice().try_into().unwrap_or_else(|_| unreachable!())
-        };
+        let table = || boxed(Line([[NEW; 2]; 8]));
         Self { tables: [table(), table(), table()], weights: Box::new([WEIGHTS; SETS]) }
     }
 }
@@ -122,7 +120,7 @@ impl Default for Mixer {
 /// How often a slot was seen.
 #[inline(always)]
 fn count(slot: u32) -> usize {
-    ((slot >> 8) % 256).min(MOST_SEEN) as usize
+    ((slot >> 8) % 256).min(MAX_SEEN) as usize
 }
 
 /// The slot of a key, and where it goes: that of its pair which has it, else the one that was seen less, made new.
@@ -183,7 +181,7 @@ impl Mixer {
             // No product passes 32 bits: a slot that is new has its probability in the middle.
             let target = if bit { 65_535 } else { 0 };
             let one = one.wrapping_add((target - one).wrapping_mul(STEPS[seen]) >> 16);
-            *place = one.cast_unsigned() << 16 | (seen as u32 + 1).min(MOST_SEEN) << 8 | (slot % 256);
+            *place = one.cast_unsigned() << 16 | (seen as u32 + 1).min(MAX_SEEN) << 8 | (slot % 256);
         }
         bit
     }

@@ -6,7 +6,7 @@
 #![expect(clippy::cast_possible_truncation, reason = "lanes, widths and words have 16 bits")]
 
 use super::CodingError;
-use super::lanes::{LANES, Row, last_within, mean_of_four, sink};
+use super::lanes::{LANES, Row, boxed, last_within, mean_of_four, sink};
 use crate::cpu::{Isa, Portable};
 
 /// Symbols of a table: a lane holds the frequency of symbols below it, of 65536; lane 0 is 0.
@@ -69,8 +69,7 @@ impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLO
     /// Tables that have learnt nothing.
     pub(super) fn new() -> Self {
         const { assert!(COUNT.is_power_of_two()) };
-        let boxed = |table| vec![table; COUNT].into_boxed_slice().try_into().ok();
-        let tables = boxed(Table { fast: EVEN, slow: EVEN }).unwrap_or_else(|| unreachable!());
+        let tables = boxed(Table { fast: EVEN, slow: EVEN });
         Self { tables, seen: Box::new([0; COUNT]) }
     }
 

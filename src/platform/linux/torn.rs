@@ -11,10 +11,11 @@ use std::{mem, ptr};
 use rustix::param::page_size;
 
 /// Mappings that are watched at a time; others raise bus errors as ever.
-const MOST: usize = 4096;
+const MAX_WATCHED: usize = 4096;
 
 /// First byte and end of each; 0 where there is none, a first byte of 1 where one comes or goes.
-static RANGES: [[AtomicUsize; 2]; MOST] = [const { [AtomicUsize::new(0), AtomicUsize::new(0)] }; MOST];
+static RANGES: [[AtomicUsize; 2]; MAX_WATCHED] =
+    [const { [AtomicUsize::new(0), AtomicUsize::new(0)] }; MAX_WATCHED];
 
 /// What was done about bus errors before.
 static BEFORE: AtomicPtr<libc::sigaction> = AtomicPtr::new(ptr::null_mut());
