@@ -17,6 +17,7 @@ pub mod measure;
 #[doc(hidden)]
 pub mod opened;
 pub mod pack;
+pub mod parts;
 pub mod picture;
 mod relief;
 pub mod render;
