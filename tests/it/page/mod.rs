@@ -90,7 +90,8 @@ fn looks(model: &Model) -> Vec<Look> {
         look([0.0, 1.0, 0.0], head, 0.9, false),
         look([-0.55, 0.75, -0.38], head, 0.8, true),
         look([0.3, -0.2, -0.9], [0.0, 1.0, 0.0], 0.4, false),
-        look([1.0, 0.0, 0.0], head, 0.15, true),
+        // Within the model, and not on a face between two cells: an eye in matter there meets either of them.
+        Look { target: middle.map(|c| c + 0.25), ..look([1.0, 0.0, 0.0], head, 0.15, true) },
     ]
 }
 
