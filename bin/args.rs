@@ -4,11 +4,13 @@
 //! |---|---|
 //! | [`volume`] | options of the commands that read volumes |
 //! | [`picture`] | options of the commands that make pictures |
+//! | [`parts`] | options of the commands that build a model in parts |
 //! | [`parse`] | values of options, and the sentences for wrong ones |
 //! | [`examples`] | what stands below the help of each command |
 
 mod examples;
 mod parse;
+mod parts;
 mod picture;
 mod volume;
 
@@ -20,6 +22,7 @@ use infobyte::format::Channels;
 use infobyte::geom::Affine;
 use infobyte::jobs::export::MAX_SIMPLIFIED;
 
+pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
 
@@ -42,6 +45,15 @@ pub(crate) enum Command {
     /// List what would be converted, and why the rest would be refused
     #[command(after_help = examples::SCAN)]
     Scan(ScanArgs),
+    /// Plan a model in parts, to be built on many machines
+    #[command(after_help = examples::PLAN)]
+    Plan(PlanArgs),
+    /// Build one part of a plan, unless it is there
+    #[command(after_help = examples::PART)]
+    Part(PartArgs),
+    /// Join the parts of a plan into the model that one build makes, byte for byte
+    #[command(after_help = examples::MERGE)]
+    Merge(MergeArgs),
     /// Show what a model says of itself (mapped or packed)
     #[command(after_help = examples::INFO)]
     Info(InfoArgs),
@@ -96,6 +108,9 @@ impl Command {
             Self::Build(args) => args.json,
             Self::Batch(args) => args.json,
             Self::Scan(args) => args.json,
+            Self::Plan(args) => args.build.json,
+            Self::Part(args) => args.json,
+            Self::Merge(args) => args.json,
             Self::Info(args) => args.json,
             Self::Verify(args) => args.json,
             Self::Pack(args) | Self::Unpack(args) => args.json,

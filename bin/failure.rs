@@ -37,6 +37,8 @@ pub(crate) enum Refusal {
     ForWhole(&'static str),
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
+    /// Words of a plan that its file of JSON cannot hold.
+    NotText,
     /// A name that does not say what a model is to be exported as.
     NoForm {
         path: PathBuf,
@@ -173,6 +175,7 @@ impl fmt::Display for Refusal {
                 }
                 Dash::Terminal => "the output is not for a terminal; send it into a file or another command",
             },
+            Self::NotText => "a plan holds paths and options as Unicode text, and one of them is not; rename the file or folder",
             Self::NoForm { path } => {
                 return write!(
                     f,

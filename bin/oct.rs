@@ -5,6 +5,7 @@ mod bars;
 mod cure;
 mod failure;
 mod manual;
+mod parts;
 mod pictures;
 mod platform;
 mod streams;
@@ -37,7 +38,7 @@ use infobyte::mesh::usual_channels;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
 use infobyte::text::{self, data, plain, shown};
 use infobyte::volume::Placement;
-use infobyte::{Error, ErrorReport, ExitKind};
+use infobyte::{CleanOptions, Error, ErrorReport, ExitKind, Progress};
 use serde::Serialize;
 
 use args::{Cli, Command, Switch, cores};
@@ -113,6 +114,9 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Build(args) => build(&args),
         Command::Batch(args) => batch(&args),
         Command::Scan(args) => scan(&args),
+        Command::Plan(args) => parts::plan(&args),
+        Command::Part(args) => parts::part(&args),
+        Command::Merge(args) => parts::merge(&args),
         Command::Info(args) => {
             let input = Input::of(&args.model)?;
             platform::tell_of(&args.model, args.json);
@@ -162,64 +166,86 @@ fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     check_suffixes([args.output.as_path()], Written::Model, args.force)?;
     // The arguments have been read: what that took is not left beside what follows.
     jobs::give_back();
-    // Standard input gives headerless voxels only.
-    let is_piped = args.input.iter().any(|path| is_dash(path));
-    let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
-    args.refuse_foreign(kind)?;
-    let label_names = args.names.as_deref().map_or_else(|| Ok(Vec::new()), jobs::names::read_label_names)?;
-    let surface = args.skin.surface(args.mesh.grid.is_thin() || args.labels.is_some());
-    let usual = match kind {
-        SubjectKind::Mesh => usual_channels(surface),
-        SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
-    };
-    let options = BuildOptions {
-        threshold: args.selection.threshold(),
-        labels: args.labels.clone(),
-        label_names,
-        surface,
-        connectivity: args.skin.connectivity,
-        channels: args.skin.channels.unwrap_or(usual),
-        gradient: args.skin.gradient.unwrap_or_default(),
-        normal_bits: args.skin.normal_bits,
-        visible_from: args.visible_from.clone(),
-        error: args.skin.error,
-        lod: args.lod == Switch::On,
-        memory: MemoryCap::Process(args.memory),
-        threads: args.threads.count(),
-        scratch: args.scratch.clone(),
-    };
-    let raw = if kind == SubjectKind::Volume { raw_options(&args.raw)? } else { None };
-    let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
-    let (inputs, _held) = match args.input.as_slice() {
-        [only] if is_dash(only) && raw.is_some() => {
-            let input = Input::within(only, &spool)?;
-            (vec![input.path().to_path_buf()], Some(input))
-        }
-        [only] if is_dash(only) => return Err(Dash::Volume.into()),
-        several => {
-            refuse_dash(several.iter().map(PathBuf::as_path), Dash::AmongFiles)?;
-            (several.to_vec(), None)
-        }
-    };
-    let how = OpenOptions {
-        raw,
-        gaps: args.which.gaps.policy(),
-        volume: args.which.volume,
-        follow_links: args.which.links.follow_links,
-        placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
-        ..OpenOptions::default()
-    };
+    let build = Build::of(args)?;
     let bars = Bars::new(args.quiet || args.json);
-    let clean = args.clean.options();
-    let grid = args.mesh.options(args.raw.dims, &args.which.links);
-    let grid = GridOptions { keep_colors: args.skin.keeps_colors(), ..grid };
-    let job =
-        BuildJob { clean: &clean, grid: &grid, options: &options, output: &args.output, progress: &bars };
-    let summary = jobs::build::convert(kind, &inputs, &how, &job);
+    let summary =
+        jobs::build::convert(build.kind, &build.inputs, &build.how, &build.job(&args.output, &bars));
     bars.finish();
     let mut summary = summary?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
     Ok(print(args.json, || summary.json(), || if args.quiet { String::new() } else { summary.text() })?)
+}
+
+/// What is asked of a build, in the library's terms.
+struct Build {
+    kind: SubjectKind,
+    inputs: Vec<PathBuf>,
+    how: OpenOptions,
+    clean: CleanOptions,
+    grid: GridOptions,
+    options: BuildOptions,
+    /// Keeps what came on standard input.
+    _held: Option<Input>,
+}
+
+impl Build {
+    fn of(args: &args::BuildArgs) -> Result<Self, Failure> {
+        // Standard input gives headerless voxels only.
+        let is_piped = args.input.iter().any(|path| is_dash(path));
+        let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
+        args.refuse_foreign(kind)?;
+        let label_names =
+            args.names.as_deref().map_or_else(|| Ok(Vec::new()), jobs::names::read_label_names)?;
+        let surface = args.skin.surface(args.mesh.grid.is_thin() || args.labels.is_some());
+        let usual = match kind {
+            SubjectKind::Mesh => usual_channels(surface),
+            SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
+        };
+        let options = BuildOptions {
+            threshold: args.selection.threshold(),
+            labels: args.labels.clone(),
+            label_names,
+            surface,
+            connectivity: args.skin.connectivity,
+            channels: args.skin.channels.unwrap_or(usual),
+            gradient: args.skin.gradient.unwrap_or_default(),
+            normal_bits: args.skin.normal_bits,
+            visible_from: args.visible_from.clone(),
+            error: args.skin.error,
+            lod: args.lod == Switch::On,
+            memory: MemoryCap::Process(args.memory),
+            threads: args.threads.count(),
+            scratch: args.scratch.clone(),
+        };
+        let raw = if kind == SubjectKind::Volume { raw_options(&args.raw)? } else { None };
+        let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
+        let (inputs, held) = match args.input.as_slice() {
+            [only] if is_dash(only) && raw.is_some() => {
+                let input = Input::within(only, &spool)?;
+                (vec![input.path().to_path_buf()], Some(input))
+            }
+            [only] if is_dash(only) => return Err(Dash::Volume.into()),
+            several => {
+                refuse_dash(several.iter().map(PathBuf::as_path), Dash::AmongFiles)?;
+                (several.to_vec(), None)
+            }
+        };
+        let how = OpenOptions {
+            raw,
+            gaps: args.which.gaps.policy(),
+            volume: args.which.volume,
+            follow_links: args.which.links.follow_links,
+            placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
+            ..OpenOptions::default()
+        };
+        let grid = args.mesh.options(args.raw.dims, &args.which.links);
+        let grid = GridOptions { keep_colors: args.skin.keeps_colors(), ..grid };
+        Ok(Self { kind, inputs, how, clean: args.clean.options(), grid, options, _held: held })
+    }
+
+    fn job<'a>(&'a self, output: &'a Path, progress: &'a dyn Progress) -> BuildJob<'a> {
+        BuildJob { clean: &self.clean, grid: &self.grid, options: &self.options, output, progress }
+    }
 }
 
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {

@@ -12,6 +12,18 @@ pub(crate) const SCAN: &str = "Examples:
   oct scan studies/
   oct scan studies/ --json";
 
+pub(crate) const PLAN: &str = "Examples:
+  oct plan scan.nrrd --iso 300 --parts 64 --out job/
+  oct plan ct-series/ --preset bone --surface skin --parts 8 --out job/";
+
+pub(crate) const PART: &str = "Examples:
+  oct part job/plan.json 0
+  oct part job/plan.json $SLURM_ARRAY_TASK_ID --memory 16MiB --threads 1 --scratch /tmp";
+
+pub(crate) const MERGE: &str = "Examples:
+  oct merge job/plan.json -o whole.oct
+  oct merge job/plan.json -o whole.oct --json";
+
 pub(crate) const INFO: &str = "Examples:
   oct info head.oct
   oct info head.oct --json";

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
+use super::parts::PartFault;
 use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::{ExitKind, opaque_error};
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
@@ -83,6 +84,8 @@ pub(crate) enum BuildFault {
         #[source]
         cause: io::Error,
     },
+    #[error("{}: {fault}", shown(.path))]
+    Part { path: PathBuf, fault: PartFault },
     #[error(transparent)]
     Format(FormatError),
     #[error("worker threads cannot be started ({cause}); try {THREADS} 1")]
@@ -227,6 +230,7 @@ impl BuildFault {
     fn kind(&self) -> ExitKind {
         match self {
             Self::Source(e) => e.kind(),
+            Self::Part { fault, .. } => fault.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
             Self::EmptyResult { .. }
             | Self::NothingInside { .. }
@@ -251,7 +255,7 @@ impl BuildFault {
     fn path(&self) -> Option<&Path> {
         match self {
             Self::Source(e) => e.path(),
-            Self::Scratch { path, .. } | Self::Output { path, .. } => Some(path),
+            Self::Scratch { path, .. } | Self::Output { path, .. } | Self::Part { path, .. } => Some(path),
             _ => None,
         }
     }

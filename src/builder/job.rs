@@ -12,6 +12,7 @@ use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
+use super::parts::{PartId, PartWriter};
 use super::plan::{ColumnPlan, PlanRequest};
 use super::reduce::{self, Reduce};
 use super::skin::{Connectivity, SkinRule};
@@ -44,7 +45,7 @@ pub fn build_solid(
     options.check_bits(false, || solid.name())?;
     let spacing_mm = solid.metadata(&ScanSummary::default()).spacing_mm;
     options.check_error(spacing_mm, || solid.name())?;
-    let job = Job { options, output, progress };
+    let job = Job { options, output, progress, part: None };
     // What can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);
     let files = job.open_files(solid.dims())?;
@@ -113,6 +114,8 @@ pub(super) struct Job<'a> {
     pub(super) options: &'a BuildOptions,
     pub(super) output: &'a Path,
     pub(super) progress: &'a dyn Progress,
+    /// The part of the model that is built, if not all of it.
+    pub(super) part: Option<&'a PartId>,
 }
 
 pub(super) struct Files {
@@ -130,7 +133,9 @@ impl Job<'_> {
     }
 
     pub(super) fn run(&self, files: Files, solid: &dyn Solid) -> Result<BuildReport, BuildError> {
-        let (plan, mut forms) = self.plan_solid(solid)?;
+        let (mut plan, mut forms) = self.plan_solid(solid)?;
+        let region = self.part.map_or_else(|| VoxelBox::whole(solid.dims()), PartId::region);
+        plan.limit(&region);
         let mut seconds = StageSeconds::default();
         let Files { atomic, scratch } = files;
         let started = Instant::now();
@@ -143,7 +148,7 @@ impl Job<'_> {
         {
             seconds.read = totals.found.reading.as_secs_f64() / plan.threads as f64;
         }
-        if totals.skin == 0 {
+        if totals.skin == 0 && self.part.is_none() {
             drop(plan);
             let name = solid.name();
             return Err(match totals.hidden {
@@ -160,15 +165,20 @@ impl Job<'_> {
         let channels = StoredChannels { forms, lod: self.options.lod, leaves: self.options.joins() };
         let mut metadata = self.metadata(solid, &totals.found);
         metadata.error = self.reduce(solid, &channels, &plan, &scratch, metadata.spacing_mm)?;
-        let census = Census::take(solid.dims(), &scratch)?;
+        let census = Census::take(solid.dims(), &region, &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
         let labels = match solid.labels()? {
             none if none.is_empty() => Vec::new(),
             labels => labels_to_bytes(&labels)?,
         };
-        let lengths = [&metadata, &labels].map(|bytes| bytes.len() as u64);
-        let layout = Layout::new(&census, lengths, &channels);
+        let small = [&metadata[..], &labels];
+        let records =
+            self.part.map(|part| PartWriter::new(part, solid.dims(), solid.surface(), &channels, &metadata));
+        let layout = match &records {
+            None => Layout::new(&census, small.map(|bytes| bytes.len() as u64), &channels),
+            Some(_) => Layout::default(),
+        };
         let target = Target {
             file: atomic.file(),
             path: self.output,
@@ -176,13 +186,18 @@ impl Job<'_> {
             channels: &channels,
             progress: self.progress,
         };
-        self.merge(solid, &target, &census, &scratch, &plan)?;
+        self.merge(solid, &target, &census, &scratch, &plan, records.as_ref())?;
         seconds.merge = started.elapsed().as_secs_f64();
 
         let started = Instant::now();
         let _memory = self.part(solid, &plan, seal::MEMORY_BYTES)?;
-        let small = [&metadata[..], &labels];
-        let entries = seal::seal(&target, solid.dims(), solid.surface(), &census, small)?;
+        let (file_bytes, entries) = match &records {
+            None => {
+                let entries = seal::seal(&target, solid.dims(), solid.surface(), &census, small)?;
+                (entries.last().map_or(0, SectionEntry::end), entries)
+            }
+            Some(records) => (records.seal(&target, &scratch)?, Vec::new()),
+        };
         seconds.seal = started.elapsed().as_secs_f64();
         let started = Instant::now();
         solid.check_unchanged().map_err(|cause| BuildError::from(BuildFault::Source(cause)))?;
@@ -196,7 +211,7 @@ impl Job<'_> {
             skin_voxels: census.voxels,
             hidden: seen.map(|_| totals.hidden),
             nodes: census.nodes(),
-            file_bytes: entries.last().map_or(0, SectionEntry::end),
+            file_bytes,
             section_bytes: entries
                 .iter()
                 .filter_map(|e| e.kind.map(|k| (k.name(), e.stored_bytes)))
@@ -376,14 +391,21 @@ impl Job<'_> {
         census: &Census,
         scratch: &Scratch,
         plan: &ColumnPlan,
+        records: Option<&PartWriter>,
     ) -> Result<(), BuildError> {
         let forms = &target.channels.forms;
         self.progress.stage("merge", census.bricks);
-        let merge = Merge::new(solid.dims(), scratch, target, census)?;
+        let mut merge = Merge::new(solid.dims(), scratch, target, census)?;
+        if let Some(PartWriter { region, form, head }) = records {
+            merge = merge.into_records(region, form, head.len() as u64);
+        }
         parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
             let _memory = self.part(solid, plan, merge::worker_bytes(forms))?;
             merge.work(stop, &|bricks| self.progress.advance(bricks))
         })?;
+        if records.is_some() {
+            return Ok(());
+        }
         let _memory = self.part(solid, plan, merge::upper_bytes(forms))?;
         merge.finish_upper_levels()
     }

@@ -2,8 +2,9 @@
 
 use super::error::BuildError;
 use super::item::ChannelForm;
+use super::solid::VoxelBox;
 use super::swap::{BrickEntry, Scratch};
-use super::walk::BrickWalk;
+use super::walk::{BrickWalk, GROUP_BRICKS, WalkedBrick};
 use crate::format::cell::{corner_blocks, leaf_blocks};
 use crate::format::{
     ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, most_label_bytes, rank,
@@ -16,6 +17,39 @@ pub(super) const BRICK_LEVELS: u32 = 5;
 /// Non-empty boxes with an edge of `2^e` voxels in one brick with skin, e in 1..=5.
 pub(super) fn boxes_in_brick(entry: &BrickEntry, e: u32) -> u64 {
     entry.boxes.get(e as usize - 1).map_or(1, |n| u64::from(*n))
+}
+
+/// Numbers of boxes and voxels of a group of bricks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct GroupCounts {
+    /// Non-empty boxes with an edge of 2, 4, 8, 16, 32 and 64 voxels.
+    pub(super) boxes: [u32; BRICK_LEVELS as usize + 1],
+    pub(super) voxels: u32,
+    pub(super) corners: u32,
+}
+
+impl GroupCounts {
+    pub(super) fn of(bricks: &[WalkedBrick]) -> Self {
+        let mut counts = Self::default();
+        let mut previous = None;
+        for (code, entry) in bricks {
+            counts.voxels += entry.skin;
+            counts.corners += u32::from(entry.corners);
+            for (count, e) in counts.boxes.iter_mut().zip(1..=BRICK_LEVELS) {
+                #[expect(clippy::cast_possible_truncation, reason = "at most 16^3 in a brick")]
+                let boxes = boxes_in_brick(entry, e) as u32;
+                *count += boxes;
+            }
+            counts.boxes[BRICK_LEVELS as usize] += u32::from(previous != Some(code >> 3));
+            previous = Some(code >> 3);
+        }
+        counts
+    }
+
+    /// Bricks with skin.
+    pub(super) fn bricks(&self) -> u32 {
+        self.boxes[BRICK_LEVELS as usize - 1]
+    }
 }
 
 /// Numbers of boxes and voxels of the whole model.
@@ -31,35 +65,48 @@ pub(super) struct Census {
     leaves: [u64; BRICK_LEVELS as usize + 1],
     /// Nodes with an edge of `2^e`, by e; index 0 is unused.
     by_edge: [u64; 17],
+    /// The last group counted.
+    previous: Option<u64>,
 }
 
 impl Census {
-    /// One sequential pass over the index.
-    pub(super) fn take(dims: Dims, scratch: &Scratch) -> Result<Self, BuildError> {
-        let depth = dims.depth();
-        let mut census = Self { depth, voxels: 0, bricks: 0, corners: 0, leaves: [0; 6], by_edge: [0; 17] };
-        let (mut walk, mut found) = (BrickWalk::new(dims), Vec::new());
-        let mut previous = None;
+    /// One sequential pass over the index of a box.
+    pub(super) fn take(dims: Dims, region: &VoxelBox, scratch: &Scratch) -> Result<Self, BuildError> {
+        let mut census = Self::new(dims.depth());
+        let (mut walk, mut found) = (BrickWalk::of(region), Vec::new());
         while walk.next_group(scratch, &mut found)? {
-            for (code, entry) in &found {
-                census.voxels += u64::from(entry.skin);
-                census.bricks += 1;
-                census.corners += u64::from(entry.corners);
+            for (_, entry) in &found {
                 for (all, leaves) in census.leaves[1..].iter_mut().zip(entry.leaves) {
                     *all += u64::from(leaves);
                 }
-                for e in 1..=depth.min(BRICK_LEVELS) {
-                    census.by_edge[e as usize] += boxes_in_brick(entry, e);
-                }
-                // Codes rise, so a box above the bricks is new whenever its own code changes.
-                for e in BRICK_LEVELS + 1..=depth {
-                    let of = |c: u64| c >> (3 * (e - BRICK_LEVELS));
-                    census.by_edge[e as usize] += u64::from(previous.map(of) != Some(of(*code)));
-                }
-                previous = Some(*code);
+            }
+            if let Some((code, _)) = found.first() {
+                census.add(code / GROUP_BRICKS as u64, &GroupCounts::of(&found));
             }
         }
         Ok(census)
+    }
+
+    /// Nothing counted yet.
+    pub(super) fn new(depth: u32) -> Self {
+        let (leaves, by_edge) = ([0; 6], [0; 17]);
+        Self { depth, voxels: 0, bricks: 0, corners: 0, leaves, by_edge, previous: None }
+    }
+
+    /// Counts a group that is not empty; their codes rise.
+    pub(super) fn add(&mut self, code: u64, counts: &GroupCounts) {
+        self.voxels += u64::from(counts.voxels);
+        self.bricks += u64::from(counts.bricks());
+        self.corners += u64::from(counts.corners);
+        for (e, boxes) in (1..=self.depth).zip(counts.boxes) {
+            self.by_edge[e as usize] += u64::from(boxes);
+        }
+        // A box of a group's edge or more is new whenever its own code changes.
+        for e in BRICK_LEVELS + 2..=self.depth {
+            let of = |c: u64| c >> (3 * (e - BRICK_LEVELS - 2));
+            self.by_edge[e as usize] += u64::from(self.previous.map(of) != Some(of(code)));
+        }
+        self.previous = Some(code);
     }
 
     /// Number of the first node with an edge of `2^e` (nodes of longer edges come first).
@@ -116,7 +163,7 @@ impl StoredChannels {
 }
 
 /// The section table of the output, with offsets, before any CRC.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     pub(super) entries: Vec<SectionEntry>,
     /// Where the labels of all voxels stand until their blocks are coded: behind the longest section of blocks.

@@ -13,8 +13,10 @@ use std::sync::Mutex;
 use super::brick::{BrickReader, channel_bytes, infobytes};
 use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
-use super::layout::{BRICK_LEVELS, Census, Layout, StoredChannels, boxes_in_brick};
+use super::layout::{BRICK_LEVELS, Census, GroupCounts, Layout, StoredChannels};
+use super::parts::{RecordForm, Stretch};
 use super::reduce::Reduced;
+use super::solid::VoxelBox;
 use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, WalkedBrick};
 use crate::budget::costs::MIN_WORKER;
@@ -61,6 +63,19 @@ fn summary_bytes(means: usize) -> usize {
     size_of::<u64>() + means * Sum::BYTES
 }
 
+/// Bytes of a brick's summary.
+pub(super) fn summary_bytes_of(channels: &StoredChannels) -> usize {
+    summary_bytes(averaged(channels).count())
+}
+
+/// The code of a summary; its sums take the place of those in `sums`.
+pub(super) fn parse_summary(summary: &[u8], sums: &mut Vec<Sum>) -> u64 {
+    sums.clear();
+    let Some((code, raw)) = summary.split_first_chunk::<8>() else { return 0 };
+    sums.extend(raw.as_chunks().0.iter().map(Sum::parse));
+    u64::from_le_bytes(*code)
+}
+
 /// The output file with the offset of every section.
 pub(super) struct Target<'a> {
     pub(super) file: &'a File,
@@ -75,7 +90,7 @@ impl Target<'_> {
         BuildError::from(BuildFault::Output { path: self.path.to_path_buf(), cause })
     }
 
-    fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {
+    pub(super) fn offset(&self, kind: SectionKind, item: u64, item_bytes: usize) -> Option<u64> {
         self.layout.offset(kind).map(|offset| offset + item * item_bytes as u64)
     }
 }
@@ -127,12 +142,7 @@ impl Run {
 /// The state before the next group; advanced under a lock.
 struct Cursors {
     walk: BrickWalk,
-    /// Next node with an edge of 2^e, by e.
-    node: [u64; BRICK_LEVELS as usize + 1],
-    voxel: u64,
-    corners: u64,
-    brick: u64,
-    leaf: [u64; BRICK_LEVELS as usize],
+    next: Firsts,
 }
 
 pub(super) struct Merge<'a> {
@@ -143,16 +153,28 @@ pub(super) struct Merge<'a> {
     /// Where the summaries of bricks stand in the scratch file, and how long one is.
     summaries: u64,
     summary_bytes: usize,
+    /// Of a part: how its records are made, each with all bytes of a group.
+    record: Option<&'a RecordForm>,
 }
 
-/// A group of bricks with the numbers of its first boxes.
-struct Group {
+/// Numbers of the first boxes of a group of bricks.
+#[derive(Clone, Copy)]
+struct Firsts {
+    /// First node with an edge of 2^e, by e.
     node: [u64; BRICK_LEVELS as usize + 1],
     voxel: u64,
     corners: u64,
     brick: u64,
     /// First larger leaf with an edge of 2^(i + 1).
     leaf: [u64; BRICK_LEVELS as usize],
+    /// Where the group's record begins, in a part.
+    record: u64,
+}
+
+/// A group of bricks.
+struct Group {
+    first: Firsts,
+    counts: GroupCounts,
 }
 
 fn averaged(channels: &StoredChannels) -> impl Iterator<Item = (Channel, usize, MeanRule)> {
@@ -166,7 +188,7 @@ impl<'a> Merge<'a> {
         target: &'a Target<'a>,
         census: &'a Census,
     ) -> Result<Self, BuildError> {
-        let summary_bytes = summary_bytes(averaged(target.channels).count());
+        let summary_bytes = summary_bytes_of(target.channels);
         let summaries_len = usize::try_from(census.bricks * summary_bytes as u64)
             .map_err(|_| scratch.error(ScratchFault::TooManyBricks.into()))?;
         let mut node = [0; BRICK_LEVELS as usize + 1];
@@ -179,15 +201,51 @@ impl<'a> Merge<'a> {
             census,
             cursors: Mutex::new(Cursors {
                 walk: BrickWalk::new(dims),
-                node,
-                voxel: 0,
-                corners: 0,
-                brick: 0,
-                leaf: LEAF_EDGES.map(|e| census.first_leaf(e)),
+                next: Firsts {
+                    node,
+                    voxel: 0,
+                    corners: 0,
+                    brick: 0,
+                    leaf: LEAF_EDGES.map(|e| census.first_leaf(e)),
+                    record: 0,
+                },
             }),
             summaries: scratch.take(summaries_len),
             summary_bytes,
+            record: None,
         })
+    }
+
+    /// The bricks of a box as records of a part, the first of them at `start`.
+    pub(super) fn into_records(self, region: &VoxelBox, form: &'a RecordForm, start: u64) -> Self {
+        let mut cursors = self.cursors.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
+        cursors.walk = BrickWalk::of(region);
+        cursors.next.record = start;
+        Self { cursors: Mutex::new(cursors), record: Some(form), ..self }
+    }
+
+    /// Where a stretch of a group's bytes belongs; `None` for what is not written.
+    fn offset(&self, group: &Group, stretch: Stretch) -> Option<u64> {
+        let Group { first, counts } = group;
+        if let Some(form) = self.record {
+            return form.offset(counts, stretch).map(|offset| first.record + offset);
+        }
+        let of = |at: usize| self.target.channels.forms.get(at);
+        match stretch {
+            Stretch::Nodes(e) => self.target.offset(SectionKind::Nodes, first.node[e], 1),
+            Stretch::Items(at) => of(at).and_then(|ChannelForm { channel, form }| {
+                let (row, bytes) = (channel.row(), form.stored_bytes());
+                let item = if row.is_sparse { first.corners } else { first.voxel };
+                match row.is_coded {
+                    true => Some(self.target.layout.labels + item * bytes as u64),
+                    false => self.target.offset(SectionKind::Voxels(*channel), item, bytes),
+                }
+            }),
+            Stretch::Means(at, e) => of(at).and_then(|ChannelForm { channel, form }| {
+                self.target.offset(SectionKind::Means(*channel), first.node[e], form.stored_bytes())
+            }),
+            Stretch::Summaries => Some(self.summaries + first.brick * self.summary_bytes as u64),
+        }
     }
 
     fn levels(&self) -> u32 {
@@ -200,17 +258,19 @@ impl<'a> Merge<'a> {
         if !cursors.walk.next_group(self.scratch, found)? {
             return Ok(None);
         }
-        let Cursors { node, voxel, corners, brick, leaf, .. } = *cursors;
-        let group = Group { node, voxel, corners, brick, leaf };
+        let group = Group { first: cursors.next, counts: GroupCounts::of(found) };
+        let Group { counts, .. } = &group;
+        let next = &mut cursors.next;
+        next.voxel += u64::from(counts.voxels);
+        next.corners += u64::from(counts.corners);
+        next.brick += u64::from(counts.bricks());
+        next.record += self.record.map_or(0, |form| form.bytes(counts));
+        for (node, boxes) in next.node[1..].iter_mut().zip(counts.boxes) {
+            *node += u64::from(boxes);
+        }
         for (_, entry) in found.iter() {
-            cursors.voxel += u64::from(entry.skin);
-            cursors.corners += u64::from(entry.corners);
-            cursors.brick += 1;
-            for (next, leaves) in cursors.leaf.iter_mut().zip(entry.leaves) {
-                *next += u64::from(leaves);
-            }
-            for e in 1..=self.levels() {
-                cursors.node[e as usize] += boxes_in_brick(entry, e);
+            for (leaf, leaves) in next.leaf.iter_mut().zip(entry.leaves) {
+                *leaf += u64::from(leaves);
             }
         }
         Ok(Some(group))
@@ -241,11 +301,8 @@ impl<'a> Merge<'a> {
             let part = &mut bytes[..now * self.summary_bytes];
             self.scratch.read(part, self.summaries + done * self.summary_bytes as u64)?;
             for summary in part.chunks_exact(self.summary_bytes) {
-                if let Some((code, raw)) = summary.split_first_chunk::<8>() {
-                    sums.clear();
-                    sums.extend(raw.as_chunks().0.iter().map(Sum::parse));
-                    queue.push(u64::from_le_bytes(*code), &sums)?;
-                }
+                let code = parse_summary(summary, &mut sums);
+                queue.push(code, &sums)?;
             }
             done += now as u64;
         }
@@ -296,21 +353,15 @@ impl MergeWorker {
     fn emit(&mut self, merge: &Merge<'_>, group: &Group, bricks: &[WalkedBrick]) -> Result<(), BuildError> {
         let target = merge.target;
         for e in 1..=merge.levels() as usize {
-            self.nodes[e - 1].restart(target.offset(SectionKind::Nodes, group.node[e], 1));
+            self.nodes[e - 1].restart(merge.offset(group, Stretch::Nodes(e)));
         }
-        for (runs, ChannelForm { channel, form }) in self.channels.iter_mut().zip(&target.channels.forms) {
-            let item = form.stored_bytes();
-            let first = if channel.row().is_sparse { group.corners } else { group.voxel };
-            let at = match channel.row().is_coded {
-                true => Some(target.layout.labels + first * item as u64),
-                false => target.offset(SectionKind::Voxels(*channel), first, item),
-            };
-            runs.items.restart(at);
+        for (at, runs) in self.channels.iter_mut().enumerate() {
+            runs.items.restart(merge.offset(group, Stretch::Items(at)));
             for e in 2..=merge.levels() as usize {
-                runs.means[e - 1].restart(target.offset(SectionKind::Means(*channel), group.node[e], item));
+                runs.means[e - 1].restart(merge.offset(group, Stretch::Means(at, e)));
             }
         }
-        for ([normals, offsets], first) in self.leaves.iter_mut().zip(group.leaf) {
+        for ([normals, offsets], first) in self.leaves.iter_mut().zip(group.first.leaf) {
             normals.restart(target.offset(SectionKind::LeafNormals, first, 2));
             offsets.restart(target.offset(SectionKind::LeafOffsets, first, 1));
         }
@@ -332,7 +383,11 @@ impl MergeWorker {
             runs.items.flush(target)?;
             runs.means.iter_mut().try_for_each(|run| run.flush(target))?;
         }
-        merge.scratch.write(&self.summaries, merge.summaries + group.brick * merge.summary_bytes as u64)
+        let at = merge.offset(group, Stretch::Summaries).unwrap_or(0);
+        match merge.record {
+            Some(_) => target.file.write_all_at(&self.summaries, at).map_err(|e| target.error(e)),
+            None => merge.scratch.write(&self.summaries, at),
+        }
     }
 
     /// A brick whose bytes stand in the scratch file as they will in the model.
@@ -424,7 +479,7 @@ fn squeeze(bytes: &mut [u8]) -> &[u8] {
 
 /// One open node per level above the bricks: at most eight children arrive, in Morton order, before the
 /// next sibling's first; then the node is complete and moves up. Memory does not depend on the tree.
-struct MergeQueue<'a> {
+pub(super) struct MergeQueue<'a> {
     target: &'a Target<'a>,
     /// Levels of edge 2^6, 2^7 ... 2^depth.
     levels: Vec<OpenLevel>,
@@ -440,7 +495,7 @@ struct OpenLevel {
 }
 
 impl<'a> MergeQueue<'a> {
-    fn new(target: &'a Target<'a>, census: &Census) -> Self {
+    pub(super) fn new(target: &'a Target<'a>, census: &Census) -> Self {
         let levels = (BRICK_LEVELS + 1..=census.depth).map(|e| {
             let first = census.first_node(e);
             let means = averaged(target.channels);
@@ -457,7 +512,7 @@ impl<'a> MergeQueue<'a> {
         Self { target, levels: levels.collect() }
     }
 
-    fn push(&mut self, code: u64, sums: &[Sum]) -> Result<(), BuildError> {
+    pub(super) fn push(&mut self, code: u64, sums: &[Sum]) -> Result<(), BuildError> {
         self.push_from(0, code, sums.to_vec())
     }
 
@@ -481,7 +536,7 @@ impl<'a> MergeQueue<'a> {
     }
 
     /// Completes the open nodes from the bottom up.
-    fn finish(mut self) -> Result<(), BuildError> {
+    pub(super) fn finish(mut self) -> Result<(), BuildError> {
         for at in 0..self.levels.len() {
             let (code, mask, sums) = self.levels[at].take();
             if mask != 0 {

@@ -28,6 +28,7 @@
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
 //! | `reduce` | cells joined into larger leaves |
 //! | `layout`, `merge`, `seal` | the output |
+//! | `parts` | parts of a model, and the model that is joined of them |
 //! | `job`, `plan`, `options`, `parallel`, `report`, `error` | one build: memory, threads, results |
 //! | `visible` | what is seen from a point |
 //!
@@ -55,6 +56,7 @@ mod merge;
 mod occupancy;
 mod options;
 mod parallel;
+pub(crate) mod parts;
 mod plan;
 mod pool;
 mod range;
@@ -109,6 +111,7 @@ use choose::Chooser;
 use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};
+use parts::PartId;
 use plan::{ColumnPlan, PlanRequest};
 use slices::RingShape;
 use typed::TypedVolume;
@@ -219,12 +222,32 @@ pub fn build_volume(
     }
     let surface = options.volume_surface();
     let options = &options.for_surface(surface);
-    let job = Job { options, output, progress };
+    run_volume(source, &Job { options, output, progress, part: None })
+}
+
+/// Builds part of a model: the records of the bricks of its box.
+///
+/// # Errors
+/// As [`build_volume`].
+pub(crate) fn build_volume_part(
+    source: &dyn VolumeSource,
+    options: &BuildOptions,
+    output: &Path,
+    part: &PartId,
+    progress: &dyn Progress,
+) -> Result<BuildReport, BuildError> {
+    let surface = options.volume_surface();
+    let options = &options.for_surface(surface);
+    run_volume(source, &Job { options, output, progress, part: Some(part) })
+}
+
+fn run_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<BuildReport, BuildError> {
+    let Job { options, progress, .. } = *job;
     // What can be refused at once is refused before the volume is read.
-    let dims = check_volume(source, &job)?;
+    let dims = check_volume(source, job)?;
     let files = job.open_files(dims)?;
     let started = Instant::now();
-    let solid = volume_solid(source, options.threshold, surface, options, progress)?;
+    let solid = volume_solid(source, options.threshold, options.surface, options, progress)?;
     let histogram_s = started.elapsed().as_secs_f64();
     let mut report = job.run(files, &*solid)?;
     report.seconds.histogram = histogram_s;

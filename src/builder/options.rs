@@ -170,7 +170,7 @@ impl BuildOptions {
     }
 
     /// Are cells joined into larger leaves?
-    pub(super) fn joins(&self) -> bool {
+    pub(crate) fn joins(&self) -> bool {
         self.error.is_some_and(|error| error.number() != 0.0)
     }
 

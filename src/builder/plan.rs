@@ -25,7 +25,8 @@ const POOL_BYTES: usize = 128 << 10;
 /// Sizes of one worker's buffers, and the memory of all workers.
 #[derive(Debug)]
 pub(super) struct ColumnPlan {
-    dims: Dims,
+    /// What is scanned: the whole grid, or a part of its bricks.
+    region: VoxelBox,
     /// Columns (x) of a tile: the whole width, or a multiple of 64.
     pub(super) tile: u32,
     pub(super) threads: usize,
@@ -104,7 +105,7 @@ impl ColumnPlan {
 
     fn sized(request: &PlanRequest<'_>, tile: u32, threads: usize) -> Self {
         let mut plan = Self {
-            dims: request.dims,
+            region: VoxelBox::whole(request.dims),
             tile,
             threads,
             channels: request.channels.iter().map(|c| c.channel).collect(),
@@ -155,23 +156,29 @@ impl ColumnPlan {
         a * b * c
     }
 
+    /// Scans a part of the grid only, which begins at a brick's corner.
+    pub(super) fn limit(&mut self, region: &VoxelBox) {
+        self.region.clone_from(region);
+    }
+
     fn column_grid(&self) -> [u64; 3] {
-        [self.dims.nx().div_ceil(self.tile), self.dims.ny().div_ceil(BRICK), self.dims.nz().div_ceil(SEGMENT)]
-            .map(u64::from)
+        let parts = |side: &Range<u32>, step: u32| side.len().div_ceil(step as usize) as u64;
+        let VoxelBox { x, y, z } = &self.region;
+        [parts(x, self.tile), parts(y, BRICK), parts(z, SEGMENT)]
     }
 
     /// Column number `at`: tiles along x first, then segments along z, then rows of bricks.
     pub(super) fn column(&self, at: u64) -> VoxelBox {
         let [tiles, _, segments] = self.column_grid();
-        let span = |index: u64, step: u32, n: u32| -> Range<u32> {
+        let span = |index: u64, step: u32, side: &Range<u32>| -> Range<u32> {
             #[expect(clippy::cast_possible_truncation, reason = "below the side of the volume")]
-            let start = (index * u64::from(step)) as u32;
-            start..(start + step).min(n)
+            let start = side.start + (index * u64::from(step)) as u32;
+            start..(start + step).min(side.end)
         };
         VoxelBox {
-            x: span(at % tiles, self.tile, self.dims.nx()),
-            z: span(at / tiles % segments, SEGMENT, self.dims.nz()),
-            y: span(at / tiles / segments, BRICK, self.dims.ny()),
+            x: span(at % tiles, self.tile, &self.region.x),
+            z: span(at / tiles % segments, SEGMENT, &self.region.z),
+            y: span(at / tiles / segments, BRICK, &self.region.y),
         }
     }
 }

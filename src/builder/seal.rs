@@ -156,7 +156,7 @@ fn directory(
     blocks.flush(target)
 }
 
-fn for_each_part(
+pub(super) fn for_each_part(
     target: &Target<'_>,
     offset: u64,
     len: u64,

@@ -41,6 +41,13 @@ pub struct VoxelBox {
     pub z: Range<u32>,
 }
 
+impl VoxelBox {
+    /// All voxels of a grid.
+    pub(super) fn whole(dims: Dims) -> Self {
+        Self { x: 0..dims.nx(), y: 0..dims.ny(), z: 0..dims.nz() }
+    }
+}
+
 /// Where the voxels of a box lie.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Cover {

@@ -1,21 +1,24 @@
 //! Bricks in Morton order, skipping those outside the volume.
 
 use super::error::BuildError;
-use super::solid::BRICK;
+use super::solid::{BRICK, VoxelBox};
 use super::swap::{BrickEntry, Scratch};
 use crate::geom::{Dims, morton};
 
 /// Bricks of a group along each axis; a group is a box of 4^3 bricks.
 const GROUP: u32 = 4;
 pub(super) const GROUP_BRICKS: usize = (GROUP * GROUP * GROUP) as usize;
+/// Its side in voxels.
+pub(super) const GROUP_VOXELS: u32 = GROUP * BRICK;
 
 /// A brick with skin, and its Morton code in the grid of bricks.
 pub(super) type WalkedBrick = (u64, BrickEntry);
 
-/// Visits groups of bricks in Morton order.
+/// Visits groups of bricks in Morton order; as an iterator it gives their codes and places.
 #[derive(Debug)]
 pub(super) struct BrickWalk {
-    /// Groups along x, y, z that touch the volume.
+    /// Groups along x, y, z: the first that is visited, and one past the last.
+    first: [u32; 3],
     groups: [u32; 3],
     /// Morton codes of groups: the next one, and one past the last.
     next: u64,
@@ -23,10 +26,19 @@ pub(super) struct BrickWalk {
 }
 
 impl BrickWalk {
+    /// The groups of a volume.
     pub(super) fn new(dims: Dims) -> Self {
-        let groups = dims.to_array().map(|n| n.div_ceil(BRICK).div_ceil(GROUP));
-        let last = groups.map(|n| n - 1);
-        Self { groups, next: 0, end: morton::encode(last[0], last[1], last[2]) + 1 }
+        Self::of(&VoxelBox::whole(dims))
+    }
+
+    /// The groups that a box touches.
+    pub(super) fn of(region: &VoxelBox) -> Self {
+        let sides = [&region.x, &region.y, &region.z];
+        let groups = sides.map(|side| if side.is_empty() { 0 } else { side.end.div_ceil(GROUP_VOXELS) });
+        let first = sides.map(|side| side.start / GROUP_VOXELS);
+        let last = groups.map(|n| n.saturating_sub(1));
+        let end = if groups.contains(&0) { 0 } else { morton::encode(last[0], last[1], last[2]) + 1 };
+        Self { first, groups, next: 0, end }
     }
 
     /// Fills `found` with the bricks of the next group that have skin, in Morton order; `false` at the
@@ -37,22 +49,12 @@ impl BrickWalk {
         found: &mut Vec<WalkedBrick>,
     ) -> Result<bool, BuildError> {
         found.clear();
-        while self.next < self.end {
-            let code = self.next;
-            let at = morton::decode(code);
-            if let Some(axis) = (0..3).find(|a| at[*a] >= self.groups[*a]) {
-                self.next = skip_outside(code, at, axis, self.groups[axis]);
-                continue;
-            }
-            self.next += 1;
-            self.read_group(scratch, code, at, found)?;
-            return Ok(true);
-        }
-        Ok(false)
+        let Some((code, at)) = self.next() else { return Ok(false) };
+        Self::read_group(scratch, code, at, found)?;
+        Ok(true)
     }
 
     fn read_group(
-        &self,
         scratch: &Scratch,
         code: u64,
         at: [u32; 3],
@@ -73,6 +75,26 @@ impl BrickWalk {
         let base = code * GROUP_BRICKS as u64;
         found.extend((base..).zip(entries).filter(|(_, e)| !e.is_empty()));
         Ok(())
+    }
+}
+
+impl Iterator for BrickWalk {
+    type Item = (u64, [u32; 3]);
+
+    fn next(&mut self) -> Option<Self::Item> {
+        while self.next < self.end {
+            let code = self.next;
+            let at = morton::decode(code);
+            if let Some(axis) = (0..3).find(|a| at[*a] >= self.groups[*a]) {
+                self.next = skip_outside(code, at, axis, self.groups[axis]);
+                continue;
+            }
+            self.next += 1;
+            if (0..3).all(|a| at[a] >= self.first[a]) {
+                return Some((code, at));
+            }
+        }
+        None
     }
 }
 

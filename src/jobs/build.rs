@@ -188,12 +188,17 @@ fn give_back_within(cap: MemoryCap) {
 }
 
 impl BuildJob<'_> {
-    fn give_back(&self) {
+    pub(super) fn give_back(&self) {
         give_back_within(self.options.memory);
     }
 
     /// Opens what lies at the inputs, within what the cap leaves for that.
-    fn open(&self, kind: SubjectKind, inputs: &[PathBuf], how: &OpenOptions) -> Result<Subject, Error> {
+    pub(super) fn open(
+        &self,
+        kind: SubjectKind,
+        inputs: &[PathBuf],
+        how: &OpenOptions,
+    ) -> Result<Subject, Error> {
         // If less than this is left, the builder refuses, with the smallest cap that works.
         let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::MIN_OPENING);
         let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
@@ -366,7 +371,7 @@ impl BuildJob<'_> {
 type Named = (PathBuf, Box<dyn VolumeSource>);
 
 /// Unrolls a source that has to be, unless the cap would be too small for that or for what follows.
-fn prepare(
+pub(super) fn prepare(
     source: &mut dyn VolumeSource,
     cleaning: &CleanOptions,
     options: &BuildOptions,

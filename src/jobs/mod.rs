@@ -18,6 +18,7 @@ pub mod names;
 #[doc(hidden)]
 pub mod opened;
 pub mod pack;
+pub mod parts;
 pub mod picture;
 mod relief;
 pub mod render;

@@ -19,6 +19,7 @@ use super::export::ExportReport;
 use super::info::InfoReport;
 use super::intersect::IntersectReport;
 use super::pack::PackReport;
+use super::parts::{MergeReport, PartReport, PlanReport};
 use super::picture::PictureReport;
 use super::render::RenderReport;
 use super::report::Report;
@@ -46,6 +47,9 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("build", "`oct build --json`", schema::<BuildFigures>()),
         ("info", "`oct info --json`", schema::<InfoReport>()),
         ("verify", "`oct verify --json`", schema::<VerifyReport>()),
+        ("plan", "`oct plan --json`", schema::<PlanReport>()),
+        ("part", "`oct part --json`", schema::<PartReport>()),
+        ("merge", "`oct merge --json`", schema::<MergeReport>()),
         ("pack", "`oct pack --json`, `oct unpack --json` and `oct strip --json`", schema::<PackReport>()),
         ("export", "`oct export --json`", schema::<ExportReport>()),
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),

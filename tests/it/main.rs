@@ -46,6 +46,7 @@ mod normals;
 mod oracle;
 mod pack;
 mod page;
+mod parts;
 mod picture_memory;
 mod picture_normals;
 mod prelude;

@@ -69,6 +69,8 @@ fn every_report_is_what_its_schema_says() {
     };
     let scene = at("scene.toml");
     fs::write(&scene, "model = [{ file = 'ball.oct' }, { file = 'ball.oct', move = [50, 0, 0] }]").unwrap();
+    let parts = ["--iso", "500", "--parts", "1", "--out", &at("job")];
+    let planned = oct(&[&["plan", &source], &shape[..], &parts].concat());
     let failed = oct(&["info", "nothing.oct", "--json"]);
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
@@ -76,6 +78,9 @@ fn every_report_is_what_its_schema_says() {
         ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
         ("build", build(&["--iso", "500", "--visible-from", "outside"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--error", "0.2"])),
+        ("plan", planned.json()),
+        ("part", oct(&["part", &at("job/plan.json"), "0", "--json"]).json()),
+        ("merge", oct(&["merge", &at("job/plan.json"), "-o", &at("j.oct"), "--json"]).json()),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
         ("info", oct(&["info", &model, "--json"]).json()),

@@ -1,0 +1,66 @@
+//! Options of the commands that build a model in parts.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use infobyte::budget::parse_size;
+use infobyte::jobs::parts::MAX_PARTS;
+
+use super::{BuildArgs, ThreadArgs};
+
+#[derive(Debug, Args)]
+#[command(
+    mut_arg("output", |arg| arg.long("out").value_name("JOB").help("Folder of the plan and its parts; made if it is not there")),
+    mut_arg("force", |arg| arg.hide(true))
+)]
+pub(crate) struct PlanArgs {
+    /// The build; its output is the folder of the job.
+    #[command(flatten)]
+    pub(crate) build: BuildArgs,
+    /// How many parts; cut at multiples of 128 voxels along z, then along y
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_PARTS)))]
+    pub(crate) parts: u32,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PartArgs {
+    /// The plan
+    #[arg(value_name = "JOB/plan.json")]
+    pub(crate) plan: PathBuf,
+    /// Number of the part, from 0
+    #[arg(value_name = "K")]
+    pub(crate) number: u32,
+    /// Peak resident memory of the whole process; that of the plan by default
+    #[arg(long, value_name = "SIZE", value_parser = parse_size)]
+    pub(crate) memory: Option<u64>,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Folder for the scratch file; beside the part by default
+    #[arg(long, value_name = "DIR")]
+    pub(crate) scratch: Option<PathBuf>,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress, no line for the part
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct MergeArgs {
+    /// The plan
+    #[arg(value_name = "JOB/plan.json")]
+    pub(crate) plan: PathBuf,
+    /// The model to write
+    #[arg(short, long, value_name = "MODEL.oct")]
+    pub(crate) output: PathBuf,
+    /// Write it even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}

@@ -1,0 +1,81 @@
+//! `oct plan`, `oct part` and `oct merge`: a model in parts.
+
+use std::path::{Path, PathBuf};
+use std::process::ExitCode;
+
+use clap::Parser;
+use infobyte::Error;
+use infobyte::jobs::parts::{self, PartsInput, Plan};
+
+use crate::args::{BuildArgs, Cli, Command, MergeArgs, PartArgs, PlanArgs};
+use crate::bars::Bars;
+use crate::failure::{Dash, Failure, Refusal, Written};
+use crate::streams::{check_suffixes, is_dash, refuse_dash};
+use crate::{Build, print};
+
+pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
+    let PlanArgs { build: args, parts } = args;
+    refuse_dash([args.output.as_path()], Dash::Folder)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    let build = Build::of(args)?;
+    // The words of this command line are those of the parts.
+    let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
+    let command =
+        words.map(|word| word.into_string().map_err(|_| Refusal::NotText)).collect::<Result<_, _>>()?;
+    let folder = std::env::current_dir().map_err(|cause| Error::Output { path: ".".into(), cause })?;
+    let folder = folder.to_str().ok_or(Refusal::NotText)?;
+    let bars = Bars::new(args.quiet || args.json);
+    let input = input(&build, &args.output, &bars);
+    let report = parts::plan(&input, *parts, &args.output, command, folder)?;
+    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+}
+
+/// The build of a plan, as it was asked for.
+fn planned(plan: &Plan) -> Option<BuildArgs> {
+    let (words, folder) = plan.command();
+    let line = ["oct", "plan"].into_iter().chain(words.iter().map(String::as_str));
+    let Ok(Cli { command: Command::Plan(PlanArgs { mut build, .. }) }) = Cli::try_parse_from(line) else {
+        return None;
+    };
+    for path in &mut build.input {
+        *path = folder.join(&path);
+    }
+    build.scratch = None;
+    Some(build)
+}
+
+fn input<'a>(build: &'a Build, output: &'a Path, bars: &'a Bars) -> PartsInput<'a> {
+    PartsInput { kind: build.kind, inputs: &build.inputs, how: &build.how, job: build.job(output, bars) }
+}
+
+pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
+    let plan = Plan::read(&args.plan)?;
+    let output = plan.part_path(args.number)?;
+    let mut planned = planned(&plan).ok_or_else(|| plan.not_of_this_program())?;
+    planned.memory = args.memory.unwrap_or(planned.memory);
+    planned.threads.threads = args.threads.threads.or(planned.threads.threads);
+    planned.scratch.clone_from(&args.scratch);
+    if planned.input.iter().any(|path| is_dash(path)) {
+        return Err(Dash::Search.into());
+    }
+    let build = Build::of(&planned)?;
+    infobyte::jobs::give_back();
+    let bars = Bars::new(args.quiet || args.json);
+    let report = parts::part(&plan, args.number, &input(&build, &output, &bars));
+    bars.finish();
+    let report = report?;
+    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+}
+
+pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
+    refuse_dash([args.output.as_path()], Dash::Model)?;
+    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    let plan = Plan::read(&args.plan)?;
+    let bars = Bars::new(args.quiet || args.json);
+    let report = parts::merge(&plan, &args.output, &bars);
+    bars.finish();
+    let report = report?;
+    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+}

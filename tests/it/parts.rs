@@ -1,0 +1,294 @@
+//! A model that is built in parts, on any machines and within any means, is the file of one build, byte for byte, and no
+//! incomplete or damaged set of parts passes for a model. If this fails, a volume that no single machine reads becomes a
+//! model that cannot be trusted.
+
+use crate::prelude::*;
+
+/// Waves with salt, and a corner without any skin.
+fn waves(path: &Path, dims: [u32; 3], scalar: ScalarType, seed: u64) {
+    let mut random = Random(seed);
+    let scale = dims.map(|n| 9.0 / f64::from(n.max(40)));
+    let mut bytes = Vec::new();
+    for z in 0..dims[2] {
+        for y in 0..dims[1] {
+            for x in 0..dims[0] {
+                let [a, b, c] = [x, y, z].map(f64::from);
+                let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
+                let salt = if random.below(500) == 0 { 20.0 } else { 0.0 };
+                let value = if z < 140 && y > 140 { 0.0 } else { 40.0 + wave * 12.0 + salt };
+                volume::encode(scalar, value, &mut bytes);
+            }
+        }
+    }
+    fs::write(path, bytes).unwrap();
+}
+
+/// A plan in a folder of its own, and its volume.
+struct Job {
+    folder: TempDir,
+    source: Vec<String>,
+}
+
+impl Job {
+    fn new(dims: [u32; 3], scalar: ScalarType, extra: &[&str]) -> Self {
+        let folder = tempfile::tempdir().unwrap();
+        let raw = folder.path().join("v.raw");
+        waves(&raw, dims, scalar, u64::from(dims[0]));
+        let size = dims.map(|n| n.to_string()).join("x");
+        let kind = format!("{scalar:?}").to_lowercase();
+        let words = [text(&raw), "--dims".into(), size, "--dtype".into(), kind];
+        let source = words.into_iter().chain(extra.iter().map(|word| (*word).to_owned())).collect();
+        Self { folder, source }
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.folder.path().join(name)
+    }
+
+    fn run(&self, first: &[&str], last: &[&str]) -> Run {
+        let source = self.source.iter().map(String::as_str);
+        oct(&first.iter().copied().chain(source).chain(last.iter().copied()).collect::<Vec<_>>())
+    }
+
+    /// The bytes of one build.
+    fn whole(&self) -> Vec<u8> {
+        let output = text(&self.path("one.oct"));
+        self.run(&["build"], &["-o", &output, "--json"]).json();
+        fs::read(output).unwrap()
+    }
+
+    fn plan(&self, parts: u32) -> Value {
+        let (out, parts) = (text(&self.path("job")), parts.to_string());
+        self.run(&["plan"], &["--out", &out, "--parts", &parts, "--json"]).json()
+    }
+
+    fn part(&self, number: u32, extra: &[&str]) -> Run {
+        let (plan, number) = (text(&self.path("job/plan.json")), number.to_string());
+        oct(&[&["part", &plan, &number, "--json"], extra].concat())
+    }
+
+    fn merge(&self) -> Run {
+        let (plan, output) = (text(&self.path("job/plan.json")), text(&self.path("all.oct")));
+        oct(&["merge", &plan, "-o", &output, "--json"])
+    }
+
+    /// Names of the parts that are there.
+    fn parts(&self) -> Vec<String> {
+        names(&self.path("job")).into_iter().filter(|name| name != "plan.json").collect()
+    }
+}
+
+#[test]
+fn parts_of_any_number_join_into_the_file_of_one_build() {
+    use ScalarType::{F32, I8, I16, U8, U16};
+    let cells = ["--surface", "cells"];
+    let rich = ["--surface", "skin", "--channels", "normal,value", "--normal-bits", "24"];
+    let thick = ["--surface", "skin", "--connectivity", "6", "--gradient", "auto", "--lod", "off"];
+    let bare = ["--surface", "skin", "--channels", "none"];
+    let cut = ["--surface", "cells", "--roi", "3..150,0..260,10..290"];
+    let half = ["--surface", "skin", "--downsample", "2"];
+    let table: [(&[&str], [u32; 3], ScalarType, &[u32]); 11] = [
+        (&["--surface", "skin"], [150, 270, 300], U16, &[1, 2, 3, 7, 64, 256]),
+        (&cells, [150, 270, 300], I16, &[1, 2, 3, 7, 64]),
+        // Cells reach one further than samples.
+        (&cells, [40, 128, 256], U8, &[2, 3, 7]),
+        (&rich, [129, 257, 140], U8, &[3, 7]),
+        (&rich, [64, 200, 280], I8, &[4]),
+        (&thick, [70, 140, 270], I16, &[3, 7]),
+        (&bare, [70, 140, 270], U16, &[2]),
+        (&cells, [64, 200, 280], F32, &[2]),
+        (&cut, [150, 270, 300], U16, &[5]),
+        (&half, [160, 300, 600], U8, &[3]),
+        (&["--surface", "skin"], [3, 5, 2], U8, &[1, 3]),
+    ];
+    let means: [&[&str]; 3] = [
+        &["--memory", "16MiB", "--threads", "1"],
+        &["--memory", "1GiB", "--threads", "5"],
+        &["--memory", "24MiB", "--threads", "2"],
+    ];
+    for (options, dims, scalar, counts) in table {
+        let job = Job::new(dims, scalar, &[options, &["--iso", "40"]].concat());
+        let whole = job.whole();
+        for &count in counts {
+            let plan = job.plan(count);
+            assert_eq!(plan["parts"], count);
+            let mut voxels = 0;
+            // The order of the parts does not matter.
+            for (number, means) in (0..count).rev().zip(means.iter().cycle()) {
+                let report = job.part(number, means).json();
+                assert_eq!(report["was_there"], false);
+                voxels += report["part_voxels"].as_u64().unwrap();
+            }
+            let report = job.merge().json();
+            assert_eq!(report["skin_voxels"], voxels);
+            let joined = fs::read(job.path("all.oct")).unwrap();
+            assert!(joined == whole, "{options:?} {dims:?} {scalar:?} in {count} parts");
+        }
+        assert_eq!(oct(&["verify", &text(&job.path("all.oct"))]).code, 0);
+    }
+}
+
+#[test]
+fn what_parts_cannot_know_is_refused_by_name() {
+    let job = Job::new([20, 20, 20], ScalarType::F32, &[]);
+    let out = text(&job.path("job"));
+    let table: [(&[&str], &str); 9] = [
+        (&[], "Otsu"),
+        (&["--otsu"], "--iso"),
+        (&["--iso", "40", "--visible-from", "outside"], "--visible-from"),
+        (&["--iso", "40", "--error", "0.1"], "--error"),
+        (&["--iso", "40", "--channels", "normal,value"], "'value'"),
+        (&["--iso", "40", "--keep-largest", "1"], "keep-largest 1"),
+        (&["--iso", "40", "--drop-below", "5%"], "drop-below 5%"),
+        (&["--iso", "40", "--fill-cavities"], "fill-cavities"),
+        (&["--iso", "40", "--close", "1"], "close 1"),
+    ];
+    for (options, word) in table {
+        let last = [options, &["--out", &out, "--parts", "3"]].concat();
+        job.run(&["plan"], &last).refused(2, &[word, "v.raw"]);
+        assert!(!Path::new(&out).exists(), "{options:?} left something");
+    }
+    let tree = job.path("a.csg");
+    fs::write(&tree, "sphere(5);").unwrap();
+    let run = oct(&["plan", &text(&tree), "--grid", "32", "--out", &out, "--parts", "3"]);
+    run.refused(2, &["a.csg", "trees of solids"]);
+    // Of plans themselves.
+    job.run(&["plan"], &["--iso", "40", "--out", &out, "--parts", "0"]).refused(2, &["--parts"]);
+    let options = ["--iso", "40", "--out", &out, "--parts", "3", "--json"];
+    job.run(&["plan"], &options).json();
+    job.part(3, &[]).refused(2, &["no part 3", "3 parts"]);
+    fs::write(job.path("job/plan.json"), "{}").unwrap();
+    job.part(0, &[]).refused(3, &["plan.json", "oct plan"]);
+    job.merge().refused(3, &["plan.json", "oct plan"]);
+}
+
+#[test]
+fn a_set_that_is_not_whole_and_sound_is_refused_by_name_and_leaves_the_old_model() {
+    let job = Job::new([70, 140, 300], ScalarType::U8, &["--surface", "skin", "--iso", "40"]);
+    let whole = job.whole();
+    job.plan(5);
+    for number in 0..5 {
+        job.part(number, &[]).json();
+    }
+    let parts = job.parts();
+    let at = |number: usize| job.path("job").join(&parts[number]);
+    fs::write(job.path("all.oct"), "old").unwrap();
+    let refused = |words: &[&str]| {
+        job.merge().refused(3, words);
+        assert_eq!(fs::read(job.path("all.oct")).unwrap(), b"old");
+    };
+    let sound: Vec<Vec<u8>> = (0..5).map(|number| fs::read(at(number)).unwrap()).collect();
+
+    fs::remove_file(at(1)).unwrap();
+    fs::remove_file(at(4)).unwrap();
+    refused(&["2 of 5 parts missing", "1, 4", "oct part"]);
+    fs::write(at(4), &sound[4]).unwrap();
+    fs::write(at(1), &sound[2]).unwrap();
+    refused(&[&parts[1], "part 2 under the name of part 1"]);
+
+    // Parts of another plan under the names of these.
+    let other = Job::new([70, 140, 300], ScalarType::U8, &["--surface", "skin", "--iso", "41"]);
+    other.plan(5);
+    other.part(1, &[]).json();
+    fs::copy(other.path("job").join(&other.parts()[0]), at(1)).unwrap();
+    refused(&[&parts[1], "another job"]);
+
+    // Every kind of place of a part is covered by a checksum.
+    let mut random = Random(7);
+    let longest = (0..5).max_by_key(|number| sound[*number].len()).unwrap();
+    fs::write(at(1), &sound[1]).unwrap();
+    let length = sound[longest].len() as u64;
+    let some = (0..60).map(|_| random.below(length));
+    for place in (0..60).chain(length - 100..length).chain(some) {
+        let mut bytes = sound[longest].clone();
+        bytes[place as usize] ^= 1 << (place % 8);
+        fs::write(at(longest), &bytes).unwrap();
+        refused(&[&parts[longest]]);
+    }
+    for place in [0, 1, 11, 12, 60, length / 2, length - 25, length - 1] {
+        fs::write(at(longest), &sound[longest][..place as usize]).unwrap();
+        refused(&[&parts[longest], "damaged"]);
+    }
+    // What is damaged is built again; what is sound is not, and what is not of the job does no harm.
+    fs::write(job.path("job/000000000000000000000000-0001.part"), "foreign").unwrap();
+    for number in 0..5 {
+        let was_there = job.part(number as u32, &[]).json()["was_there"].as_bool().unwrap();
+        assert_eq!(was_there, number != longest);
+        assert!(fs::read(at(number)).unwrap() == sound[number]);
+    }
+    job.merge().json();
+    assert!(fs::read(job.path("all.oct")).unwrap() == whole);
+}
+
+#[test]
+fn a_part_of_an_input_that_was_changed_is_refused_and_a_plan_without_skin_gives_no_model() {
+    let job = Job::new([30, 30, 140], ScalarType::U8, &["--surface", "skin", "--iso", "200"]);
+    job.plan(2);
+    for number in 0..2 {
+        assert_eq!(job.part(number, &[]).json()["part_voxels"], 0);
+    }
+    job.merge().refused(3, &["no voxel", "--iso"]);
+    assert!(!job.path("all.oct").exists());
+    let raw = File::options().write(true).open(job.path("v.raw")).unwrap();
+    raw.set_modified(std::time::SystemTime::UNIX_EPOCH + Duration::from_secs(1)).unwrap();
+    job.part(0, &[]).refused(3, &["plan.json", "oct plan"]);
+    // A plan that someone edits is another one.
+    job.plan(2);
+    let plan = job.path("job/plan.json");
+    let edited = fs::read_to_string(&plan).unwrap().replace("\"200\"", "\"20\"");
+    fs::write(&plan, edited).unwrap();
+    job.part(0, &[]).refused(3, &["plan.json", "oct plan"]);
+}
+
+#[test]
+fn parts_and_merges_that_are_killed_leave_nothing_and_the_bytes_are_the_same_in_the_end() {
+    let job = Job::new([200, 270, 300], ScalarType::I16, &["--surface", "cells", "--iso", "40"]);
+    let whole = job.whole();
+    job.plan(9);
+    let plan = text(&job.path("job/plan.json"));
+    let mut random = Random(11);
+    let mut kill = |args: &[&str]| {
+        let mut child = Command::new(binary())
+            .args(args)
+            .stdin(Stdio::null())
+            .stdout(Stdio::null())
+            .stderr(Stdio::null())
+            .spawn()
+            .unwrap();
+        sleep(Duration::from_millis(random.below(60)));
+        let _ = child.kill();
+        child.wait().unwrap();
+    };
+    for _ in 0..4 {
+        for number in 0..9 {
+            kill(&["part", &plan, &number.to_string(), "--scratch", &text(job.folder.path())]);
+        }
+    }
+    let found: Vec<bool> =
+        (0..9).map(|number| job.part(number, &[]).json()["was_there"].as_bool().unwrap()).collect();
+    let output = text(&job.path("all.oct"));
+    for _ in 0..5 {
+        kill(&["merge", &plan, "-o", &output]);
+    }
+    job.merge().json();
+    assert!(fs::read(&output).unwrap() == whole);
+    // Parts that were finished before have the names of those that were built now.
+    assert_eq!((job.parts().len(), found.len()), (9, 9), "{found:?}");
+    assert_eq!(names(job.folder.path()), ["all.oct", "job", "one.oct", "v.raw"]);
+}
+
+#[test]
+fn the_script_for_slurm_builds_what_its_array_is_given_and_passes_the_exit_code_on() {
+    let job = Job::new([70, 140, 300], ScalarType::U8, &["--surface", "skin", "--iso", "40"]);
+    let whole = job.whole();
+    job.plan(4);
+    let script = concat!(env!("CARGO_MANIFEST_DIR"), "/scripts/parts.slurm");
+    // An array as SLURM runs it: a task after the other, each with its number; one is asked for that does not exist.
+    let array = "cd / && for task in 3 1 0 2; do SLURM_ARRAY_TASK_ID=$task SLURM_CPUS_PER_TASK=1 sh \"$1\" \"$2\" || exit; done
+        SLURM_ARRAY_TASK_ID=4 sh \"$1\" \"$2\"";
+    let plan = text(&job.path("job/plan.json"));
+    let run = shell(array, &[script, &plan]);
+    run.refused(2, &["no part 4"]);
+    job.merge().json();
+    assert!(fs::read(job.path("all.oct")).unwrap() == whole);
+}
