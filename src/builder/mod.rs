@@ -216,7 +216,7 @@ pub fn build_volume(
     if let Some(choice) = &options.labels {
         let solid = labels::label_solid(source, choice, options)?;
         let options = &options.for_surface(SurfaceKind::Skin);
-        let job = Job { options, output, progress };
+        let job = Job { options, output, progress, part: None };
         drop(job.plan_solid(&*solid)?);
         return job.run(job.open_files(solid.dims())?, &*solid);
     }
