@@ -87,7 +87,8 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
     let bare = ["--surface", "skin", "--channels", "none"];
     let cut = ["--surface", "cells", "--roi", "3..150,0..260,10..290"];
     let half = ["--surface", "skin", "--downsample", "2"];
-    let table: [(&[&str], [u32; 3], ScalarType, &[u32]); 11] = [
+    type Row<'a> = (&'a [&'a str], [u32; 3], ScalarType, &'a [u32]);
+    let table: [Row<'_>; 11] = [
         (&["--surface", "skin"], [150, 270, 300], U16, &[1, 2, 3, 7, 64, 256]),
         (&cells, [150, 270, 300], I16, &[1, 2, 3, 7, 64]),
         // Cells reach one further than samples.
@@ -197,24 +198,25 @@ fn a_set_that_is_not_whole_and_sound_is_refused_by_name_and_leaves_the_old_model
     let mut random = Random(7);
     let longest = (0..5).max_by_key(|number| sound[*number].len()).unwrap();
     fs::write(at(1), &sound[1]).unwrap();
-    let length = sound[longest].len() as u64;
+    let length = sound[longest].len();
     let some = (0..60).map(|_| random.below(length));
     for place in (0..60).chain(length - 100..length).chain(some) {
         let mut bytes = sound[longest].clone();
-        bytes[place as usize] ^= 1 << (place % 8);
+        bytes[place] ^= 1 << (place % 8);
         fs::write(at(longest), &bytes).unwrap();
         refused(&[&parts[longest]]);
     }
     for place in [0, 1, 11, 12, 60, length / 2, length - 25, length - 1] {
-        fs::write(at(longest), &sound[longest][..place as usize]).unwrap();
+        fs::write(at(longest), &sound[longest][..place]).unwrap();
         refused(&[&parts[longest], "damaged"]);
     }
     // What is damaged is built again; what is sound is not, and what is not of the job does no harm.
     fs::write(job.path("job/000000000000000000000000-0001.part"), "foreign").unwrap();
-    for number in 0..5 {
-        let was_there = job.part(number as u32, &[]).json()["was_there"].as_bool().unwrap();
+    for (number, sound) in sound.iter().enumerate() {
+        let part = u32::try_from(number).unwrap();
+        let was_there = job.part(part, &[]).json()["was_there"].as_bool().unwrap();
         assert_eq!(was_there, number != longest);
-        assert!(fs::read(at(number)).unwrap() == sound[number]);
+        assert!(fs::read(at(number)).unwrap() == *sound);
     }
     job.merge().json();
     assert!(fs::read(job.path("all.oct")).unwrap() == whole);
