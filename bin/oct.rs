@@ -60,7 +60,7 @@ fn main() -> ExitCode {
     let as_json = cli.command.json();
     match run(cli.command) {
         Ok(code) => code,
-        Err(e) => tell(&streams::of_streams(&e.to_string()), e.kind(), as_json),
+        Err(e) => tell(&e.to_string(), e.kind(), as_json),
     }
 }
 
@@ -460,18 +460,19 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let layers = || depth.into_iter().chain(normals).chain(ids);
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
-    args.refuse_ignored(is_scene(&args.model))?;
+    let is_scene = is_scene(&args.model);
+    args.refuse_ignored(is_scene)?;
+    // A model that is cut is a scene of its own.
+    let as_scene = is_scene || args.clip.is_some();
+    if let Some(flag) = args.model_flag(is_scene).filter(|_| as_scene) {
+        return Err(if is_scene { Refusal::ForModels(flag) } else { Refusal::ForWhole(flag) }.into());
+    }
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
     let bars = Bars::new(args.json);
     platform::tell_of(&args.model, args.json);
-    let is_scene = is_scene(&args.model);
     let model = Input::of(&args.model)?;
-    // A model that is cut is a scene of its own.
-    if is_scene || args.clip.is_some() {
-        if let Some(flag) = args.model_flag(is_scene) {
-            return Err(if is_scene { Refusal::ForModels(flag) } else { Refusal::ForWhole(flag) }.into());
-        }
+    if as_scene {
         let report = jobs::scene::render_scene(model.path(), &outputs, &args.scene_request(), &bars);
         bars.finish();
         let report = report?;

@@ -4,10 +4,9 @@ use std::fs::File;
 use std::io::{self, IsTerminal};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::OnceLock;
 
 use infobyte::Error;
-use infobyte::text::shown;
+use infobyte::text::call;
 use tempfile::TempDir;
 
 use crate::failure::{Dash, Failure, Refusal, Written};
@@ -16,17 +15,6 @@ use crate::platform::link_to_open;
 /// Standard input or output, where the name of a file is expected.
 pub(crate) fn is_dash(path: &Path) -> bool {
     path == Path::new("-")
-}
-
-/// Where standard input was spooled.
-static SPOOLED: OnceLock<PathBuf> = OnceLock::new();
-
-/// A sentence that calls standard input so, not by the file into which it was spooled.
-pub(crate) fn of_streams(sentence: &str) -> String {
-    match SPOOLED.get() {
-        Some(path) => sentence.replace(&shown(path).to_string(), "standard input"),
-        None => sentence.to_owned(),
-    }
 }
 
 /// A file to be read: the one that was named, or all of standard input.
@@ -54,7 +42,7 @@ impl Input {
         let link = tempfile::tempdir_in(folder).map_err(failed)?;
         let path = link.path().join("standard input");
         link_to_open(&file, &path).map_err(failed)?;
-        SPOOLED.get_or_init(|| path.clone());
+        call(path.clone(), "standard input");
         Ok(Self { path, _spooled: Some((file, link)) })
     }
 

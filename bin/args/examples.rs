@@ -18,7 +18,7 @@ pub(crate) const PLAN: &str = "Examples:
 
 pub(crate) const PART: &str = "Examples:
   oct part job/plan.json 0
-  oct part job/plan.json $SLURM_ARRAY_TASK_ID --memory 16MiB --threads 1 --scratch /tmp";
+  oct part job/plan.json 63 --memory 16MiB --threads 1 --scratch /tmp";
 
 pub(crate) const MERGE: &str = "Examples:
   oct merge job/plan.json -o whole.oct

@@ -13,7 +13,7 @@ mod number;
 mod system;
 
 pub(crate) use foreign::html;
-pub use foreign::{Foreign, Shown, data, json, plain, shown};
+pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};
 pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};
