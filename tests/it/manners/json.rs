@@ -82,6 +82,8 @@ fn every_report_is_what_its_schema_says() {
         ("part", oct(&["part", &at("job/plan.json"), "0", "--json"]).json()),
         ("merge", oct(&["merge", &at("job/plan.json"), "-o", &at("j.oct"), "--json"]).json()),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
+        ("build", build(&["--labels", "500..2000"])),
+        ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
         ("info", oct(&["info", &model, "--json"]).json()),
         ("verify", oct(&["verify", &model, "--json"]).json()),
