@@ -287,7 +287,9 @@ fn a_model_is_magnified_coloured_and_cut() {
     for (clip, planes) in [("z=..15", "[0, 0, 1, 15]"), ("x=12..,z=..20", "[-1, 0, 0, -12], [0, 0, 1, 20]")] {
         fs::write(
             at("cut.toml"),
-            format!("[[model]]\nfile = 'cube.oct'\n[clip]\nplanes = [{planes}]\ncap = '#ff0000'"),
+            format!(
+                "samples = 2\n[[model]]\nfile = 'cube.oct'\n[clip]\nplanes = [{planes}]\ncap = '#ff0000'"
+            ),
         )
         .unwrap();
         let depth = |input: &str, layer: &str, extra: &[&str]| {
