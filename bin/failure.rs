@@ -34,7 +34,10 @@ pub(crate) enum Refusal {
     /// This flag says something about the picture of one model, and a scene is shown.
     ForModels(&'static str),
     /// This flag says something about the picture of a whole model, and one is cut.
-    ForWhole(&'static str),
+    ForWhole {
+        flag: &'static str,
+        by: &'static str,
+    },
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// Words of a plan that its file of JSON cannot hold.
@@ -156,8 +159,8 @@ impl fmt::Display for Refusal {
             Self::ForModels(flag) => {
                 return write!(f, "{flag} is for pictures of one model, and the input is a scene; leave it out");
             }
-            Self::ForWhole(flag) => {
-                return write!(f, "{flag} is for pictures of whole models, and --clip cuts this one; leave one out");
+            Self::ForWhole { flag, by } => {
+                return write!(f, "{flag} is for pictures of whole models, and {by} leaves out parts of this one; leave one out");
             }
             Self::Dash(dash) => match dash {
                 Dash::Volume => {

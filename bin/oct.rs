@@ -463,9 +463,11 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let is_scene = is_scene(&args.model);
     args.refuse_ignored(is_scene)?;
     // A model that is cut is a scene of its own.
-    let as_scene = is_scene || args.clip.is_some();
+    let cutting = args.cutting();
+    let as_scene = is_scene || cutting.is_some();
     if let Some(flag) = args.model_flag(is_scene).filter(|_| as_scene) {
-        return Err(if is_scene { Refusal::ForModels(flag) } else { Refusal::ForWhole(flag) }.into());
+        let whole = || cutting.map(|by| Refusal::ForWhole { flag, by });
+        return Err(if is_scene { None } else { whole() }.unwrap_or(Refusal::ForModels(flag)).into());
     }
     let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
     let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };

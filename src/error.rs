@@ -20,7 +20,7 @@ use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
-    CHANNELS, ERROR, FORM, INFO, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
+    CHANNELS, ERROR, FORM, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
 };
 use crate::text::{shown, writing};
 
@@ -86,6 +86,14 @@ pub enum UsageError {
     LabelNames { path: PathBuf, line: usize },
     #[error("{}: names the label {number} twice; name it once", shown(.path))]
     LabelTwice { path: PathBuf, number: u16 },
+    #[error("{}: has no labels that could be hidden; build a map of labels with {LABELS}", shown(.path))]
+    Unlabelled { path: PathBuf },
+    #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
+    NoLabel {
+        path: PathBuf,
+        /// As it was asked for.
+        label: String,
+    },
     #[error("{}: labels are built as they are; leave out {asked}", shown(.path))]
     CleanLabels { path: PathBuf, asked: &'static str },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]

@@ -11,6 +11,7 @@ use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples};
+use infobyte::scene::LabelRule;
 use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
@@ -338,6 +339,24 @@ pub(super) fn color(text: &str) -> Result<Rgb, String> {
         .ok_or_else(|| format!("'{text}' is not a colour; write #rrggbb, for example '#f0f0f0'"))?
         .to_be_bytes();
     Ok(Rgb([r, g, b]))
+}
+
+/// Some labels, and how much of the light they stop.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct Picks(pub(super) Vec<LabelRule>);
+
+pub(super) fn label_picks(text: &str) -> Result<Picks, String> {
+    let one = |part: &str| Ok(LabelRule { labels: part.parse()?, opacity: 1.0 });
+    text.split(',').map(one).collect::<Result<_, _>>().map(Picks)
+}
+
+pub(super) fn opacity(text: &str) -> Result<Picks, String> {
+    let bad =
+        || format!("'{text}' is not an opacity; write labels and a part from 0 to 1, for example skin=0.2");
+    let (labels, part) = text.rsplit_once('=').ok_or_else(bad)?;
+    let opacity = number(part).ok().filter(|part| (0.0..=1.0).contains(part)).ok_or_else(bad)?;
+    let picks = label_picks(labels)?.0.into_iter().map(|rule| LabelRule { opacity, ..rule });
+    Ok(Picks(picks.collect()))
 }
 
 /// Low and high bounds along each axis in mm.

@@ -9,6 +9,7 @@ use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
+use infobyte::scene::{LabelPick, LabelRule};
 
 use super::{Switch, ThreadArgs, parse};
 use crate::failure::Refusal;
@@ -73,6 +74,15 @@ pub(crate) struct RenderArgs {
     /// Colour of a model without colours of its own, #rrggbb; that of bone by default
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) color: Option<parse::Rgb>,
+    /// Show these labels alone, by number, range or name, such as 5,7..20,liver; others let all light through
+    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
+    pub(crate) only: Option<parse::Picks>,
+    /// Do not show these labels
+    #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
+    pub(crate) hide: Option<parse::Picks>,
+    /// How much of the light labels stop, 0 to 1, such as skin=0.2 or all=0.3; may be given several times, the last one counts
+    #[arg(long, value_name = "LABELS=PART", value_parser = parse::opacity)]
+    pub(crate) opacity: Vec<parse::Picks>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
     /// Stop at nodes about as small as a pixel instead of at voxels
@@ -176,7 +186,7 @@ impl RenderArgs {
             None => !is_scene,
         };
         let looks_around = self.shading == Some(Shade::Ao)
-            || (!is_scene && self.clip.is_none() && self.light().0 == Shading::Soft);
+            || (!is_scene && self.cutting().is_none() && self.light().0 == Shading::Soft);
         let given = [
             (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
             (self.ao_rays.is_some() && !looks_around, "--ao-rays", "--shading ao"),
@@ -228,9 +238,34 @@ impl RenderArgs {
             background: self.background.map(|color| color.0),
             color: self.color.map(|color| color.0),
             clip_mm: self.clip.map(|bounds| bounds.0),
+            labels: self.label_rules(),
             annotate: self.annotate,
             threads: self.threads.count(),
         }
+    }
+
+    /// Which labels are seen, later rules before earlier ones.
+    fn label_rules(&self) -> Vec<LabelRule> {
+        let none = LabelRule { labels: LabelPick::All, opacity: 0.0 };
+        let only = self.only.iter().flat_map(|only| std::iter::once(none.clone()).chain(only.0.clone()));
+        let opacity = self.opacity.iter().flat_map(|picks| picks.0.clone());
+        let hidden = self
+            .hide
+            .iter()
+            .flat_map(|picks| &picks.0)
+            .map(|rule| LabelRule { opacity: 0.0, ..rule.clone() });
+        only.chain(opacity).chain(hidden).collect()
+    }
+
+    /// The flag that makes a model a scene of its own.
+    pub(crate) fn cutting(&self) -> Option<&'static str> {
+        let given = [
+            (self.clip.is_some(), "--clip"),
+            (self.only.is_some(), "--only"),
+            (self.hide.is_some(), "--hide"),
+            (!self.opacity.is_empty(), "--opacity"),
+        ];
+        given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
     }
 
     /// How many pictures.
@@ -246,6 +281,9 @@ impl RenderArgs {
     pub(crate) fn model_flag(&self, is_scene: bool) -> Option<&'static str> {
         let given = [
             (is_scene && self.color.is_some(), "--color"),
+            (is_scene && self.only.is_some(), "--only"),
+            (is_scene && self.hide.is_some(), "--hide"),
+            (is_scene && !self.opacity.is_empty(), "--opacity"),
             (self.lod == Switch::On, "--lod"),
             (self.memory.is_some(), "--memory"),
             (self.shading == Some(Shade::Blended), "--shading blended"),

@@ -10,17 +10,20 @@ use super::opened::open_fine_model;
 use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
-use crate::error::Error;
+use crate::error::{Error, UsageError};
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
 use crate::progress::Progress;
 use crate::render::annotate::annotate;
 use crate::render::shade::linear_of;
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
-use crate::scene::{self, Colors, Key, Look, MAX_BYTES, Part, Rays, Scene, SceneError, SceneFault, Table};
+use crate::scene::{
+    self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Part, Rays, Scene, SceneError,
+    SceneFault, SceneModel, Table,
+};
 
 /// What the command line says of a scene's picture; it counts before what the scene says.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq)]
 pub struct SceneRequest {
     /// Pixels in a row, and rows.
     pub size: Option<[u32; 2]>,
@@ -40,6 +43,8 @@ pub struct SceneRequest {
     pub color: Option<[u8; 3]>,
     /// What is left of all models: low and high bounds along each axis in mm, which may be infinite.
     pub clip_mm: Option<[[f64; 2]; 3]>,
+    /// Which labels of a model are seen, later rules before earlier ones; models of scenes have their own.
+    pub labels: Vec<LabelRule>,
     /// Draw a scale bar and the patient's sides.
     pub annotate: bool,
     /// Threads; 0 counts as 1. The picture does not depend on them.
@@ -121,6 +126,7 @@ fn scene_at(path: &Path, request: &SceneRequest) -> Result<Scene, Error> {
         let mut scene = Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()));
         for model in &mut scene.models {
             model.material.color = request.color.map_or(model.material.color, linear_of);
+            model.labels.clone_from(&request.labels);
         }
         scene
     };
@@ -213,7 +219,8 @@ pub fn render_scene(
         ..SceneReport::default()
     };
     shots::write(outputs.shots, layers, [width, height], begin, progress, |shot, progress| {
-        let request = SceneRequest { size: Some(shot.size), point: shot.point.or(request.point), ..*request };
+        let request =
+            SceneRequest { size: Some(shot.size), point: shot.point.or(request.point), ..request.clone() };
         let look = look(path, &scene, &parts, &request, outputs)?;
         progress.stage("render", look.height.into());
         let rows_done = |rows: u32| progress.advance(rows.into());
@@ -278,15 +285,37 @@ fn parts<'a>(
         let (material, clip) = (placed.material, placed.clip.clone());
         let key = |name| Key { table: Table::Model(number), name };
         let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
-        let colors = Colors::of(model, &placed.coloring);
+        let opacity = opacity(model, &files.paths[*file], placed)?;
+        // By itself a model is shown in its colours, and everywhere in those of its labels.
+        let shown = match placed.coloring {
+            Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
+            _ => &placed.coloring,
+        };
+        let colors = Colors::of(model, shown);
         if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
             return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
         }
         let part = Part::new((view, *file), model.dims(), &affine, &placement, material, clip)
             .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
-        parts.push(part.colored(colors));
+        parts.push(part.colored(colors).labelled(opacity));
     }
     Ok(parts)
+}
+
+/// What the labels of a model let through; `None` of one without labels.
+fn opacity<'a>(
+    model: &'a Model,
+    path: &Path,
+    placed: &SceneModel,
+) -> Result<Option<Opacity<'a>>, UsageError> {
+    match model.view().labels() {
+        None if placed.labels.is_empty() => Ok(None),
+        None => Err(UsageError::Unlabelled { path: path.to_path_buf() }),
+        Some(labels) => match Opacity::of(&placed.labels, labels, &model.frame().labels) {
+            Ok(opacity) => Ok(Some(opacity)),
+            Err(label) => Err(UsageError::NoLabel { path: path.to_path_buf(), label: label.to_string() }),
+        },
+    }
 }
 
 /// Camera and light, by the scene and the command line.

@@ -24,6 +24,7 @@ use crate::render::traverse::{Hit, Trace};
 use crate::render::{GridSpace, RenderError, Smoothing, single};
 
 use super::clip::{Clip, Span};
+use super::labels::Opacity;
 use super::material::{Colors, Material};
 
 /// How far from its start, in boxes, a line is held to the side that it runs on.
@@ -36,6 +37,13 @@ const MAX_STEPS: u32 = 128;
 /// and estimated to within two or three.
 const ACROSS: f64 = 0.05;
 
+/// How far apart, in boxes, hits of one wall of a label are at most: a wall is a voxel thick, and the boxes of a line
+/// through it follow each other.
+const WALL: f64 = 1.75;
+
+/// Boxes of labels that are not solid that a line which looks around passes.
+const MAX_PASSED: u32 = 12;
+
 /// A model, its place in the scene, and what it is made of.
 #[derive(Debug)]
 pub struct Part<'a> {
@@ -45,6 +53,7 @@ pub struct Part<'a> {
     file: usize,
     material: Material,
     colors: Option<Colors<'a>>,
+    opacity: Option<Opacity<'a>>,
     clip: Clip,
 }
 
@@ -69,6 +78,7 @@ impl<'a> Part<'a> {
             file,
             material,
             colors: None,
+            opacity: None,
             clip,
         })
     }
@@ -77,6 +87,32 @@ impl<'a> Part<'a> {
     #[must_use]
     pub fn colored(self, colors: Option<Colors<'a>>) -> Self {
         Self { colors, ..self }
+    }
+
+    /// The same, with labels, of which some may be hidden or not solid.
+    #[must_use]
+    pub fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
+        Self { opacity, ..self }
+    }
+
+    /// Are there labels that are not solid?
+    pub(super) fn is_dimmed(&self) -> bool {
+        self.opacity.as_ref().is_some_and(|opacity| !opacity.is_solid())
+    }
+
+    /// The label of a hit, and the part of the light that it stops.
+    fn label(&self, hit: &Hit) -> Option<(u16, f64)> {
+        self.opacity.as_ref()?.at(hit.voxel(self.view)?)
+    }
+
+    /// The part of the light that stops at a hit.
+    pub(super) fn opacity(&self, hit: &Hit) -> f64 {
+        self.label(hit).map_or(1.0, |(_, part)| part)
+    }
+
+    /// The colour of a hit's label.
+    pub(super) fn label_color(&self, hit: &Hit) -> Option<[f64; 3]> {
+        self.opacity.as_ref().and(self.colors.as_ref())?.color(hit.voxel(self.view)?)
     }
 
     /// The colour of a box of its surface.
@@ -125,6 +161,19 @@ pub(super) enum Start {
     Surface { hit: Hit, side: Side },
     /// Where this plane cuts it.
     Cut { plane: usize },
+    /// Behind a wall of a label that is not solid.
+    Through { hit: Hit },
+}
+
+/// What a line is for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Purpose {
+    /// Sight meets every label that is not hidden.
+    Sight,
+    /// Light meets the solid ones.
+    Light,
+    /// As light, near its start: what lies behind [`MAX_PASSED`] boxes that are not solid is not asked.
+    Around,
 }
 
 /// The place where a line meets a body.
@@ -152,6 +201,9 @@ pub(super) struct Way {
     /// t where it starts.
     least: f64,
     span: Span,
+    purpose: Purpose,
+    /// The wall that it passes: its label, and t where it was met last.
+    wall: Option<(u16, f64)>,
     /// Where it left the body last, and on which side it runs.
     from: Option<(Hit, Side)>,
 }
@@ -244,18 +296,31 @@ impl<'a> Body<'a> {
     }
 
     /// The first place where a line meets the body, between two values of t.
-    pub(super) fn meet(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Met> {
-        match self.begin(line, limits, start)? {
+    pub(super) fn meet(
+        &self,
+        purpose: Purpose,
+        line: Line,
+        limits: [f64; 2],
+        start: Option<&Start>,
+    ) -> Option<Met> {
+        match self.begin(purpose, line, limits, start)? {
             Begun::Met(met) => Some(met),
             Begun::Way(way) => {
-                let first = self.hit(line, way.span.enter, way.from.as_ref().map(|(hit, _)| hit));
+                let first = self.hit(line, way.span.enter, left(&way, start));
                 self.follow(way, first)
             }
         }
     }
 
+    /// What is seen along a line of sight that has this first hit.
+    pub(super) fn seen(&self, line: Line, first: Hit) -> Option<Met> {
+        let span = Span::of([0.0, f64::INFINITY]);
+        let way = Way { line, least: 0.0, span, purpose: Purpose::Sight, wall: None, from: None };
+        self.follow(way, Some(first))
+    }
+
     /// The way of a line, as far as it is known without a ray.
-    fn begin(&self, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
+    fn begin(&self, purpose: Purpose, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
         let mut span = Span::of(limits);
         if !self.part.clip.is_empty() {
             let on = match start {
@@ -271,7 +336,11 @@ impl<'a> Body<'a> {
             Some(Start::Surface { hit, side }) => Some((*hit, *side)),
             _ => None,
         };
-        Some(Begun::Way(Way { line, least: limits[0], span, from }))
+        let wall = match start {
+            Some(Start::Through { hit }) => self.part.label(hit).map(|(label, _)| (label, limits[0])),
+            _ => None,
+        };
+        Some(Begun::Way(Way { line, least: limits[0], span, purpose, wall, from }))
     }
 
     /// The way of a line that a batch of rays is to tell: its ray, and t where that begins. `Err` where it is known
@@ -282,10 +351,9 @@ impl<'a> Body<'a> {
         limits: [f64; 2],
         start: Option<&Start>,
     ) -> Result<(Way, Ray, f64), Option<Met>> {
-        match self.begin(line, limits, start) {
+        match self.begin(Purpose::Around, line, limits, start) {
             Some(Begun::Way(way)) => {
-                let from = way.from.as_ref().map(|(hit, _)| hit);
-                let (ray, before) = self.ray(line, way.span.enter, from).ok_or(None)?;
+                let (ray, before) = self.ray(line, way.span.enter, left(&way, start)).ok_or(None)?;
                 Ok((way, ray, before))
             }
             Some(Begun::Met(met)) => Err(Some(met)),
@@ -295,10 +363,11 @@ impl<'a> Body<'a> {
 
     /// Where a way ends whose ray has this first hit, t along the line: past the steps of its own stair.
     pub(super) fn follow(&self, way: Way, first: Option<Hit>) -> Option<Met> {
-        let Way { line, least, span, mut from } = way;
+        let Way { line, least, span, purpose, mut wall, mut from } = way;
         let mut found = first;
         let mut passed = None;
         let mut steps = 0..MAX_STEPS;
+        let mut left_out = 0;
         loop {
             let Some(hit) = found else {
                 // A line within comes out somewhere: where nothing follows, what was passed last was no step.
@@ -306,6 +375,25 @@ impl<'a> Body<'a> {
             };
             if hit.t > span.leave {
                 return None;
+            }
+            if self.part.is_dimmed()
+                && let Some((label, opacity)) = self.part.label(&hit)
+            {
+                let near = |last: f64| self.boxes(line, hit.t - last) <= WALL;
+                let of_wall = wall.is_some_and(|(passed, last)| passed == label && near(last));
+                let is_passed = match purpose {
+                    Purpose::Sight => opacity <= 0.0,
+                    Purpose::Light | Purpose::Around => opacity < 1.0,
+                };
+                if of_wall || is_passed {
+                    left_out += 1;
+                    if purpose == Purpose::Around && left_out > MAX_PASSED {
+                        return None;
+                    }
+                    wall = if of_wall { Some((label, hit.t)) } else { wall };
+                    found = self.hit(line, span.enter, Some(&hit));
+                    continue;
+                }
             }
             match from {
                 Some((_, side))
@@ -324,8 +412,13 @@ impl<'a> Body<'a> {
 
     /// Is this part of a line no longer than [`STAIR`] boxes?
     fn is_near(&self, line: Line, t: f64) -> bool {
+        self.boxes(line, t) <= STAIR
+    }
+
+    /// Length of a part of a line, in boxes.
+    fn boxes(&self, line: Line, t: f64) -> f64 {
         let direction = self.part.space.world_to_grid().apply_vector(line.1);
-        t * dot(direction, direction).sqrt() <= STAIR
+        t * dot(direction, direction).sqrt()
     }
 
     /// Does a line on this side of a body meet its surface from that side?
@@ -355,20 +448,41 @@ impl<'a> Body<'a> {
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
-        let mut first = None;
+        let mut exits: Vec<Hit> = Vec::new();
         let mut votes = 0;
         for axis in 0..6 {
             let mut direction = [0.0; 3];
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
             let hit = self.hit((at, direction), 0.0, None)?;
             if hit.t == 0.0 && hit.face.is_none() {
-                return Some(Met::Cut { plane, t: span.enter, hit });
+                return self.cap(plane, span, hit);
             }
             let outward = self.outward((at, direction), hit)?;
-            votes += if dot(outward, direction) > 0.0 { 1 } else { -1 };
-            first.get_or_insert(hit);
+            if dot(outward, direction) > 0.0 {
+                votes += 1;
+                exits.push(hit);
+            } else {
+                votes -= 1;
+            }
         }
-        first.filter(|_| votes > 0).map(|hit| Met::Cut { plane, t: span.enter, hit })
+        // Of a model of labels, the one that most lines come out of.
+        let label = |hit: &Hit| self.part.label(hit).map(|(label, _)| label);
+        let same = |hit: &Hit| exits.iter().filter(|other| label(other) == label(hit)).count();
+        let hit = exits.iter().rev().max_by_key(|hit| same(hit)).copied();
+        hit.filter(|_| votes > 0).and_then(|hit| self.cap(plane, span, hit))
+    }
+
+    /// What a plane cut open, unless that is of a hidden label.
+    fn cap(&self, plane: usize, span: Span, hit: Hit) -> Option<Met> {
+        (self.part.opacity(&hit) > 0.0).then_some(Met::Cut { plane, t: span.enter, hit })
+    }
+}
+
+/// The box that a line leaves first.
+fn left<'h>(way: &'h Way, start: Option<&'h Start>) -> Option<&'h Hit> {
+    match start {
+        Some(Start::Through { hit }) => Some(hit),
+        _ => way.from.as_ref().map(|(hit, _)| hit),
     }
 }
 

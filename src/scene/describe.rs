@@ -108,6 +108,19 @@ pub(super) struct ModelKeys {
     pub(super) framed: Option<bool>,
     #[serde(default)]
     pub(super) clip: ClipKeys,
+    pub(super) only: Option<Vec<LabelKey>>,
+    #[serde(default)]
+    pub(super) hide: Vec<LabelKey>,
+    #[serde(default)]
+    pub(super) opacity: BTreeMap<String, f64>,
+}
+
+/// A label by its number or name, or a range.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged)]
+pub(super) enum LabelKey {
+    Number(u16),
+    Text(String),
 }
 
 /// A channel that gives colours.

@@ -112,6 +112,8 @@ pub(crate) enum SceneFault {
     Flat { key: Key },
     #[error("{key}: holds nothing; write the low corner first, as in [[-50, -50, 0], [50, 50, 90]]")]
     EmptyBox { key: Key },
+    #[error("{key}: {told}")]
+    Labels { key: Key, told: String },
     #[error("{key}: {value} is not a label; labels are whole numbers from 0 to 255")]
     Label { key: Key, value: f64 },
     #[error(

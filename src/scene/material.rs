@@ -1,6 +1,6 @@
 //! The materials of bodies, and where their colour comes from.
 
-use crate::format::Channel;
+use crate::format::{Channel, LabelItems};
 use crate::load::{Items, Model};
 use crate::render::shade::linear_of;
 
@@ -68,7 +68,7 @@ pub enum Coloring {
     /// The material's own.
     #[default]
     Own,
-    /// The colour that the model stores.
+    /// The colour that the model stores, or that of its label.
     Stored,
     /// By what the volume holds there, in its own unit (a CT: Hounsfield units): values that rise, and their colours;
     /// between two of them mixed.
@@ -135,10 +135,17 @@ impl Coloring {
     }
 }
 
+/// What is stored of each voxel or cell, from which its colour follows.
+#[derive(Clone, Debug)]
+enum Stored<'a> {
+    Items(Items<'a>),
+    Labels(LabelItems<'a>),
+}
+
 /// Colours of a model's voxels or cells.
 #[derive(Clone, Debug)]
 pub struct Colors<'a> {
-    items: Items<'a>,
+    stored: Stored<'a>,
     /// Slope and intercept from what is stored to the volume's unit.
     scale: [f64; 2],
     coloring: Coloring,
@@ -147,13 +154,21 @@ pub struct Colors<'a> {
 impl<'a> Colors<'a> {
     /// For a model; `None` where it lacks the channel, or where none is needed.
     pub fn of<D: AsRef<[u8]>>(model: &'a Model<D>, coloring: &Coloring) -> Option<Self> {
-        let items = model.items(coloring.channel()?)?;
-        Some(Self { items, scale: model.metadata().value_scale, coloring: coloring.clone() })
+        let channel = coloring.channel()?;
+        let stored = match model.view().labels() {
+            Some(labels) if channel == Channel::Color => Stored::Labels(labels),
+            _ => Stored::Items(model.items(channel)?),
+        };
+        Some(Self { stored, scale: model.metadata().value_scale, coloring: coloring.clone() })
     }
 
     /// The colour of a voxel or cell, if it has one of its own.
     pub(super) fn color(&self, voxel: u64) -> Option<[f64; 3]> {
-        match (&self.coloring, self.items.get(voxel)?) {
+        let items = match &self.stored {
+            Stored::Labels(labels) => return labels.label(voxel).map(|label| linear_of(label.color)),
+            Stored::Items(items) => items,
+        };
+        match (&self.coloring, items.get(voxel)?) {
             (Coloring::Stored, [r, g, b]) => Some(linear_of([*r, *g, *b])),
             (Coloring::Values(ramp), [value]) => mixed(ramp, self.value((*value).into())),
             (Coloring::Values(ramp), [low, high]) => {

@@ -14,7 +14,7 @@
 //! | `shade` | light, shadow, mirrors, glass |
 //! | `paint` | pixels |
 //! | `rays` | how many |
-//! | `place`, `material`, `light`, `clip` | what a scene is made of |
+//! | `place`, `material`, `light`, `clip`, `labels` | what a scene is made of |
 #![doc = "\n"]
 #![doc = include_str!("SCENES.md")]
 
@@ -23,6 +23,7 @@ mod checked;
 mod clip;
 mod describe;
 mod fault;
+mod labels;
 mod light;
 mod material;
 mod media;
@@ -40,6 +41,7 @@ pub use body::Part;
 pub use clip::{Clip, CutPlane};
 pub use fault::SceneError;
 pub(crate) use fault::{Key, SceneFault, Table};
+pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};
 pub use paint::{Look, paint};

@@ -20,7 +20,7 @@ use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
 use crate::render::{Camera, RenderError};
 
-use super::body::{Met, Part};
+use super::body::{Met, Part, Purpose};
 use super::light::{Ambient, Light};
 use super::rays::Rays;
 use super::shade::{Branch, Kept, Stage};
@@ -187,7 +187,7 @@ impl Painter<'_> {
                 for ray in 0..RAYS {
                     let line = self.line([tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]);
                     let near = self.look.near_mm / dot(line.1, line.1).sqrt();
-                    if let Some(met) = body.meet(line, [near, f64::INFINITY], None) {
+                    if let Some(met) = body.meet(Purpose::Sight, line, [near, f64::INFINITY], None) {
                         take(ray, met);
                     }
                 }
@@ -198,7 +198,13 @@ impl Painter<'_> {
                 None => tracer.trace(body.part.view(), &Skin, sight, tile),
             };
             for ray in 0..RAYS {
-                if let Some(hit) = hits.hit(ray) {
+                let Some(hit) = hits.hit(ray) else { continue };
+                if body.part.is_dimmed() {
+                    let line = self.line([tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]);
+                    if let Some(met) = body.seen(line, hit) {
+                        take(ray, met);
+                    }
+                } else {
                     take(ray, Met::Surface(hit));
                 }
             }
@@ -213,8 +219,9 @@ impl Painter<'_> {
         let Some((number, first)) = met else { return };
         kept.rays.hits += 1;
         let line = self.line(at);
-        let color = self.stage.color(kept, Branch::first(line), met, at);
+        let (color, open) = self.stage.color(kept, Branch::first(line), met, at);
         sum.color = add_scaled(sum.color, 1.0, color);
+        sum.open += open;
         if sum.hits == 0 && self.look.depth_range_mm.is_some() {
             sum.depth = first.t();
         }
@@ -229,12 +236,13 @@ impl Painter<'_> {
     fn write(&self, sums: &[Sum], strip: Strip<'_>) {
         let (rgba, _) = strip.rgba.as_chunks_mut::<4>();
         for (sum, out) in sums.iter().zip(rgba) {
-            let (hits, lines) = (f64::from(sum.hits), f64::from(sum.lines.max(1)));
+            let (hits, lines) = (f64::from(sum.hits) - sum.open, f64::from(sum.lines.max(1)));
             let (color, alpha) = match self.look.background {
                 Some(background) => {
                     (add_scaled(sum.color, lines - hits, background).map(|c| c / lines), 255.0)
                 }
-                None => (sum.color.map(|c| c / hits.max(1.0)), 255.0 * hits / lines),
+                None if hits > 0.0 => (sum.color.map(|c| c / hits), 255.0 * hits / lines),
+                None => ([0.0; 3], 0.0),
             };
             let [r, g, b] = color.map(|c| self.shader.encode(c));
             *out = if alpha > 0.0 { [r, g, b, (alpha + 0.5) as u8] } else { [0; 4] };
@@ -264,6 +272,8 @@ struct Sum {
     color: [f64; 3],
     lines: u32,
     hits: u32,
+    /// The part of the hits' lines that goes on into the background.
+    open: f64,
     /// Those of the first line that met something.
     depth: f64,
     normal: [f64; 3],

@@ -7,10 +7,11 @@ use crate::render::ambient::MAX_RAYS;
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, CutPlane};
 use super::describe::{
-    AmbientKeys, CameraKeys, ChannelName, ClipKeys, Description, LightKeys, LightName, MaterialKeys,
-    ModelKeys, PivotKey, ScaleKey,
+    AmbientKeys, CameraKeys, ChannelName, ClipKeys, Description, LabelKey, LightKeys, LightName,
+    MaterialKeys, ModelKeys, PivotKey, ScaleKey,
 };
 use super::fault::{SceneFault, Table};
+use super::labels::{LabelPick, LabelRule};
 use super::light::{Ambient, Light, LightKind};
 use super::material::{Coloring, Material, PRESETS};
 use super::place::Placement;
@@ -247,7 +248,34 @@ fn model(
         place: place(&on, keys)?,
         clip: clip(Table::ModelClip(number), &keys.clip)?.and(all),
         framed: keys.framed.unwrap_or(true),
+        labels: labels(&on, keys)?,
     })
+}
+
+fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, SceneFault> {
+    let pick = |name, text: &str| {
+        text.parse::<LabelPick>().map_err(|told| SceneFault::Labels { key: on.key(name), told })
+    };
+    let mut rules = Vec::new();
+    let mut add = |name, key: &LabelKey, opacity| {
+        let labels = match key {
+            LabelKey::Number(number) => LabelPick::Numbers([*number; 2]),
+            LabelKey::Text(text) => pick(name, text)?,
+        };
+        rules.push(LabelRule { labels, opacity });
+        Ok::<_, SceneFault>(())
+    };
+    if let Some(only) = &keys.only {
+        add("only", &LabelKey::Text("all".into()), 0.0)?;
+        only.iter().try_for_each(|key| add("only", key, 1.0))?;
+    }
+    for (text, opacity) in &keys.opacity {
+        let opacity = on.part("opacity", Some(*opacity), 1.0)?;
+        add("opacity", &LabelKey::Text(text.clone()), opacity)?;
+    }
+    keys.hide.iter().try_for_each(|key| add("hide", key, 0.0))?;
+    on.few("opacity", rules.len(), MAX_COLORS)?;
+    Ok(rules)
 }
 
 fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {

@@ -34,12 +34,14 @@ pub(super) struct Branch {
     /// Its part of the point's light.
     share: [f64; 3],
     bounces: u32,
+    /// Has it come straight from the eye?
+    straight: bool,
 }
 
 impl Branch {
     /// A line from the eye.
     pub(super) fn first(line: Line) -> Self {
-        Self { line, from: None, media: Media::default(), share: [1.0; 3], bounces: 0 }
+        Self { line, from: None, media: Media::default(), share: [1.0; 3], bounces: 0, straight: true }
     }
 }
 
@@ -83,6 +85,8 @@ struct Spot<'a> {
     normal: [f64; 3],
     /// Did the line come from outside the body?
     enters: bool,
+    /// Part of the light that stops here.
+    opacity: f64,
     met: Met,
 }
 
@@ -101,25 +105,30 @@ impl Spot<'_> {
 }
 
 impl Stage<'_> {
-    /// Linear RGB of what a line from the eye sees, which has met `first`.
+    /// Linear RGB of what a line from the eye sees, which has met `first`, but for the background straight ahead; and the
+    /// part of that which is seen.
     pub(super) fn color(
         &self,
         kept: &mut Kept,
         first: Branch,
         met: Option<(usize, Met)>,
         pixel: [usize; 2],
-    ) -> [f64; 3] {
-        let mut sum = [0.0; 3];
+    ) -> ([f64; 3], f64) {
+        let (mut sum, mut open) = ([0.0; 3], 0.0);
         let mut waiting = std::mem::take(&mut kept.waiting);
         waiting.clear();
         let mut next = Some((first, met));
         while let Some((branch, met)) = next {
             let light = match met {
+                None if branch.straight => {
+                    open += branch.share[0];
+                    [0.0; 3]
+                }
                 None => self.background,
                 Some((number, met)) => {
                     let spot = self.spot(kept, &branch, number, met);
                     self.follow(kept, &mut waiting, &branch, &spot);
-                    self.local(kept, &spot, pixel)
+                    self.local(kept, &spot, pixel).map(|c| c * spot.opacity)
                 }
             };
             sum = std::array::from_fn(|c| sum[c] + branch.share[c] * light[c]);
@@ -129,7 +138,7 @@ impl Stage<'_> {
             });
         }
         kept.waiting = waiting;
-        sum
+        (sum, open)
     }
 
     /// The unit normal that is shown where a line from the eye meets a body.
@@ -143,9 +152,10 @@ impl Stage<'_> {
         let length = dot(line.1, line.1).sqrt();
         let sight = line.1.map(|c| c / length);
         let (color, (mut normal, enters)) = match met {
-            Met::Cut { plane, .. } => {
+            Met::Cut { plane, hit, .. } => {
                 let plane = body.part.clip().planes()[plane];
-                (plane.cap.unwrap_or(material.color), (plane.normal, true))
+                let cap = plane.cap.unwrap_or(material.color);
+                (body.part.label_color(&hit).unwrap_or(cap), (plane.normal, true))
             }
             Met::Surface(hit) => (body.part.color(&hit), self.surface_normal(kept, branch, number, hit)),
         };
@@ -158,7 +168,11 @@ impl Stage<'_> {
             normal = rim.map(|c| c / length);
         }
         let point = add_scaled(line.0, met.t(), line.1);
-        Spot { number, material, color, point, sight, normal, enters, met }
+        let opacity = match met {
+            Met::Surface(hit) => body.part.opacity(&hit),
+            Met::Cut { .. } => 1.0,
+        };
+        Spot { number, material, color, point, sight, normal, enters, opacity, met }
     }
 
     /// A normal, and whether the line comes from outside.
@@ -187,6 +201,14 @@ impl Stage<'_> {
     /// Mirrored and bent lines.
     fn follow(&self, kept: &mut Kept, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
         let (material, cosine) = (spot.material, (-dot(spot.normal, spot.sight)).max(0.0));
+        if let (true, Met::Surface(hit)) = (spot.opacity < 1.0, spot.met) {
+            // What a label lets through goes straight on.
+            let share = branch.share.map(|part| part * (1.0 - spot.opacity));
+            if share[0] >= MIN_SHARE {
+                let from = Some((spot.number, Start::Through { hit }));
+                waiting.push(Branch { line: (spot.point, spot.sight), from, share, ..*branch });
+            }
+        }
         if branch.bounces >= self.most_bounces {
             return;
         }
@@ -215,7 +237,14 @@ impl Stage<'_> {
                 let length = dot(direction, direction).sqrt();
                 let line = (spot.point, direction.map(|c| c / length));
                 let from = spot.start(beyond);
-                waiting.push(Branch { line, from, media, share, bounces: branch.bounces + 1 });
+                waiting.push(Branch {
+                    line,
+                    from,
+                    media,
+                    share,
+                    bounces: branch.bounces + 1,
+                    straight: false,
+                });
             }
         };
         if mirror > 0.0 {
@@ -286,7 +315,8 @@ impl Stage<'_> {
 
     /// Part of the surroundings that is open.
     fn openness(&self, kept: &mut Kept, spot: &Spot<'_>, pixel: [usize; 2]) -> f64 {
-        if self.ambient.rays == 0 {
+        // What lets light through is not darkened by it.
+        if self.ambient.rays == 0 || spot.opacity < 1.0 {
             return 1.0;
         }
         let directions = self.sky.of(pixel);

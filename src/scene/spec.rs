@@ -6,6 +6,7 @@ use crate::geom::{Affine, add_scaled};
 use crate::render::{NamedView, Projection};
 
 use super::clip::{Clip, CutPlane};
+use super::labels::LabelRule;
 use super::light::{Ambient, Light};
 use super::material::{Coloring, Material};
 use super::place::Placement;
@@ -45,6 +46,7 @@ impl Scene {
             place: Place::About(placement),
             clip: Clip::default(),
             framed: true,
+            labels: Vec::new(),
         };
         Self {
             size: None,
@@ -109,6 +111,8 @@ pub struct SceneModel {
     pub clip: Clip,
     /// Do named views take it into the frame?
     pub framed: bool,
+    /// Which of its labels are seen; later rules count before earlier ones.
+    pub labels: Vec<LabelRule>,
 }
 
 /// Where a model is put.

@@ -2,7 +2,7 @@
 
 use tempfile::TempDir;
 
-use super::body::{Body, Met, Side, Start};
+use super::body::{Body, Met, Purpose, Side, Start};
 use super::world::World;
 use super::*;
 use crate::format::SurfaceKind;
@@ -75,7 +75,9 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                 let from = add_scaled(middle, 200.0, outward);
                 let aim = add_scaled(middle, 0.9 * 24.0 * 0.7, unit(&mut random));
                 let sight = add_scaled(aim, -1.0, from);
-                let Some(Met::Surface(hit)) = body.meet((from, sight), ALL, None) else { panic!("missed") };
+                let Some(Met::Surface(hit)) = body.meet(Purpose::Sight, (from, sight), ALL, None) else {
+                    panic!("missed")
+                };
                 let point = add_scaled(from, hit.t, sight);
                 // The true normal, out of the ball.
                 let own = inverse.apply(point);
@@ -87,7 +89,12 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
                     }
                     let out = dot(direction, outward) > 0.0;
                     let side = if out { Side::Outside } else { Side::Inside };
-                    let met = body.meet((point, direction), ALL, Some(&Start::Surface { hit, side }));
+                    let met = body.meet(
+                        Purpose::Sight,
+                        (point, direction),
+                        ALL,
+                        Some(&Start::Surface { hit, side }),
+                    );
                     if out {
                         (lines, met_itself) = (lines + 1, met_itself + u32::from(met.is_some()));
                         continue;
@@ -129,10 +136,14 @@ fn details_right_next_to_the_start_of_a_line_stop_it() {
         let body = Body::of(&part, Form::best());
         for x in [11.1, 11.9, 12.4] {
             let down = ([x, 30.0, 20.0], [0.0, 0.0, -1.0]);
-            let Some(Met::Surface(hit)) = body.meet(down, ALL, None) else { panic!("missed") };
+            let Some(Met::Surface(hit)) = body.meet(Purpose::Sight, down, ALL, None) else {
+                panic!("missed")
+            };
             let point = add_scaled(down.0, hit.t, down.1);
             let start = Start::Surface { hit, side: Side::Outside };
-            let met = |direction| body.meet((point, direction), ALL, Some(&start)).map(|met| met.t());
+            let met = |direction| {
+                body.meet(Purpose::Sight, (point, direction), ALL, Some(&start)).map(|met| met.t())
+            };
             let along = met([1.0, 0.3, 0.1]);
             assert!(along.is_some_and(|t| t < 3.5), "{surface:?} {x}: {along:?}");
             assert_eq!((met([-1.0, 0.3, 0.02]), met([1.0, 0.3, 2.5])), (None, None), "{surface:?} {x}");

@@ -7,7 +7,7 @@ use crate::render::normals::shown::Line;
 use crate::render::ray::Ray;
 use crate::render::traverse::Hit;
 
-use super::body::{Body, Met, Part, Side, Start, Way};
+use super::body::{Body, Met, Part, Purpose, Side, Start, Way};
 
 /// Surfaces of clear bodies that a line to a light passes at most.
 const MAX_SURFACES: u32 = 64;
@@ -49,7 +49,7 @@ impl<'a> World<'a> {
         let mut nearest: Option<(usize, Met)> = None;
         for (number, body) in self.bodies.iter().enumerate() {
             let most = nearest.as_ref().map_or(limits[1], |(_, met)| met.t());
-            if let Some(met) = body.meet(line, [limits[0], most], start_on(from, number))
+            if let Some(met) = body.meet(Purpose::Sight, line, [limits[0], most], start_on(from, number))
                 && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
             {
                 nearest = Some((number, met));
@@ -61,7 +61,7 @@ impl<'a> World<'a> {
     /// Is a line stopped by a body that is not clear?
     pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
         let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear());
-        solids.any(|(number, body)| body.meet(line, limits, start_on(from, number)).is_some())
+        solids.any(|(number, body)| body.meet(Purpose::Light, line, limits, start_on(from, number)).is_some())
     }
 
     /// How many of `lot.lines` are stopped, as [`World::is_stopped`] says of each.
@@ -112,7 +112,9 @@ impl<'a> World<'a> {
             let mut start = start_on(from, number).copied();
             let mut least = limits[0];
             for _ in 0..MAX_SURFACES {
-                let Some(met) = body.meet(line, [least, limits[1]], start.as_ref()) else { break };
+                let Some(met) = body.meet(Purpose::Light, line, [least, limits[1]], start.as_ref()) else {
+                    break;
+                };
                 least = met.t();
                 let (hit, enters) = match met {
                     Met::Surface(hit) => {

@@ -1,0 +1,134 @@
+//! Which labels of a model are seen, and how much of the light they stop.
+
+use std::fmt;
+use std::str::FromStr;
+
+use crate::format::{Label, LabelItems};
+use crate::text::shown;
+
+/// Some labels of a model.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LabelPick {
+    /// Every label.
+    All,
+    /// Those with these numbers, both ends included.
+    Numbers([u16; 2]),
+    /// Those with this name; upper and lower case are alike.
+    Name(String),
+}
+
+/// As `all`, `5`, `7..20`, or a name.
+impl FromStr for LabelPick {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let text = text.trim();
+        let [low, high] = text.split_once("..").map_or([text; 2], |(low, high)| [low, high]);
+        match (low.trim().parse(), high.trim().parse()) {
+            (Ok(low), Ok(high)) if low <= high => Ok(Self::Numbers([low, high])),
+            (Ok(_), Ok(_)) => Err(format!("'{text}' is not a range of labels; write the lower number first")),
+            _ if text.is_empty() => Err("a label is missing; write its number, a range or its name".into()),
+            _ if text == "all" => Ok(Self::All),
+            _ => Ok(Self::Name(text.to_owned())),
+        }
+    }
+}
+
+/// As it is written.
+impl fmt::Display for LabelPick {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        match self {
+            Self::All => f.write_str("all"),
+            Self::Numbers([low, high]) if low == high => write!(f, "{low}"),
+            Self::Numbers([low, high]) => write!(f, "{low}..{high}"),
+            Self::Name(name) => write!(f, "'{}'", shown(name)),
+        }
+    }
+}
+
+impl LabelPick {
+    /// Is a label among them?
+    pub fn contains(&self, label: &Label) -> bool {
+        match self {
+            Self::All => true,
+            Self::Numbers([low, high]) => (*low..=*high).contains(&label.number),
+            Self::Name(name) => name.to_lowercase() == label.name.to_lowercase(),
+        }
+    }
+}
+
+/// How much of the light some labels stop: 0 hides them, 1 shows them as solid.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelRule {
+    /// The labels.
+    pub labels: LabelPick,
+    /// Part of the light, 0..=1.
+    pub opacity: f64,
+}
+
+/// How much of the light each label of a model stops.
+#[derive(Clone, Debug)]
+pub struct Opacity<'a> {
+    labels: LabelItems<'a>,
+    /// By number; 1 of all others.
+    parts: Vec<(u16, f64)>,
+}
+
+impl<'a> Opacity<'a> {
+    /// By these rules, of which later ones count before earlier ones.
+    ///
+    /// # Errors
+    /// The rule that applies to none of the labels in `table`.
+    pub fn of<'r>(
+        rules: &'r [LabelRule],
+        labels: LabelItems<'a>,
+        table: &[Label],
+    ) -> Result<Self, &'r LabelPick> {
+        if let Some(idle) = rules.iter().find(|rule| !table.iter().any(|label| rule.labels.contains(label))) {
+            return Err(&idle.labels);
+        }
+        let of = |label: &Label| {
+            let rule = rules.iter().rev().find(|rule| rule.labels.contains(label))?;
+            (rule.opacity < 1.0).then_some((label.number, rule.opacity))
+        };
+        let mut parts: Vec<_> = table.iter().filter_map(of).collect();
+        parts.sort_by_key(|part| part.0);
+        Ok(Self { labels, parts })
+    }
+
+    /// Is every label solid?
+    pub(super) fn is_solid(&self) -> bool {
+        self.parts.is_empty()
+    }
+
+    /// The label of a voxel, and the part of the light that it stops.
+    pub(super) fn at(&self, voxel: u64) -> Option<(u16, f64)> {
+        let label = self.labels.get(voxel)?;
+        let part = self.parts.binary_search_by_key(&label, |part| part.0);
+        Some((label, part.map_or(1.0, |at| self.parts[at].1)))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_picked_by_number_range_and_name() {
+        let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
+        let (liver, other) = (label(5, "Left kidney"), label(9, ""));
+        for (text, picked) in [
+            ("all", [true, true]),
+            ("5", [true, false]),
+            ("6..9", [false, true]),
+            ("left KIDNEY", [true, false]),
+            ("kidney", [false, false]),
+        ] {
+            let pick: LabelPick = text.parse().unwrap();
+            assert_eq!([pick.contains(&liver), pick.contains(&other)], picked, "{text}");
+        }
+        for wrong in ["", " ", "9..3"] {
+            assert!(wrong.parse::<LabelPick>().is_err(), "{wrong}");
+        }
+    }
+}
