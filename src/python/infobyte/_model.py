@@ -314,11 +314,12 @@ class Model:
         return self.to_mesh(simplify).to_pyvista()
 
     def voxels(self) -> NDArray[np.uint32]:
-        """N x 3: indices (z, y, x) of the voxels of the surface, so that `array[tuple(model.voxels().T)]` are their samples.
+        """N x 3: indices (z, y, x) of the voxels or cells of the surface; `array[tuple(model.voxels().T)]` are the samples
+        of skin voxels.
 
         Row i is voxel i of `Hits.voxel`. Of cells: cell i lies between samples i - 1 and i.
 
-        >>> skin = infobyte.build(ball, 'skin.oct', iso=0)
+        >>> skin = infobyte.build(ball, 'skin.oct', iso=0, surface='skin')
         >>> bool((ball[tuple(skin.voxels().T)] >= 0).all())
         True
         """

@@ -47,7 +47,7 @@ def test_types(kind, bumps):
 
 def test_bool():
     inside = ball_of(32) > 0
-    model = built(inside, iso=1)
+    model = built(inside, iso=1, surface="skin")
     assert inside[tuple(model.voxels().T)].all()
 
 
@@ -72,7 +72,10 @@ def test_axes_and_spacing(bumps):
     model = built(bumps, spacing=(3, 2, 1), origin=(10, 20, 30))
     assert model.shape == bumps.shape
     assert np.array_equal(model.affine, [[1, 0, 0, 10], [0, 2, 0, 20], [0, 0, 3, 30], [0, 0, 0, 1]])
-    assert np.array_equal(model.centers(), model.voxels()[:, ::-1] * [1, 2, 3] + [10, 20, 30])
+    # A cell lies between two samples along each axis.
+    assert np.array_equal(model.centers(), (model.voxels()[:, ::-1] - 0.5) * [1, 2, 3] + [10, 20, 30])
+    skin = built(bumps, "s.oct", surface="skin", spacing=(3, 2, 1), origin=(10, 20, 30))
+    assert np.array_equal(skin.centers(), skin.voxels()[:, ::-1] * [1, 2, 3] + [10, 20, 30])
     turned = built(bumps.transpose(2, 1, 0), "b.oct", axes="xyz", spacing=(1, 2, 3), origin=(10, 20, 30))
     assert content(turned.path) == content(model.path)
     by_matrix = built(bumps, "d.oct", affine=model.affine)
@@ -82,7 +85,7 @@ def test_axes_and_spacing(bumps):
 
 def test_thresholds(bumps):
     inside = (bumps >= 300) & (bumps <= 600)
-    model = built(bumps, iso=None, range=(300, 600))
+    model = built(bumps, iso=None, range=(300, 600), surface="skin")
     assert inside[tuple(model.voxels().T)].all()
     assert len(built(bumps, "b.oct", iso=None, range=(500, float("inf")))) == len(built(bumps, "c.oct"))
     assert built(bumps, "d.oct", iso=None).info["range"]["kind"] == "otsu"

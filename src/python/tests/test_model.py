@@ -56,7 +56,10 @@ def test_pngs(model):
 def test_layers_are_those_of_the_rays(model):
     layers = model.render((50, 40), view="front", layers=["depth", "position", "normals", "ids"])
     hit = np.isfinite(layers["depth"])
-    assert layers["color"].shape == (40, 50, 4) and np.array_equal(hit, layers["color"][..., 3] > 0)
+    alpha = layers["color"][..., 3]
+    assert layers["color"].shape == (40, 50, 4) and np.all(hit[alpha == 255]) and np.all(alpha[hit] > 0)
+    # By one ray a pixel, colours are of the same rays.
+    assert np.array_equal(hit, model.render((50, 40), view="front", samples=1)[..., 3] > 0)
     assert np.array_equal(layers["ids"] >= 0, hit) and np.isnan(layers["normals"][~hit]).all()
     # A ball of 10 mm around its middle: each normal leads away from it.
     away = (layers["position"][hit] - 11.75) / 10
@@ -154,7 +157,7 @@ def test_threads_do_not_change_hits(model):
 
 
 def test_no_ray_to_an_inside_voxel_misses(ball):
-    model = infobyte.build(ball, "skin.oct", iso=0, progress=False)
+    model = infobyte.build(ball, "skin.oct", iso=0, surface="skin", progress=False)
     random = np.random.default_rng(5)
     inside = np.argwhere(ball >= 0)
     ends = inside[random.integers(len(inside), size=200_000)][:, ::-1].astype(float)
