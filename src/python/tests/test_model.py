@@ -157,7 +157,7 @@ def test_threads_do_not_change_hits(model):
 
 
 def test_no_ray_to_an_inside_voxel_misses(ball):
-    model = infobyte.build(ball, "skin.oct", iso=0, surface="skin", progress=False)
+    model = infobyte.build(ball, "skin.oct", iso=0, progress=False)
     random = np.random.default_rng(5)
     inside = np.argwhere(ball >= 0)
     ends = inside[random.integers(len(inside), size=200_000)][:, ::-1].astype(float)
@@ -167,7 +167,7 @@ def test_no_ray_to_an_inside_voxel_misses(ball):
 
 
 def test_voxels_are_those_of_the_array(ball):
-    model = infobyte.build(ball, "skin.oct", iso=0, progress=False)
+    model = infobyte.build(ball, "skin.oct", iso=0, surface="skin", progress=False)
     # Inside, with a neighbour outside along an axis; the border of the array is outside.
     outside = np.pad(ball < 0, 1, constant_values=True)
     middle = slice(1, -1)
