@@ -254,3 +254,103 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     let picture = folder.path().join("m.png");
     assert_eq!(oct(&["render", path.to_str().unwrap(), "-o", picture.to_str().unwrap()]).code, 0);
 }
+
+#[test]
+fn labels_are_shown_alone_hidden_or_let_light_through() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    // A ball within a box, and a bar beside them.
+    let volume = Voxels::from_fn(Dims::new(40, 36, 32).unwrap(), |p| {
+        let r = p.map(|c| (f64::from(c) - 15.5).powi(2)).iter().sum::<f64>();
+        match p {
+            _ if r < 81.0 => 7_u8,
+            [3..28, 3..28, 3..28] => 5,
+            [33..38, 10..20, 2..30] => 20,
+            _ => 0,
+        }
+    });
+    let names = [("ball", 7), ("The Box", 5)]
+        .map(|(name, number)| infobyte::format::LabelName { number, name: name.into(), color: None })
+        .to_vec();
+    for (name, choice) in [
+        ("all", LabelChoice::All),
+        ("ball", LabelChoice::Only(vec![[7, 7]])),
+        ("rest", LabelChoice::Only(vec![[5, 5], [20, 20]])),
+    ] {
+        let options =
+            BuildOptions { labels: Some(choice), label_names: names.clone(), ..BuildOptions::default() };
+        infobyte::build(&volume, &options, folder.path().join(format!("{name}.oct"))).unwrap();
+    }
+    // The colours and normals of a model from a fixed place, and how many rays hit.
+    let shown = |model: &str, how: &[&str]| {
+        let (picture, normals) = (at("p.png"), at("n.png"));
+        let camera = [
+            "--eye",
+            "-70,-90,60",
+            "--look-at",
+            "18,16,16",
+            "--projection",
+            "perspective",
+            "--size",
+            "48x40",
+        ];
+        let files = ["render", &at(model), "-o", &picture, "--normals", &normals, "--json"];
+        let json = oct(&[&files[..], &camera, how].concat()).json();
+        let read = |name: &str| std::fs::read(at(name)).unwrap();
+        (read("n.png"), read("p.png"), json["hits"].as_u64().unwrap())
+    };
+    // What is left of the whole is what a model of that alone shows.
+    let ball = shown("ball.oct", &["--only", "7"]);
+    let rest = shown("rest.oct", &["--only", "all"]);
+    assert!(ball.2 > 500 && rest.2 > ball.2 && ball.0 != rest.0);
+    for how in [
+        &["--only", "7"][..],
+        &["--only", "BALL"],
+        &["--hide", "The Box,20"],
+        &["--hide", "5..6", "--opacity", "20=0"],
+        &["--opacity", "all=0", "--opacity", "6..8=1"],
+    ] {
+        let found = shown("all.oct", how);
+        assert!((&found.0, found.2) == (&ball.0, ball.2), "{how:?}");
+    }
+    for how in [&["--hide", "ball"][..], &["--only", "5,10..20"]] {
+        let found = shown("all.oct", how);
+        assert!((&found.0, found.2) == (&rest.0, rest.2), "{how:?}");
+    }
+    let keys = "[[model]]\nfile = 'all.oct'\npivot = 'origin'\n";
+    for (name, text) in [
+        ("only", "only = [7]"),
+        ("hide", "hide = [5, 'all', 20]\nopacity = { 7 = 1 }"),
+        ("rule", "hide = ['the box', 20]"),
+    ] {
+        std::fs::write(at("s.toml"), format!("samples = 2\n{keys}{text}\n")).unwrap();
+        let found = shown("s.toml", &[]);
+        assert!(name == "hide" || (&found.0, found.2) == (&ball.0, ball.2), "{name}");
+        // What is hidden stays so, however much of the light it would stop.
+        assert!(name != "hide" || found.2 == 0, "{name}");
+    }
+    // Through a box of glass its ball is seen, in colours of both.
+    let solid = shown("all.oct", &["--opacity", "all=1"]);
+    let glass = shown("all.oct", &["--opacity", "5=0.3"]);
+    assert!(glass.2 == solid.2 && glass.0 == solid.0 && glass.1 != solid.1);
+    assert!(glass.1 != shown("rest.oct", &["--opacity", "5=0.3"]).1);
+    for (model, how, words) in [
+        ("all.oct", &["--only", "8"][..], &["all.oct", "has no label 8", "oct info"][..]),
+        ("all.oct", &["--hide", "7,liver"], &["has no label 'liver'"]),
+        ("all.oct", &["--opacity", "7=2"], &["'7=2'", "from 0 to 1"]),
+        ("all.oct", &["--hide", "9..3"], &["'9..3'", "lower number first"]),
+        ("all.oct", &["--hide", "7", "--ids", "i.png"], &["--ids", "--hide"]),
+        ("s.toml", &["--only", "7"], &["--only", "scene"]),
+    ] {
+        let picture = at("refused.png");
+        oct(&[&["render", &at(model), "-o", &picture][..], how].concat()).refused(2, words);
+        assert!(!std::path::Path::new(&picture).exists());
+    }
+    let plain = at("plain.oct");
+    assert_eq!(oct(&["build", "synthetic:sphere@20", "-o", &plain]).code, 0);
+    oct(&["render", &plain, "-o", &at("refused.png"), "--hide", "1"])
+        .refused(2, &["has no labels", "--labels"]);
+    std::fs::write(at("s.toml"), format!("{keys}opacity = {{ 7 = 3.0 }}\n")).unwrap();
+    oct(&["render", &at("s.toml"), "-o", &at("refused.png")])
+        .refused(2, &["[[model]] 1, opacity", "out of range"]);
+}
