@@ -291,6 +291,8 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
             "18,16,16",
             "--projection",
             "perspective",
+            "--fov",
+            "20",
             "--size",
             "48x40",
         ];
