@@ -100,7 +100,7 @@ pub(super) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
     let ring = (RING + 1) * ROWS * stride(tile) * size_of::<u16>();
     let columns = (tile.columns as usize + 2 * HALO).min(info.dims.nx() as usize);
     let staged = columns * ROWS.min(info.dims.ny() as usize) * info.scalar.bytes();
-    (ring + staged + SLICE_VOXELS * 17 + MAX_LABELS * size_of::<Count>()) as u64
+    (ring + staged + SLICE_VOXELS * 21 + MAX_LABELS * size_of::<Count>()) as u64
 }
 
 /// The solid of the labels that are chosen.
@@ -122,13 +122,15 @@ pub(super) fn label_solid<'a>(
         given => given,
     };
     let spacing_mm = source.info().spacing_mm;
+    let estimate = Estimate::new(gradient, spacing_mm);
     let solid = LabelSolid {
         source,
         choice,
         names: &options.label_names,
         gradient,
         rule: NormalRule::new(spacing_mm, gradient),
-        estimate: Estimate::new(gradient, spacing_mm),
+        weights: std::iter::once(estimate.taps).chain(estimate.more).map(Weights::new).collect(),
+        estimate,
         bits: options.normal_bits,
         counts: Mutex::default(),
     };
@@ -154,6 +156,8 @@ struct LabelSolid<'a> {
     gradient: Gradient,
     rule: NormalRule,
     estimate: Estimate,
+    /// Of the estimate's one or two products.
+    weights: Vec<Weights>,
     bits: NormalBits,
     /// Of all workers that are done, by number.
     counts: Mutex<Vec<Count>>,
@@ -292,6 +296,8 @@ struct LabelWorker<'a, T> {
     normals: bool,
     gradients: Box<Gradients>,
     codes: Box<Codes>,
+    /// Of the skin voxels that are described, the places of the first of the samples around them.
+    places: Vec<u32>,
     labels: Vec<u8>,
     counts: Vec<Count>,
     reading: Duration,
@@ -312,6 +318,7 @@ impl<'a, T: Ordered> LabelWorker<'a, T> {
             normals: tile.channels.contains(Channel::Normal),
             gradients: Gradients::new(&solid.rule),
             codes: Codes::new(solid.bits),
+            places: Vec::with_capacity(SLICE_VOXELS),
             labels: Vec::with_capacity(2 * SLICE_VOXELS),
             counts: Vec::new(),
             reading: Duration::ZERO,
@@ -459,42 +466,102 @@ impl Kernel for WallKernel<'_> {
     }
 }
 
-/// Gradient of a label in the 5 x 5 x 5 samples of which `at` is the first, times the weights' sum.
-#[inline(always)]
-fn gradient_of(slices: &[&[u16]; RING], at: usize, stride: usize, label: u16, taps: Taps) -> [i32; 3] {
-    let Taps { smooth: [smooth_x, smooth_y, smooth_z], derive } = taps;
-    let even = |taps: [i8; 3], i: usize| i16::from(taps[i.abs_diff(HALO)]);
-    let odd = |i: usize| match i {
-        0 => -i16::from(derive[1]),
-        1 => -i16::from(derive[0]),
-        3 => i16::from(derive[0]),
-        4 => i16::from(derive[1]),
-        _ => 0,
-    };
-    let mut sums = [[0_i16; LANES]; 3];
-    for (k, slice) in slices.iter().enumerate() {
-        for j in 0..RING {
-            let Some(row) = slice.get(at + j * stride..).and_then(|row| row.first_chunk::<LANES>()) else {
-                continue;
-            };
-            let weights = [
-                even(smooth_y, j) * even(smooth_z, k),
-                odd(j) * even(smooth_z, k),
-                even(smooth_y, j) * odd(k),
-            ];
-            for (lane, found) in row.iter().enumerate() {
-                let mask = -i16::from(*found == label);
+/// Weights of the samples around a voxel, row by row.
+struct Weights {
+    /// Of a row's samples in the sums along x, y and z, by slice and row.
+    rows: [[[i16; 3]; RING]; RING],
+    /// Of the sums' lanes: the derivative along x, and the smoothing along it.
+    along: [[i16; LANES]; 2],
+}
+
+impl Weights {
+    fn new(Taps { smooth, derive }: Taps) -> Self {
+        let even = |axis: usize, i: usize| i16::from(smooth[axis][i.abs_diff(HALO)]);
+        let odd = |i: usize| match i {
+            0 => -i16::from(derive[1]),
+            1 => -i16::from(derive[0]),
+            3 => i16::from(derive[0]),
+            4 => i16::from(derive[1]),
+            _ => 0,
+        };
+        let row = |j: usize, k: usize| [even(1, j) * even(2, k), odd(j) * even(2, k), even(1, j) * odd(k)];
+        let lane = |i: usize, of: &dyn Fn(usize) -> i16| if i < RING { of(i) } else { 0 };
+        Self {
+            rows: std::array::from_fn(|k| std::array::from_fn(|j| row(j, k))),
+            along: [
+                std::array::from_fn(|i| lane(i, &odd)),
+                std::array::from_fn(|i| lane(i, &|i| even(0, i))),
+            ],
+        }
+    }
+
+    /// Gradient of a label in the 5 x 5 x 5 samples of which `at` is the first, times the weights' sum.
+    #[inline(always)]
+    fn gradient(&self, slices: &[&[u16]; RING], at: usize, stride: usize, label: u16) -> [i32; 3] {
+        let mut sums = [[0_i16; LANES]; 3];
+        for (slice, weights) in slices.iter().zip(&self.rows) {
+            let rows = slice.get(at..).unwrap_or_default().chunks(stride);
+            for (row, weights) in rows.zip(weights) {
+                let Some(row) = row.first_chunk::<LANES>() else { continue };
+                let inside = row.map(|found| i16::from(found == label).wrapping_neg());
                 for (sums, weight) in sums.iter_mut().zip(weights) {
-                    sums[lane] += weight & mask;
+                    for (sum, inside) in sums.iter_mut().zip(inside) {
+                        *sum = sum.wrapping_add(weight & inside);
+                    }
                 }
             }
         }
+        let [odd, even] = &self.along;
+        let along = |sums: [i16; LANES], taps: &[i16; LANES]| {
+            let products =
+                sums.iter().zip(taps).map(|(sum, tap)| i32::from(*sum).wrapping_mul((*tap).into()));
+            products.fold(0_i32, i32::wrapping_add)
+        };
+        [along(sums[0], odd), along(sums[1], even), along(sums[2], even)]
     }
-    let along = |sums: [i16; LANES], tap: &dyn Fn(usize) -> i16| {
-        (0..RING).map(|i| i32::from(sums[i]) * i32::from(tap(i))).sum::<i32>()
-    };
-    let smoothed = |i: usize| even(smooth_x, i);
-    [along(sums[0], &odd), along(sums[1], &smoothed), along(sums[2], &smoothed)]
+}
+
+/// The outward vectors of the skin voxels of one brick in one slice.
+struct NormalKernel<'a> {
+    slices: [&'a [u16]; RING],
+    stride: usize,
+    /// Places of the voxels' first samples in the slices.
+    places: &'a [u32],
+    estimate: &'a Estimate,
+    weights: &'a [Weights],
+    out: &'a mut Gradients,
+}
+
+impl Kernel for NormalKernel<'_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let Self { slices, stride, places, estimate, weights, out } = self;
+        let here = slices[HALO];
+        for (slot, at) in places.iter().enumerate() {
+            let at = *at as usize;
+            let middle = at + HALO * stride + HALO;
+            let label = here[middle];
+            let others = [
+                here[middle - 1],
+                here[middle + 1],
+                here[middle - stride],
+                here[middle + stride],
+                slices[HALO - 1][middle],
+                slices[HALO + 1][middle],
+            ];
+            let open = others.iter().enumerate().fold(0, |open, (f, l)| open | u8::from(*l != label) << f);
+            let mut sum = [0; 3];
+            for weights in weights {
+                let more = weights.gradient(&slices, at, stride, label);
+                sum = std::array::from_fn(|a| sum[a] + more[a]);
+            }
+            #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
+            let inward: [f32; 3] = std::array::from_fn(|a| sum[a] as f32 * estimate.per_spacing[a]);
+            out.set(slot, outward(estimate, inward.map(|c| -c), open));
+        }
+    }
 }
 
 impl<T: Ordered> SolidWorker for LabelWorker<'_, T> {
@@ -538,41 +605,19 @@ impl<T: Ordered> SolidWorker for LabelWorker<'_, T> {
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
         let (stride, [x0, y0, z]) = (self.stride, skin.corner());
-        let nz = self.solid.source.info().dims.nz();
-        let slices = slices(&self.ring, &self.none, z, nz);
-        let (labels, gradients) = (&mut self.labels, &mut self.gradients);
-        labels.clear();
-        let here = slices[HALO];
-        let estimate = &self.solid.estimate;
-        let corner = (y0 - self.column.y.start) as usize * stride + (x0 - self.column.x.start) as usize;
-        for (slot, [x, y, _]) in skin.voxels().enumerate() {
-            let at = corner + (y - y0) as usize * stride + (x - x0) as usize;
-            let middle = at + HALO * stride + HALO;
-            let label = here[middle];
-            labels.extend(label.to_le_bytes());
-            if !self.normals {
-                continue;
-            }
-            let others = [
-                here[middle - 1],
-                here[middle + 1],
-                here[middle - stride],
-                here[middle + stride],
-                slices[HALO - 1][middle],
-                slices[HALO + 1][middle],
-            ];
-            let open = others.iter().enumerate().fold(0, |open, (f, l)| open | u8::from(*l != label) << f);
-            let mut sum = gradient_of(&slices, at, stride, label, estimate.taps);
-            if let Some(more) = estimate.more {
-                let second = gradient_of(&slices, at, stride, label, more);
-                sum = std::array::from_fn(|a| sum[a] + second[a]);
-            }
-            #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
-            let inward: [f32; 3] = std::array::from_fn(|a| sum[a] as f32 * estimate.per_spacing[a]);
-            gradients.set(slot, outward(estimate, inward.map(|c| -c), open));
-        }
+        let slices = slices(&self.ring, &self.none, z, self.solid.source.info().dims.nz());
+        let corner = (y0 - self.column.y.start) * stride as u32 + (x0 - self.column.x.start);
+        self.places.clear();
+        self.places.extend(skin.voxels().map(|[x, y, _]| corner + (y - y0) * stride as u32 + (x - x0)));
+        let middle = HALO * stride + HALO;
+        self.labels.clear();
+        let labels = self.places.iter().map(|at| slices[HALO][*at as usize + middle]);
+        self.labels.extend(labels.flat_map(u16::to_le_bytes));
         if self.normals {
-            self.codes.encode(gradients, skin.len());
+            let (places, out) = (&self.places[..], &mut *self.gradients);
+            let LabelSolid { estimate, weights, .. } = self.solid;
+            dispatch(NormalKernel { slices, stride, places, estimate, weights, out });
+            self.codes.encode(&self.gradients, skin.len());
         }
         Ok(())
     }

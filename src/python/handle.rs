@@ -326,6 +326,11 @@ impl Handle {
                 })?;
                 PyArray1::from_vec(py, all.into_flattened()).into_any()
             }
+            "label" => {
+                let all = self
+                    .with(py, |model| Ok(model.voxels().map(|v| v.label.unwrap_or(0)).collect::<Vec<_>>()))?;
+                PyArray1::from_vec(py, all).into_any()
+            }
             _ => {
                 let all = self.with(py, |model| {
                     Ok(model.voxels().map(|v| v.value.unwrap_or(f64::NAN)).collect::<Vec<_>>())

@@ -10,9 +10,10 @@ use crate::budget::{MemoryCap, parse_size};
 use crate::builder::{BuildOptions, Connectivity, Gradient, Threshold, ViewedFrom};
 use crate::clean::{CleanOptions, ComponentConnectivity, MAX_LARGEST, Preset, SizeLimit};
 use crate::format::normal::NormalBits;
-use crate::format::{Channel, Channels, SurfaceKind};
+use crate::format::{Channel, Channels, LabelName, SurfaceKind};
 use crate::geom::{Affine, Dims, Orientation};
 use crate::jobs::build::GridOptions;
+use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
 use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
@@ -45,6 +46,9 @@ pub(super) struct BuildAsked {
     iso: Option<f64>,
     range: Option<[f64; 2]>,
     preset: Option<String>,
+    labels: Option<String>,
+    /// A table, or numbers and names.
+    names: Either<PathBuf, Vec<(u16, String)>>,
     surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
@@ -115,7 +119,8 @@ impl BuildAsked {
         let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
         // Cells, unless something is asked for that only skin has.
         let of_normals = |names: &Vec<String>| names.iter().all(|name| name == Channel::Normal.name());
-        let only_skin = self.gradient.is_some()
+        let only_skin = self.labels.is_some()
+            || self.gradient.is_some()
             || self.normal_bits.is_some_and(|bits| bits != 16)
             || self.connectivity == Some(6)
             || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))
@@ -160,8 +165,14 @@ impl BuildAsked {
         }
         Ok(BuildOptions {
             threshold: self.threshold(),
-            labels: None,
-            label_names: Vec::new(),
+            labels: self.labels.as_deref().map(str::parse).transpose()?,
+            label_names: match &self.names {
+                Either::A(table) => read_label_names(table).map_err(|error| error.to_string())?,
+                Either::B(names) => names
+                    .iter()
+                    .map(|(number, name)| LabelName { number: *number, name: name.clone(), color: None })
+                    .collect(),
+            },
             surface: self.surface()?,
             connectivity: neighbours(
                 "connectivity",
@@ -309,6 +320,8 @@ pub(super) struct PictureAsked {
     turned: Option<f64>,
     projection: String,
     fov: f64,
+    zoom: f64,
+    color: Option<[u8; 3]>,
     shading: String,
     blended: bool,
     samples: String,
@@ -352,6 +365,8 @@ impl PictureAsked {
             threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             lod: self.lod,
             samples: if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples },
+            zoom: self.zoom,
+            color: self.color,
             shading,
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),

@@ -354,5 +354,5 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
         .refused(2, &["has no labels", "--labels"]);
     std::fs::write(at("s.toml"), format!("{keys}opacity = {{ 7 = 3.0 }}\n")).unwrap();
     oct(&["render", &at("s.toml"), "-o", &at("refused.png")])
-        .refused(2, &["[[model]] 1, opacity", "out of range"]);
+        .refused(3, &["[[model]] 1, opacity", "out of range"]);
 }

@@ -6,7 +6,7 @@ import contextlib
 import math
 import os
 import sys
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -32,6 +32,8 @@ def build(
     iso: float | None = None,
     range: tuple[float, float] | None = None,
     preset: str | None = None,
+    labels: str | Sequence[int] | None = None,
+    names: Path | Mapping[int, str] | None = None,
     surface: str | None = None,
     error: float | str | None = None,
     spacing: float | Sequence[float] | None = None,
@@ -84,6 +86,8 @@ def build(
     What is inside
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
+    - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: the skin of each, walls between neighbours
+      included. `names`: their names by number, or a file as `oct build --names` takes it.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
@@ -129,13 +133,17 @@ def build(
     """
     if axes not in ("zyx", "xyz"):
         raise UsageError(f"axes={axes!r} is not an order of axes; choose 'zyx' or 'xyz'")
-    if sum(given is not None for given in (iso, range, preset)) > 1:
-        raise UsageError("iso, range and preset exclude each other; give one")
+    if sum(given is not None for given in (iso, range, preset, labels)) > 1:
+        raise UsageError("iso, range, preset and labels exclude each other; give one")
+    if names is not None and labels is None:
+        raise UsageError("names are of labels; give labels, too")
     if unit not in UNITS:
         raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
     share = memory if isinstance(memory, int) else _infobyte.size(memory)
     asked = {
-        "iso": _finite("iso", iso), "range": None, "preset": preset, "surface": surface,
+        "iso": _finite("iso", iso), "range": None, "preset": preset,
+        "labels": labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
+        "names": _names(names), "surface": surface,
         "error": None if error is None else str(error),
         "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
         "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),
@@ -167,6 +175,13 @@ def build(
         else:
             report = _build_object(source, target, asked, (spacing, origin, affine, axes), told)
     return Model._built(target, report)
+
+
+def _names(names: Path | Mapping[int, str] | None) -> str | list[tuple[int, str]]:
+    """A file of names, or pairs of number and name, in order."""
+    if names is None or hasattr(names, "items"):
+        return sorted((int(number), str(name)) for number, name in (names or {}).items())
+    return os.fspath(names)
 
 
 def _build_object(source: Any, target: str, asked: dict[str, Any], place: Any, told: Any) -> str:

@@ -156,6 +156,8 @@ class Model:
         turned: float | None = None,
         projection: str = "parallel",
         fov: float = 35.0,
+        zoom: float = 1.0,
+        color: Sequence[int] | None = None,
         shading: str = "soft",
         blended: bool = False,
         samples: str | int = "auto",
@@ -171,8 +173,8 @@ class Model:
 
         `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
         or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
-        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `shading`:
-        `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
+        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `zoom`:
+        magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
         `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
         in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
         eight rays where neighbours differ in depth or normal, or 1, 4, 16. `smooth_edges` makes 1 `auto`. `lod`: boxes
@@ -198,7 +200,7 @@ class Model:
                 raise UsageError(f"layer {layer!r} is not known; choose from {', '.join(wanted)}")
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
-            shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
+            zoom=zoom, color=color, shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
             annotate=annotate, threads=threads,
         )
         color = self._handle.render(asked, None).reshape(height, width, 4)
@@ -341,6 +343,13 @@ class Model:
         """N x 3: sRGB of the voxels, of models with the channel `color`, otherwise 0; rows as those of `voxels`."""
         return self._handle.stored("color").reshape(-1, 3)
 
+    def labels(self) -> NDArray[np.uint16]:
+        """N: numbers of the labels of the voxels, of models built with `labels`, otherwise 0; rows as those of `voxels`.
+
+        `info['labels']` has their names, colours and voxels.
+        """
+        return self._handle.stored("label")
+
     def export(self, output: Path, form: str | None = None, *, simplify: int = 0) -> dict[str, Any]:
         """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given."""
         return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, None))
@@ -385,7 +394,7 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     width, height = (size, size) if isinstance(size, int) else size
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": 35.0,
-        "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
+        "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
         "annotate": False, "threads": None,
     }
     unknown = options.keys() - usual.keys()
@@ -393,6 +402,8 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
         raise TypeError(f"unexpected option of a picture: {', '.join(sorted(unknown))}")
     asked = {**usual, **options, "size": [int(width), int(height)]}
     asked["samples"] = str(asked["samples"])
+    if asked["color"] is not None:
+        asked["color"] = [int(part) for part in asked["color"]]
     for name in ("eye", "look_at", "up"):
         if asked[name] is not None:
             asked[name] = [float(at) for at in asked[name]]

@@ -92,6 +92,33 @@ def test_thresholds(bumps):
     assert built(bumps, "e.oct", iso=None, preset="bone").info["range"]["lo"] == 226
 
 
+def test_labels(tmp_path):
+    z, y, x = np.mgrid[:20, :24, :28]
+    array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)
+    model = built(array, iso=None, labels="all", names={7: "left", 9: "right"})
+    assert [(label["number"], label["name"], label["voxels"]) for label in model.info["labels"]] == [
+        (7, "left", int((array == 7).sum())), (9, "right", int((array == 9).sum()))]  # fmt: skip
+    assert np.array_equal(model.labels(), array[tuple(model.voxels().T)])
+    # Skin of each, by its definition.
+    padded = np.pad(array, 1)
+    wall = np.zeros(array.shape, bool)
+    for axis in range(3):
+        for step in (-1, 1):
+            wall |= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1] != array
+    assert len(model) == (wall & (array > 0)).sum()
+    table = tmp_path / "names.tsv"
+    table.write_text("index\tname\n9\tright\n")
+    one = built(array.astype(np.int32), "b.oct", iso=None, labels=[9], names=table)
+    assert [label["name"] for label in one.info["labels"]] == ["right"] and (one.labels() == 9).all()
+    assert (built(array, "c.oct", iso=1).labels() == 0).all()
+    for options in (dict(labels="liver"), dict(labels="all", preset="bone"), dict(names={7: "left"}), dict(labels="all", surface="cells"),
+                    dict(labels="all", names=tmp_path / "none.tsv")):  # fmt: skip
+        with pytest.raises((infobyte.UsageError, OSError)):
+            built(array, "d.oct", iso=None, **options)
+    with pytest.raises(infobyte.InputError, match="whole numbers"):
+        built(array + 0.5, "d.oct", iso=None, labels="all")
+
+
 def test_larger_leaves():
     ball = ball_of(64)
     fine, joined = (built(ball, f"{error}.oct", iso=0, surface="cells", error=error) for error in (0, "0.2mm"))

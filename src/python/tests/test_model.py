@@ -82,6 +82,17 @@ def test_cameras_that_make_no_sense(model, options):
         model.png(16, colour="red")
 
 
+def test_colours_and_magnification(model):
+    plain, blue = (model.render(60, samples=1, **options) for options in (dict(), dict(color=(20, 40, 240))))
+    seen = plain[..., 3] > 0
+    assert np.array_equal(seen, blue[..., 3] > 0) and (blue[seen][:, 2] > blue[seen][:, 0]).all()
+    near = model.render(60, samples=1, zoom=2, layers=["ids"])["ids"]
+    assert np.array_equal(near, model.render(120, samples=1, layers=["ids"])["ids"][30:90, 30:90])
+    for wrong in (dict(zoom=0), dict(color=(1, 2)), dict(color=(300, 0, 0))):
+        with pytest.raises(infobyte.UsageError):
+            model.render(16, **wrong)
+
+
 def test_turntables(model):
     frames = list(model.turntable(3, 32, view="left"))
     assert len(frames) == 3 and all(frame.shape == (32, 32, 4) for frame in frames)
