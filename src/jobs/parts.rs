@@ -163,11 +163,11 @@ impl PartsInput<'_> {
         let cleaning = CleanOptions { roi: None, downsample: None, preset: None, ..clean.clone() };
         let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
         let found = [
+            (options.labels.is_some(), NotInParts::Labels),
             (self.kind != SubjectKind::Volume, NotInParts::Solid),
             (matches!(threshold, Threshold::Otsu | Threshold::Chosen(_)), NotInParts::Otsu),
             (!options.visible_from.is_empty(), NotInParts::Sight),
             (options.joins(), NotInParts::Leaves),
-            (options.labels.is_some(), NotInParts::Labels),
             (wide && options.channels.contains(Channel::Value), NotInParts::WideValues),
             (!cleaning.is_empty(), NotInParts::Cleaning { operations: cleaning.operations().join(", ") }),
         ];

@@ -133,7 +133,7 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
 fn what_parts_cannot_know_is_refused_by_name() {
     let job = Job::new([20, 20, 20], ScalarType::F32, &[]);
     let out = text(&job.path("job"));
-    let table: [(&[&str], &str); 9] = [
+    let table: [(&[&str], &str); 10] = [
         (&[], "Otsu"),
         (&["--otsu"], "--iso"),
         (&["--iso", "40", "--visible-from", "outside"], "--visible-from"),
@@ -143,6 +143,7 @@ fn what_parts_cannot_know_is_refused_by_name() {
         (&["--iso", "40", "--drop-below", "5%"], "drop-below 5%"),
         (&["--iso", "40", "--fill-cavities"], "fill-cavities"),
         (&["--iso", "40", "--close", "1"], "close 1"),
+        (&["--labels", "all"], "--labels"),
     ];
     for (options, word) in table {
         let last = [options, &["--out", &out, "--parts", "3"]].concat();
