@@ -19,7 +19,9 @@ use crate::facts::{NotVolume, SourceFault, SyntheticFault};
 use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognition, recognise};
-use crate::source::{FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, known};
+use crate::source::{
+    FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, is_of_zarr_group, known, zarr_head,
+};
 use crate::synthetic;
 use crate::volume::Result;
 
@@ -132,6 +134,9 @@ impl<'a> Surveyor<'a> {
             Some(SubjectKind::Tree) => return left_out(NotVolume::Tree),
             Some(SubjectKind::Volume) | None => {}
         }
+        if is_of_zarr_group(path) {
+            return Ok(Class::Part);
+        }
         if let Some(what) = known(&head) {
             return left_out(NotVolume::Known(what));
         }
@@ -221,6 +226,10 @@ impl Visitor for Surveyor<'_> {
         }
         // Slice files described by a side-car next to their folder.
         Ok(sidecar::describes(&full))
+    }
+
+    fn chunks(&self, input: u32, path: &Path) -> Option<PathBuf> {
+        zarr_head(&self.path(input, path))
     }
 
     fn not_entered(&mut self, path: &Path, why: NotVolume) {

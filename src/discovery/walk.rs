@@ -24,6 +24,9 @@ pub(super) trait Visitor {
     /// An error ends the walk.
     fn takes_folder(&mut self, input: u32, path: &Path) -> Result<bool>;
 
+    /// The file by which a folder is a volume in chunks, which are not met one by one.
+    fn chunks(&self, input: u32, path: &Path) -> Option<PathBuf>;
+
     /// A volume that an input describes, without a file.
     ///
     /// # Errors
@@ -50,6 +53,10 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
         }
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
+            if let Some((path, meta)) = chunks(at, Path::new(""), visitor) {
+                visitor.file(at, &path, &meta)?;
+                continue;
+            }
             let entries = fs::read_dir(input).map_err(unreadable)?;
             let mut way = WalkState { follow, entered: vec![file_id(&meta)] };
             folder(at, entries, Path::new(""), depth, &mut way, visitor)?;
@@ -61,6 +68,13 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
         }
     }
     Ok(())
+}
+
+/// The file by which a folder is a volume in chunks.
+fn chunks(input: u32, path: &Path, visitor: &dyn Visitor) -> Option<(PathBuf, Metadata)> {
+    let head = visitor.chunks(input, path)?;
+    let meta = fs::metadata(&head).ok()?;
+    Some((path.join(head.file_name()?), meta))
 }
 
 /// Where a walk is.
@@ -98,6 +112,8 @@ fn folder(
         } else if kind.is_dir() || linked.is_some() {
             if depth == 0 {
                 visitor.not_entered(&path, NotVolume::FolderTooDeep);
+            } else if let Some((head, meta)) = chunks(input, &path, visitor) {
+                visitor.file(input, &head, &meta)?;
             } else if !visitor.takes_folder(input, &path)? {
                 match fs::read_dir(entry.path()) {
                     Ok(inside) => {

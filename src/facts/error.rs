@@ -25,6 +25,7 @@ use super::sidecar::SideCarFault;
 use super::stated::StatedBy;
 use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
+use super::zarr::ZarrFault;
 use crate::budget::Bytes;
 use crate::exit::{ExitKind, opaque_error};
 use crate::geom::Dims;
@@ -290,6 +291,8 @@ pub(crate) enum Fault {
     Headed(#[from] HeadedFault),
     #[error(transparent)]
     Npy(#[from] NpyFault),
+    #[error(transparent)]
+    Zarr(#[from] ZarrFault),
     #[error(transparent)]
     Tiff(#[from] TiffFault),
     #[error(transparent)]

@@ -85,7 +85,7 @@ impl fmt::Display for Known {
                 "a NetCDF file (MINC 1 is, too), whose array has to be written as .npy or NRRD first"
             }
             Self::VtkXml => "a VTK file in XML (.vti), which has to be written as MetaImage or NRRD first",
-            Self::Zarr => "a Zarr folder (OME-Zarr is, too), of which an array has to be written as TIFF or NRRD first",
+            Self::Zarr => "a Zarr group in which no array was found",
         })
     }
 }

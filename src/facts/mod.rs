@@ -39,6 +39,7 @@ mod stated;
 mod synthetic;
 mod system;
 pub(crate) mod tiff;
+pub(crate) mod zarr;
 
 pub use csg::CsgFacts;
 pub(crate) use csg::{CsgFault, CsgToken, OffsetFault, SurplusArgument};

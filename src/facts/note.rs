@@ -23,6 +23,7 @@ pub enum Note {
         Carrier::Tiff => "this TIFF",
         Carrier::Png => "PNG",
         Carrier::Npy => "an .npy file",
+        Carrier::Zarr => "a Zarr array",
     })]
     AssumedSpacing {
         /// What does not state it.
@@ -35,6 +36,7 @@ pub enum Note {
         Carrier::Tiff => "TIFF",
         Carrier::Png => "PNG",
         Carrier::Npy => "an .npy file",
+        Carrier::Zarr => "a Zarr array",
     })]
     AssumedDirections {
         /// What does not state them.

@@ -18,6 +18,8 @@ pub enum Carrier {
     Png,
     /// A NumPy array.
     Npy,
+    /// A Zarr array; images of OME-Zarr state their spacing.
+    Zarr,
 }
 
 /// Who states what the file does not, or otherwise.

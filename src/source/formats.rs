@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 
 use super::files::FileList;
 use super::headed::{amira, mrc, vgi, vtk};
-use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff};
+use super::{OpenOptions, metaimage, nifti, npy, nrrd, png_stack, tiff, zarr};
 use crate::volume::{Result, VolumeSource};
 
 /// Volumes that a file of some kind holds.
@@ -66,6 +66,7 @@ pub(crate) const FORMATS: &[Format] = &[
     Format { name: "vgi", recognise: vgi::recognise, states_no_place: false, open: vgi::open },
     Format { name: "vtk", recognise: vtk::recognise, states_no_place: false, open: vtk::open },
     Format { name: "amira", recognise: amira::recognise, states_no_place: false, open: amira::open },
+    Format { name: "zarr", recognise: zarr::recognise, states_no_place: false, open: zarr::open },
 ];
 
 /// The header of samples that were given: `brain.hdr` for `brain.img`, `part.vgi` for `part.vol`.

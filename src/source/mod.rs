@@ -7,6 +7,7 @@
 //! |---|---|
 //! | [`dicom`], `raw`, `nrrd`, `nifti`, `metaimage`, `npy`, `tiff`, `png_stack` | one kind of source each |
 //! | `headed` | MRC, VGStudio, VTK, Amira: a header before raw samples |
+//! | `zarr` | arrays in chunks |
 //! | `formats`, `known` | the lists of what is read, and what is known but not read |
 //! | `options`, `subject`, `finding` | what a caller may choose, what can be built, and what was found |
 //! | `stored`, `axis_reversal` | samples read where they lie, or unrolled first |
@@ -36,6 +37,7 @@ mod stable_hash;
 mod stored;
 mod subject;
 mod tiff;
+mod zarr;
 
 pub(crate) use files::{FileList, base_name};
 pub use finding::{BurnedIn, Finding, InputFiles};
@@ -48,3 +50,4 @@ pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;
 pub use subject::{Subject, SubjectKind};
+pub(crate) use zarr::{head_of as zarr_head, is_of_group as is_of_zarr_group};

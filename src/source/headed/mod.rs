@@ -82,7 +82,7 @@ fn refused(path: &Path) -> impl Fn(Fault) -> SourceError + '_ {
 }
 
 /// A type of whole numbers or floats of so many bits.
-fn sample_type(is_float: bool, signed: bool, bits: u64) -> Option<Samples> {
+pub(super) fn sample_type(is_float: bool, signed: bool, bits: u64) -> Option<Samples> {
     Some(Samples::Plain(match (is_float, signed, bits) {
         (false, false, 8) => ScalarType::U8,
         (false, true, 8) => ScalarType::I8,

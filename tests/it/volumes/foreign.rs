@@ -182,7 +182,7 @@ fn kinds_that_are_not_read_are_named_with_the_way_out() {
             ["in XML (.vti)", "as MetaImage or NRRD first"],
         ),
         ("b.vti", b"<VTKFile type=\"ImageData\">", ["in XML (.vti)", "as MetaImage or NRRD first"]),
-        ("a.zarr", b"", ["a Zarr folder", "as TIFF or NRRD first"]),
+        ("a.zarr", b"", ["a Zarr group", "no array"]),
     ] {
         let path = if name == "a.zarr" { at.join(name) } else { file(at, name, bytes) };
         command::build(&[&path], &at.join("m.oct"), &["--iso", "1"]).refused(3, &words);

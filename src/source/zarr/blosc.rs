@@ -1,0 +1,288 @@
+//! Chunks of C-Blosc 1: blocks of bytes that are shuffled and then packed.
+
+use std::io;
+
+use super::array::Place;
+use super::packing::{Sink, chunk_fault, damaged};
+use crate::facts::zarr::ZarrFault;
+use crate::platform::FileExt;
+
+const HEADER: u64 = 16;
+
+/// State of zstd's decoder, of which the others need less.
+const DECODER: u64 = 256 << 10;
+
+/// Fewest bytes of a part of a block that is packed on its own, and most parts.
+const LEAST_PART: usize = 128;
+const MOST_PARTS: usize = 16;
+
+/// What packs the parts of a block.
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Inner {
+    Lz4,
+    Zlib,
+    Zstd,
+}
+
+/// What stands before the blocks.
+#[derive(Debug)]
+pub(super) struct Header {
+    /// The chunk as it is, without blocks.
+    plain: bool,
+    shuffled: bool,
+    bits_shuffled: bool,
+    /// Are the bytes of samples, one place after the other, packed on their own?
+    split: bool,
+    inner: u8,
+    sample: usize,
+    bytes: u64,
+    block: usize,
+    packed: u64,
+}
+
+impl Header {
+    pub(super) fn read(place: &Place) -> io::Result<Self> {
+        if place.length < HEADER {
+            return Err(chunk_fault(ZarrFault::Short));
+        }
+        let mut head = [0; 16];
+        place.file.read_exact_at(&mut head, place.at)?;
+        let number = |at: usize| u32::from_le_bytes([head[at], head[at + 1], head[at + 2], head[at + 3]]);
+        let flags = head[2];
+        let header = Self {
+            plain: flags & 2 != 0,
+            shuffled: flags & 1 != 0,
+            bits_shuffled: flags & 4 != 0,
+            split: flags & 16 == 0,
+            inner: flags >> 5,
+            sample: usize::from(head[3]).max(1),
+            bytes: u64::from(number(4)),
+            block: number(8) as usize,
+            packed: u64::from(number(12)),
+        };
+        let is_sound = header.bytes == 0 || (header.block > 0 && header.block as u64 <= header.bytes);
+        if head[0] > 2 || !is_sound || header.packed < HEADER {
+            return Err(damaged("no Blosc header"));
+        }
+        Ok(header)
+    }
+
+    /// Three blocks: packed, shuffled and plain.
+    pub(super) fn memory_bytes(&self) -> u64 {
+        if self.plain { 0 } else { DECODER + 3 * self.block as u64 + 4 * self.blocks() }
+    }
+
+    fn blocks(&self) -> u64 {
+        self.bytes.div_ceil(self.block.max(1) as u64)
+    }
+
+    fn inner(&self) -> io::Result<Inner> {
+        let unread = |what: &str| {
+            chunk_fault(ZarrFault::Unread { what: format!("chunks that Blosc packed with {what}") })
+        };
+        match self.inner {
+            0 => Err(unread("BloscLZ")),
+            1 => Ok(Inner::Lz4),
+            2 => Err(unread("Snappy")),
+            3 => Ok(Inner::Zlib),
+            4 => Ok(Inner::Zstd),
+            _ => Err(unread("an unknown codec")),
+        }
+    }
+
+    /// Hands on the plain bytes block by block.
+    pub(super) fn unpack(
+        &self,
+        place: &Place,
+        length: u64,
+        bytes: u64,
+        sink: &mut Sink<'_>,
+    ) -> io::Result<()> {
+        if self.bytes != bytes {
+            return Err(damaged("its length"));
+        }
+        if self.packed > length {
+            return Err(chunk_fault(ZarrFault::Short));
+        }
+        if self.plain {
+            if self.packed != HEADER + bytes {
+                return Err(damaged("its length"));
+            }
+            let mut piece = vec![0; super::packing::PIECE];
+            let mut done = 0;
+            while done < bytes {
+                let part = usize::try_from(bytes - done).unwrap_or(usize::MAX).min(piece.len());
+                place.file.read_exact_at(&mut piece[..part], place.at + HEADER + done)?;
+                sink(&piece[..part])?;
+                done += part as u64;
+            }
+            return Ok(());
+        }
+        let inner = self.inner()?;
+        let blocks = usize::try_from(self.blocks()).unwrap_or(usize::MAX);
+        if HEADER + 4 * blocks as u64 > self.packed {
+            return Err(chunk_fault(ZarrFault::Short));
+        }
+        let mut starts = vec![0; 4 * blocks];
+        place.file.read_exact_at(&mut starts, place.at + HEADER)?;
+        let starts: Vec<u32> = starts.as_chunks().0.iter().map(|start| u32::from_le_bytes(*start)).collect();
+        let mut decoder = zstd::bulk::Decompressor::new()?;
+        let (mut packed, mut shuffled, mut plain) = (Vec::new(), vec![0; self.block], vec![0; self.block]);
+        let mut left = bytes;
+        for start in starts.iter().map(|start| u64::from(*start)) {
+            let size = usize::try_from(left).unwrap_or(usize::MAX).min(self.block);
+            let (shuffled, plain) = (&mut shuffled[..size], &mut plain[..size]);
+            let is_last = size < self.block;
+            let is_split = self.split
+                && !is_last
+                && self.sample <= MOST_PARTS
+                && self.block / self.sample >= LEAST_PART
+                && self.block % self.sample == 0;
+            let parts = if is_split { self.sample } else { 1 };
+            let mut at = start;
+            for part in shuffled.chunks_mut(size / parts) {
+                let mut count = [0; 4];
+                if at.checked_add(4).is_none_or(|end| end > self.packed) {
+                    return Err(damaged("the place of a block"));
+                }
+                place.file.read_exact_at(&mut count, place.at + at)?;
+                let count = u64::from(u32::from_le_bytes(count));
+                at += 4;
+                // A packed part is not longer than a plain one.
+                if count > part.len() as u64 || at + count > self.packed {
+                    return Err(damaged("the length of a block"));
+                }
+                packed.resize(usize::try_from(count).unwrap_or(0), 0);
+                place.file.read_exact_at(&mut packed, place.at + at)?;
+                at += count;
+                if packed.len() == part.len() {
+                    part.copy_from_slice(&packed);
+                    continue;
+                }
+                let made = match inner {
+                    Inner::Lz4 => lz4_flex::block::decompress_into(&packed, part).ok(),
+                    Inner::Zstd => decoder.decompress_to_buffer(&packed, part).ok(),
+                    Inner::Zlib => inflated(&packed, part),
+                };
+                if made != Some(part.len()) {
+                    return Err(damaged("a block"));
+                }
+            }
+            sink(self.unshuffled(shuffled, plain))?;
+            left -= size as u64;
+        }
+        Ok(())
+    }
+
+    /// The bytes of a block in their order.
+    fn unshuffled<'a>(&self, shuffled: &'a [u8], plain: &'a mut [u8]) -> &'a [u8] {
+        let size = self.sample;
+        let count = shuffled.len() / size;
+        // Bits of what is no multiple of eight samples stay as they are.
+        if self.bits_shuffled && count > 0 && count.is_multiple_of(8) {
+            unshuffle_bits(shuffled, plain, size);
+        } else if self.shuffled && !self.bits_shuffled && size > 1 && count > 0 {
+            unshuffle(shuffled, plain, size);
+        } else {
+            return shuffled;
+        }
+        plain
+    }
+}
+
+fn inflated(packed: &[u8], out: &mut [u8]) -> Option<usize> {
+    let mut stream = flate2::Decompress::new(true);
+    stream.decompress(packed, out, flate2::FlushDecompress::Finish).ok()?;
+    usize::try_from(stream.total_out()).ok()
+}
+
+/// Puts the bytes of samples together: first all first bytes, then all second ones.
+fn unshuffle(shuffled: &[u8], plain: &mut [u8], size: usize) {
+    match size {
+        2 => unshuffle_of::<2>(shuffled, plain),
+        4 => unshuffle_of::<4>(shuffled, plain),
+        8 => unshuffle_of::<8>(shuffled, plain),
+        _ => {
+            let count = plain.len() / size;
+            for (at, sample) in plain[..count * size].chunks_exact_mut(size).enumerate() {
+                sample.iter_mut().enumerate().for_each(|(byte, to)| *to = shuffled[byte * count + at]);
+            }
+        }
+    }
+    let whole = plain.len() / size * size;
+    plain[whole..].copy_from_slice(&shuffled[whole..]);
+}
+
+/// The same for samples of a size that is known, in steps that stay in registers.
+fn unshuffle_of<const SIZE: usize>(shuffled: &[u8], plain: &mut [u8]) {
+    const STEP: usize = 32;
+    let count = plain.len() / SIZE;
+    let places: [&[u8]; SIZE] = std::array::from_fn(|byte| &shuffled[byte * count..][..count]);
+    let (samples, _) = plain.as_chunks_mut::<SIZE>();
+    for (step, samples) in samples.chunks_mut(STEP).enumerate() {
+        let from = step * STEP;
+        for (byte, place) in places.iter().enumerate() {
+            for (sample, value) in samples.iter_mut().zip(&place[from..]) {
+                sample[byte] = *value;
+            }
+        }
+    }
+}
+
+/// Puts the bits of samples together: row `8 * byte + bit` holds this bit of each sample.
+fn unshuffle_bits(shuffled: &[u8], plain: &mut [u8], size: usize) {
+    let count = plain.len() / size;
+    let row = count / 8;
+    for byte in 0..size {
+        let rows = &shuffled[byte * 8 * row..][..8 * row];
+        for group in 0..row {
+            let mut bits = 0_u64;
+            for bit in 0..8 {
+                bits |= u64::from(rows[bit * row + group]) << (8 * bit);
+            }
+            let bits = transposed(bits).to_le_bytes();
+            for (at, value) in bits.iter().enumerate() {
+                plain[(group * 8 + at) * size + byte] = *value;
+            }
+        }
+    }
+    plain[count * size..].copy_from_slice(&shuffled[count * size..]);
+}
+
+/// Eight rows of eight bits, turned over the diagonal (Warren, Hacker's Delight, 7-3).
+fn transposed(mut bits: u64) -> u64 {
+    for (shift, mask) in
+        [(7, 0x00aa_00aa_00aa_00aa), (14, 0x0000_cccc_0000_cccc), (28, 0x0000_0000_f0f0_f0f0)]
+    {
+        let swap = (bits ^ (bits >> shift)) & mask;
+        bits ^= swap ^ (swap << shift);
+    }
+    bits
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn bytes_and_bits_return_to_their_places() {
+        for size in [1_usize, 2, 3, 4, 8, 11] {
+            let plain: Vec<u8> = (0..size * 40).map(|i| (i * 37 + i / 7) as u8).collect();
+            let count = plain.len() / size;
+            let (mut bytes, mut bits) = (vec![0; plain.len()], vec![0; plain.len()]);
+            for (at, sample) in plain.chunks(size).enumerate() {
+                for (byte, value) in sample.iter().enumerate() {
+                    bytes[byte * count + at] = *value;
+                    for bit in 0..8 {
+                        bits[(byte * 8 + bit) * count / 8 + at / 8] |= (value >> bit & 1) << (at % 8);
+                    }
+                }
+            }
+            let mut out = vec![0; plain.len()];
+            unshuffle(&bytes, &mut out, size);
+            assert_eq!(out, plain, "bytes of {size}");
+            unshuffle_bits(&bits, &mut out, size);
+            assert_eq!(out, plain, "bits of {size}");
+        }
+    }
+}

@@ -1,0 +1,170 @@
+//! Zarr arrays of versions 2 and 3, with shards, and images of OME-Zarr 0.4 and 0.5, in a local folder.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `array` | the metadata of an array: shape, chunks, how samples and chunks are stored |
+//! | `image` | the levels, axes, units and scales of OME-Zarr |
+//! | `packing`, `blosc` | chunks unpacked in pieces |
+//! | `volume` | rows read of chunks, which are unpacked when they are first asked for |
+//!
+//! The last three axes are z, y and x. Each combination of the axes before them (time, channel) is a volume of its own.
+//! Of an image its finest level is taken; another one is a folder of its own, which is named instead, and finds its
+//! scale in the folder above. Sources: Zarr specifications 2 and 3.1, OME-NGFF 0.4 and 0.5, the format of C-Blosc 1.
+
+mod array;
+mod blosc;
+mod image;
+mod packing;
+mod volume;
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use serde_json::Value;
+
+use super::OpenOptions;
+use super::files::base_name;
+use super::header::{unreadable, unusable};
+use crate::facts::zarr::ZarrFault;
+use crate::facts::{Carrier, Fault, Note};
+use crate::geom::{Affine, Dims};
+use crate::volume::{Rescale, Result, SourceDescription, VolumeInfo, VolumeSource};
+use array::Array;
+use image::Image;
+use volume::ZarrVolume;
+
+/// Longest metadata: an image lists its channels there, and some programs their history.
+const MAX_METADATA: u64 = 4 << 20;
+
+/// Most volumes of one array that are offered.
+const MAX_VOLUMES: u64 = 1 << 16;
+
+/// Files that describe an array or an image, the first of which counts.
+const HEADS: [&str; 3] = ["zarr.json", ".zarray", ".zattrs"];
+
+/// Why metadata is refused, before the file is named.
+type Read<T> = std::result::Result<T, Fault>;
+
+/// Is this the metadata of an array or an image? Not that of a group, whose folder is searched like any other.
+pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
+    let named = path.file_name().is_some_and(|name| HEADS.iter().any(|head| name == *head));
+    let is_text = head.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
+    named && is_text && metadata(path).is_ok_and(|found| found.is_none_or(|what| is_volume(path, &what)))
+}
+
+/// The metadata that makes a folder an array or an image.
+pub(crate) fn head_of(folder: &Path) -> Option<PathBuf> {
+    let head = |name| Some(folder.join(name)).filter(|path| path.is_file());
+    let found = HEADS.iter().find_map(head)?;
+    recognise(b"{", &found).then_some(found)
+}
+
+/// Is a file part of the metadata of a group, which says nothing about voxels?
+pub(crate) fn is_of_group(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| name == "zarr.json")
+        && metadata(path).is_ok_and(|found| found.is_some_and(|what| what.get("node_type").is_some()))
+}
+
+/// The content of a file of metadata; `None` if it is no JSON.
+fn metadata(path: &Path) -> Result<Option<Value>> {
+    let failed = |cause| unreadable(path, cause);
+    let bytes = fs::metadata(path).map_err(failed)?.len();
+    if bytes > MAX_METADATA {
+        return Err(unusable(path, ZarrFault::Long { bytes, most: MAX_METADATA }));
+    }
+    let text = fs::read(path).map_err(failed)?;
+    Ok(serde_json::from_slice(&text).ok())
+}
+
+/// Does metadata describe voxels?
+fn is_volume(path: &Path, what: &Value) -> bool {
+    let name = path.file_name().unwrap_or_default();
+    let is_array = name == ".zarray" || what.get("node_type").is_some_and(|kind| kind == "array");
+    is_array || Image::is_there(what)
+}
+
+/// Opens an array, or the finest level of an image: one volume for each time and channel.
+pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
+    let refused = |fault| unusable(path, fault);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let what = metadata(path)?.ok_or_else(|| {
+        refused(Fault::from(ZarrFault::Json { cause: "it cannot be parsed as JSON".to_owned() }))
+    })?;
+    let (image, array_folder, name) = if Image::is_there(&what) {
+        let (image, level) = Image::read(&what, None).map_err(refused)?;
+        let inside = folder.join(&level);
+        if !options.follow_links && !super::stays(path, &inside) {
+            return Err(refused(crate::facts::header::HeaderFault::Linked { name: level }.into()));
+        }
+        (Some(image), inside, base_name(folder))
+    } else {
+        (of_level(folder), folder.to_path_buf(), base_name(folder))
+    };
+    let head = HEADS[..2].iter().map(|name| array_folder.join(name)).find(|path| path.is_file());
+    let head = head.unwrap_or_else(|| array_folder.join(HEADS[0]));
+    let what = if head == path { Some(what) } else { metadata(&head)? };
+    let what = what.ok_or_else(|| {
+        unusable(&head, ZarrFault::Json { cause: "it cannot be parsed as JSON".to_owned() })
+    })?;
+    let array = Array::read(&array_folder, &what).map_err(|fault| unusable(&head, fault))?;
+    volumes(array, image, name, &head)
+}
+
+/// What an image in the folder above states of this level.
+fn of_level(folder: &Path) -> Option<Image> {
+    let (above, level) = (folder.parent()?, folder.file_name()?.to_str()?);
+    let heads = [HEADS[0], HEADS[2]].map(|name| above.join(name));
+    let what = metadata(heads.iter().find(|path| path.is_file())?).ok()??;
+    Image::is_there(&what).then(|| Image::read(&what, Some(level)).ok()).flatten().map(|(image, _)| image)
+}
+
+/// The volumes of an array.
+fn volumes(
+    array: Array,
+    image: Option<Image>,
+    name: String,
+    head: &Path,
+) -> Result<Vec<Box<dyn VolumeSource>>> {
+    let refused = |fault: Fault| unusable(head, fault);
+    let side = |side: u64| u32::try_from(side).unwrap_or(u32::MAX);
+    let [nz, ny, nx] = array.size.map(side);
+    let dims =
+        Dims::new(nx, ny, nz).ok_or_else(|| refused(ZarrFault::Size { most: Dims::MAX_SIDE }.into()))?;
+    let by = Carrier::Zarr;
+    let mut notes = Vec::new();
+    let mut affine = Affine::from_spacing([1.0; 3]);
+    let mut spacing_mm = [1.0; 3];
+    match image.as_ref().map(|image| image.placed(array.axes(), &mut notes)).transpose().map_err(refused)? {
+        Some((spacing, origin)) => {
+            spacing_mm = spacing;
+            affine = Affine::from_spacing(spacing);
+            (0..3).for_each(|axis| affine.rows[axis][3] = origin[axis]);
+        }
+        None => notes.push(Note::AssumedSpacing { by }),
+    }
+    notes.push(Note::AssumedDirections { by });
+    notes.extend(array.samples.note());
+    let scalar = array.samples.delivered();
+    let array = Arc::new(array);
+    let count = array.leading_count().min(MAX_VOLUMES);
+    let volume = |number: u64| -> Box<dyn VolumeSource> {
+        let info = VolumeInfo {
+            dims,
+            scalar,
+            rescale: Rescale::IDENTITY,
+            spacing_mm,
+            affine,
+            description: SourceDescription {
+                format: "zarr".into(),
+                name: name.clone(),
+                files: array.file_count(),
+                bytes: dims.voxels() * array.samples.bytes() as u64,
+                ..SourceDescription::default()
+            },
+            notes: notes.clone(),
+        };
+        Box::new(ZarrVolume::new(Arc::clone(&array), number, info))
+    };
+    Ok((0..count).map(volume).collect())
+}

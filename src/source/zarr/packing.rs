@@ -1,0 +1,202 @@
+//! How the bytes of a chunk are packed, and chunks unpacked in pieces.
+
+use std::fs::File;
+use std::io::{self, Read as _};
+
+use super::array::{Place, unread};
+use super::{Read, blosc};
+use crate::facts::Fault;
+use crate::facts::zarr::ZarrFault;
+use crate::platform::FileExt;
+use crate::source::stored::section;
+
+/// Bytes that are handed on at once.
+pub(super) const PIECE: usize = 64 << 10;
+
+/// State of an inflater, and what reads a file ahead for it.
+const STREAM: u64 = 192 << 10;
+
+/// State of zstd's decoder besides its window.
+const ZSTD: u64 = 512 << 10;
+
+/// Receives a chunk in pieces, in order.
+pub(super) type Sink<'a> = dyn FnMut(&[u8]) -> io::Result<()> + 'a;
+
+/// How chunks are packed: one codec, and a checksum behind it.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Packing {
+    codec: Codec,
+    /// CRC-32C of all before its four bytes.
+    checked: bool,
+}
+
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+enum Codec {
+    #[default]
+    None,
+    Gzip,
+    Zlib,
+    Zstd,
+    /// One block behind its length in four bytes, as numcodecs writes it.
+    Lz4,
+    Blosc,
+}
+
+/// A fault of a chunk, to be named with its file.
+pub(super) fn chunk_fault(fault: ZarrFault) -> io::Error {
+    Fault::from(fault).in_stream()
+}
+
+pub(super) fn damaged(what: &'static str) -> io::Error {
+    chunk_fault(ZarrFault::Damaged { what })
+}
+
+impl Packing {
+    /// The same with another codec behind it.
+    pub(super) fn then(self, name: &str) -> Read<Self> {
+        let codec = match name {
+            "crc32c" if !self.checked => return Ok(Self { checked: true, ..self }),
+            "gzip" => Codec::Gzip,
+            "zlib" | "numcodecs.zlib" => Codec::Zlib,
+            "zstd" => Codec::Zstd,
+            "lz4" | "numcodecs.lz4" => Codec::Lz4,
+            "blosc" => Codec::Blosc,
+            other => return Err(unread(format!("the codec `{other}`"))),
+        };
+        if self != Self::default() {
+            return Err(unread("chunks that are packed twice"));
+        }
+        Ok(Self { codec, ..self })
+    }
+
+    pub(super) fn is_packed(self) -> bool {
+        self.codec != Codec::None
+    }
+
+    pub(super) fn is_checked(self) -> bool {
+        self.checked
+    }
+
+    /// Memory that unpacking a chunk takes, by its first bytes; `bytes` are those of a whole chunk.
+    ///
+    /// # Errors
+    /// The chunk cannot be read, or does not begin as it should.
+    pub(super) fn memory_bytes(self, place: &Place, bytes: u64) -> io::Result<u64> {
+        let piece = 3 * PIECE as u64;
+        Ok(piece
+            + match self.codec {
+                Codec::None => 0,
+                Codec::Gzip | Codec::Zlib => STREAM,
+                Codec::Zstd => ZSTD + zstd_window(place)?,
+                Codec::Lz4 => bytes + place.length,
+                Codec::Blosc => blosc::Header::read(place)?.memory_bytes(),
+            })
+    }
+
+    /// Hands the bytes of a chunk to `sink`; they are `bytes` long.
+    ///
+    /// # Errors
+    /// The chunk cannot be read, is damaged or of another length, or needs more memory than `allowed_bytes`.
+    pub(super) fn unpack(
+        self,
+        place: &Place,
+        bytes: u64,
+        allowed_bytes: u64,
+        sink: &mut Sink<'_>,
+    ) -> io::Result<()> {
+        let needed_bytes = self.memory_bytes(place, bytes)?;
+        if needed_bytes > allowed_bytes {
+            return Err(chunk_fault(ZarrFault::Uneven { needed_bytes, allowed_bytes }));
+        }
+        let Place { file, at, length } = place;
+        let mut length = *length;
+        if self.checked {
+            length = length.checked_sub(4).ok_or_else(|| chunk_fault(ZarrFault::Short))?;
+            check(file, *at, length)?;
+        }
+        let input = || section(file, *at, length);
+        match self.codec {
+            Codec::None => copy(input(), bytes, sink),
+            Codec::Gzip => copy(flate2::bufread::MultiGzDecoder::new(input()), bytes, sink),
+            Codec::Zlib => copy(flate2::bufread::ZlibDecoder::new(input()), bytes, sink),
+            Codec::Zstd => copy(zstd::stream::read::Decoder::with_buffer(input())?, bytes, sink),
+            Codec::Lz4 => {
+                let mut packed = vec![0; usize::try_from(length).unwrap_or(usize::MAX)];
+                file.read_exact_at(&mut packed, *at)?;
+                let (stated, packed) =
+                    packed.split_at_checked(4).ok_or_else(|| chunk_fault(ZarrFault::Short))?;
+                let stated = stated.try_into().map_or(0, u32::from_le_bytes);
+                if u64::from(stated) != bytes {
+                    return Err(damaged("its length"));
+                }
+                let mut plain = vec![0; stated as usize];
+                match lz4_flex::block::decompress_into(packed, &mut plain) {
+                    Ok(count) if count == plain.len() => plain.chunks(PIECE).try_for_each(sink),
+                    _ => Err(damaged("LZ4")),
+                }
+            }
+            Codec::Blosc => blosc::Header::read(place)?.unpack(place, length, bytes, sink),
+        }
+    }
+}
+
+/// Hands on a stream of exactly so many bytes.
+fn copy(mut stream: impl io::Read, bytes: u64, sink: &mut Sink<'_>) -> io::Result<()> {
+    let mut piece = vec![0; PIECE];
+    let mut left = bytes;
+    let stands = |cause: io::Error| match cause.kind() {
+        io::ErrorKind::UnexpectedEof => chunk_fault(ZarrFault::Short),
+        io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other => {
+            damaged("what packs it")
+        }
+        _ => cause,
+    };
+    while left > 0 {
+        let part = piece.get_mut(..usize::try_from(left).unwrap_or(PIECE).min(PIECE)).unwrap_or_default();
+        stream.read_exact(part).map_err(stands)?;
+        sink(part)?;
+        left -= part.len() as u64;
+    }
+    // The end of a stream holds its checksum.
+    let more = stream.by_ref().take(1).read(&mut piece[..1]).map_err(stands)?;
+    if more > 0 { Err(damaged("its length")) } else { Ok(()) }
+}
+
+/// Compares the bytes of a chunk with the CRC-32C behind them.
+fn check(file: &File, at: u64, length: u64) -> io::Result<()> {
+    let mut sum = 0;
+    let mut piece = vec![0; PIECE];
+    let mut done = 0;
+    while done < length {
+        let part = usize::try_from(length - done).unwrap_or(PIECE).min(PIECE);
+        file.read_exact_at(&mut piece[..part], at + done)?;
+        sum = crc32c::crc32c_append(sum, &piece[..part]);
+        done += part as u64;
+    }
+    let mut stated = [0; 4];
+    file.read_exact_at(&mut stated, at + length)?;
+    if sum.to_le_bytes() == stated { Ok(()) } else { Err(damaged("its checksum")) }
+}
+
+/// The window of a zstd frame (RFC 8878, section 3.1.1.1).
+fn zstd_window(place: &Place) -> io::Result<u64> {
+    const MAGIC: [u8; 4] = [0x28, 0xb5, 0x2f, 0xfd];
+    let mut head = [0; 18];
+    let there = usize::try_from(place.length).unwrap_or(usize::MAX).min(head.len());
+    place.file.read_exact_at(&mut head[..there], place.at)?;
+    if there < 6 || head[..4] != MAGIC {
+        return Err(damaged("no zstd frame"));
+    }
+    let (descriptor, window) = (head[4], head[5]);
+    if descriptor & 0x20 == 0 {
+        let base = 1_u64 << (10 + (window >> 3));
+        return Ok(base + base / 8 * u64::from(window & 7));
+    }
+    // A single segment: the window is the content, whose length follows what names a dictionary.
+    let from = 5 + [0, 1, 2, 4][usize::from(descriptor & 3)];
+    let bytes = [1, 2, 4, 8][usize::from(descriptor >> 6)];
+    let mut length = [0; 8];
+    length[..bytes].copy_from_slice(&head[from..from + bytes]);
+    let more = if bytes == 2 { 256 } else { 0 };
+    Ok(u64::from_le_bytes(length).saturating_add(more))
+}
