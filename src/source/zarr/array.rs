@@ -14,6 +14,9 @@ use crate::source::headed::sample_type;
 use crate::source::stored::Samples;
 use crate::volume::{Endian, ScalarType};
 
+/// Most chunks of a volume.
+const MAX_CHUNKS: u64 = 1 << 30;
+
 /// Longest index of a shard whose checksum is looked at for each of its chunks.
 const SHORT_INDEX: u64 = 16 << 10;
 
@@ -213,6 +216,10 @@ impl Array {
         let last =
             |of: &[u64]| if flat { [1, of[0], of[1]] } else { [of[first], of[first + 1], of[first + 2]] };
         let leading = shape.iter().zip(chunk).take(first).map(|(side, chunk)| [*side, *chunk]).collect();
+        let chunks = shape.iter().zip(chunk).rev().take(3);
+        if chunks.fold(1_u64, |all, (side, chunk)| all.saturating_mul(side.div_ceil(*chunk))) > MAX_CHUNKS {
+            return Err(unread("thousands of millions of chunks"));
+        }
         let (size, chunk, folder) = (last(shape), last(chunk), folder.to_path_buf());
         Ok(Self { folder, size, chunk, leading, flat, samples, endian, packing, fill, shard, keys })
     }
@@ -405,11 +412,11 @@ fn fill(samples: Samples, value: Option<&Value>) -> Read<Vec<u8>> {
     Ok(match samples.delivered() {
         ScalarType::U8 => vec![number as u8],
         ScalarType::I8 => vec![(number as i8).cast_unsigned()],
-        ScalarType::U16 => (number as u16).to_ne_bytes().to_vec(),
-        ScalarType::I16 => (number as i16).to_ne_bytes().to_vec(),
-        ScalarType::U32 => (number as u32).to_ne_bytes().to_vec(),
-        ScalarType::I32 => (number as i32).to_ne_bytes().to_vec(),
-        ScalarType::F32 => (number as f32).to_ne_bytes().to_vec(),
-        ScalarType::F64 => number.to_ne_bytes().to_vec(),
+        ScalarType::U16 => bytemuck::bytes_of(&(number as u16)).to_vec(),
+        ScalarType::I16 => bytemuck::bytes_of(&(number as i16)).to_vec(),
+        ScalarType::U32 => bytemuck::bytes_of(&(number as u32)).to_vec(),
+        ScalarType::I32 => bytemuck::bytes_of(&(number as i32)).to_vec(),
+        ScalarType::F32 => bytemuck::bytes_of(&(number as f32)).to_vec(),
+        ScalarType::F64 => bytemuck::bytes_of(&number).to_vec(),
     })
 }

@@ -19,6 +19,7 @@ const MOST_PARTS: usize = 16;
 /// What packs the parts of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Inner {
+    BloscLz,
     Lz4,
     Zlib,
     Zstd,
@@ -69,7 +70,7 @@ impl Header {
 
     /// Three blocks: packed, shuffled and plain.
     pub(super) fn memory_bytes(&self) -> u64 {
-        if self.plain { 0 } else { DECODER + 3 * self.block as u64 + 4 * self.blocks() }
+        DECODER + 3 * self.block as u64 + 4 * self.blocks()
     }
 
     fn blocks(&self) -> u64 {
@@ -81,7 +82,7 @@ impl Header {
             chunk_fault(ZarrFault::Unread { what: format!("chunks that Blosc packed with {what}") })
         };
         match self.inner {
-            0 => Err(unread("BloscLZ")),
+            0 => Ok(Inner::BloscLz),
             1 => Ok(Inner::Lz4),
             2 => Err(unread("Snappy")),
             3 => Ok(Inner::Zlib),
@@ -137,7 +138,7 @@ impl Header {
                 && !is_last
                 && self.sample <= MOST_PARTS
                 && self.block / self.sample >= LEAST_PART
-                && self.block % self.sample == 0;
+                && self.block.is_multiple_of(self.sample);
             let parts = if is_split { self.sample } else { 1 };
             let mut at = start;
             for part in shuffled.chunks_mut(size / parts) {
@@ -160,6 +161,7 @@ impl Header {
                     continue;
                 }
                 let made = match inner {
+                    Inner::BloscLz => blosclz(&packed, part),
                     Inner::Lz4 => lz4_flex::block::decompress_into(&packed, part).ok(),
                     Inner::Zstd => decoder.decompress_to_buffer(&packed, part).ok(),
                     Inner::Zlib => inflated(&packed, part),
@@ -194,6 +196,55 @@ fn inflated(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     let mut stream = flate2::Decompress::new(true);
     stream.decompress(packed, out, flate2::FlushDecompress::Finish).ok()?;
     usize::try_from(stream.total_out()).ok()
+}
+
+/// Unpacks BloscLZ, a kind of FastLZ: runs of literal bytes, and copies of what came before, within 8 KiB in two bytes
+/// and up to 64 KiB further in four.
+fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
+    const NEAR: usize = 8191;
+    let mut input = packed.iter().copied();
+    let mut made = 0;
+    let mut control = usize::from(input.next()? & 31);
+    loop {
+        if control < 32 {
+            let run = out.get_mut(made..made + control + 1)?;
+            for to in run {
+                *to = input.next()?;
+            }
+            made += control + 1;
+        } else {
+            let mut length = (control >> 5) + 2;
+            if length == 9 {
+                loop {
+                    let more = input.next()?;
+                    length += usize::from(more);
+                    if more < 255 {
+                        break;
+                    }
+                }
+            }
+            let (high, low) = (control & 31, usize::from(input.next()?));
+            let mut back = (high << 8) + low + 1;
+            if high == 31 && low == 255 {
+                back = (usize::from(input.next()?) << 8) + usize::from(input.next()?) + NEAR + 1;
+            }
+            let from = made.checked_sub(back)?;
+            if made + length > out.len() {
+                return None;
+            }
+            if back >= length {
+                out.copy_within(from..from + length, made);
+            } else {
+                // What is copied overlaps what it makes.
+                (0..length).for_each(|at| out[made + at] = out[from + at]);
+            }
+            made += length;
+        }
+        match input.next() {
+            Some(next) => control = usize::from(next),
+            None => return Some(made),
+        }
+    }
 }
 
 /// Puts the bytes of samples together: first all first bytes, then all second ones.
@@ -267,7 +318,8 @@ mod tests {
     #[test]
     fn bytes_and_bits_return_to_their_places() {
         for size in [1_usize, 2, 3, 4, 8, 11] {
-            let plain: Vec<u8> = (0..size * 40).map(|i| (i * 37 + i / 7) as u8).collect();
+            let plain: Vec<u8> =
+                (0..size * 40).map(|i| u8::try_from((i * 37 + i / 7) % 256).unwrap()).collect();
             let count = plain.len() / size;
             let (mut bytes, mut bits) = (vec![0; plain.len()], vec![0; plain.len()]);
             for (at, sample) in plain.chunks(size).enumerate() {

@@ -38,7 +38,7 @@ use volume::ZarrVolume;
 const MAX_METADATA: u64 = 4 << 20;
 
 /// Most volumes of one array that are offered.
-const MAX_VOLUMES: u64 = 1 << 16;
+const MAX_VOLUMES: u64 = 1 << 10;
 
 /// Files that describe an array or an image, the first of which counts.
 const HEADS: [&str; 3] = ["zarr.json", ".zarray", ".zattrs"];

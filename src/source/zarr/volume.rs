@@ -4,11 +4,12 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::{Arc, Mutex, PoisonError};
+use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
 use super::array::{Array, Place};
 use super::packing::{PIECE, chunk_fault};
+use crate::budget::Reservation;
 use crate::facts::SourceFault;
 use crate::facts::samples::ReadFault;
 use crate::facts::zarr::ZarrFault;
@@ -26,6 +27,9 @@ const OPEN: usize = 32;
 /// Bytes of rows that are read together.
 const SPAN: usize = 32 << 10;
 
+/// Place of a chunk that was never written.
+const NOWHERE: u32 = u32::MAX;
+
 /// Locks of chunks that are being unpacked.
 const LOCKS: usize = 64;
 
@@ -35,7 +39,7 @@ const NAMED: u64 = 1 << 16;
 /// One volume of an array.
 ///
 /// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file when they are first asked
-/// for, by the thread that asks: what no one reads is not unpacked. Memory: a byte a chunk, and for each reading
+/// for, by the thread that asks: what no one reads is not unpacked. Memory: four bytes a chunk, and for each reading
 /// thread what unpacks a chunk (for Blosc three of its blocks, for zstd its window).
 pub(super) struct ZarrVolume {
     array: Arc<Array>,
@@ -43,22 +47,29 @@ pub(super) struct ZarrVolume {
     number: u64,
     info: VolumeInfo,
     /// Memory that unpacking a chunk takes.
-    unpacking_bytes: u64,
+    unpacking_bytes: OnceLock<u64>,
     way: Way,
 }
 
+/// Files of chunks by their numbers; `None` where there is none.
+type OpenFiles = Mutex<Vec<(u64, Option<Arc<File>>)>>;
+
 enum Way {
     /// Chunks as they are, the last ones used first.
-    Plain(Mutex<Vec<(u64, Option<Arc<File>>)>>),
-    Packed(Option<Unpacked>),
+    Plain(OpenFiles),
+    Packed(Option<Box<Unpacked>>),
 }
 
 /// Chunks that were unpacked.
 struct Unpacked {
     scratch: File,
-    /// Which are.
-    done: Box<[AtomicBool]>,
+    /// Place of each chunk in the file, in chunks from 1 on; 0 where it was not asked for.
+    places: Box<[AtomicU32]>,
+    /// Chunks in the file: they follow each other as they are asked for, so that the file is written from front to back.
+    count: AtomicU32,
     locks: [Mutex<()>; LOCKS],
+    /// That of the places.
+    _memory: Reservation,
 }
 
 impl ZarrVolume {
@@ -66,23 +77,37 @@ impl ZarrVolume {
         let is_plain = !array.packing.is_packed() && !array.packing.is_checked() && !array.is_sharded();
         let is_plain = is_plain && matches!(array.samples, Samples::Plain(_));
         let way = if is_plain { Way::Plain(Mutex::default()) } else { Way::Packed(None) };
-        let mut new = Self { array, number, info, unpacking_bytes: 0, way };
-        // The first chunk that is there speaks for all; a damaged one is met again when it is read.
-        new.unpacking_bytes = if is_plain { 0 } else { new.probe() };
-        new
+        Self { array, number, info, unpacking_bytes: OnceLock::new(), way }
     }
 
-    /// Memory that the first chunk which is there takes to be unpacked; of very many only some are looked for.
+    /// Memory that unpacking a chunk takes, by the first ones that are there: chunks are of one size, and packed in one
+    /// way. A damaged one is met again when it is read.
+    fn unpacking_bytes(&self) -> u64 {
+        match self.way {
+            Way::Plain(_) => 0,
+            Way::Packed(_) => *self.unpacking_bytes.get_or_init(|| self.probe()),
+        }
+    }
+
     fn probe(&self) -> u64 {
+        const FOUND: usize = 8;
         const LOOKED_FOR: u64 = 4096;
         let (bytes, _) = self.array.within(self.number);
-        let all: u64 = self.array.chunks().iter().product();
+        let all = self.chunk_count();
         let step = all.div_ceil(LOOKED_FOR).max(1);
-        let found = (0..all).step_by(usize::try_from(step).unwrap_or(usize::MAX)).find_map(|at| {
+        let found = (0..all).step_by(usize::try_from(step).unwrap_or(usize::MAX)).filter_map(|at| {
             let place = self.array.place(self.number, self.chunk_at(at)).ok().flatten()?;
             self.array.packing.memory_bytes(&place, bytes).ok()
         });
-        found.unwrap_or(0) + 3 * PIECE as u64
+        found.take(FOUND).max().unwrap_or(0) + 3 * PIECE as u64
+    }
+
+    fn chunk_count(&self) -> u64 {
+        self.array.chunks().iter().product()
+    }
+
+    fn places_bytes(&self) -> u64 {
+        self.chunk_count().saturating_mul(size_of::<AtomicU32>() as u64)
     }
 
     fn chunk_at(&self, at: u64) -> [u64; 3] {
@@ -100,42 +125,33 @@ impl ZarrVolume {
         self.array.chunk.iter().product::<u64>() * self.info.scalar.bytes() as u64
     }
 
-    /// Writes a chunk to its place in the scratch file, unless that was done.
-    fn unpack(&self, unpacked: &Unpacked, chunk: [u64; 3]) -> io::Result<()> {
-        let number = self.chunk_number(chunk);
-        let slot = usize::try_from(number).unwrap_or(usize::MAX);
-        let Some(done) = unpacked.done.get(slot) else { return Err(ReadFault::NotUnrolled.into()) };
-        if done.load(Ordering::Acquire) {
-            return Ok(());
+    /// Where a chunk begins in the scratch file, to which it is written unless it was; `None` if it was never written.
+    fn unpack(&self, unpacked: &Unpacked, chunk: [u64; 3]) -> io::Result<Option<u64>> {
+        let slot = usize::try_from(self.chunk_number(chunk)).unwrap_or(usize::MAX);
+        let Some(known) = unpacked.places.get(slot) else { return Err(ReadFault::NotUnrolled.into()) };
+        let at = |place: u32| {
+            (place != NOWHERE).then(|| u64::from(place - 1).saturating_mul(self.delivered_bytes()))
+        };
+        match known.load(Ordering::Acquire) {
+            0 => {}
+            place => return Ok(at(place)),
         }
-        // A thread that panicked has not marked its chunk.
+        // A thread that panicked has given its chunk no place.
         let _only = unpacked.locks[slot % LOCKS].lock().unwrap_or_else(PoisonError::into_inner);
-        if done.load(Ordering::Acquire) {
-            return Ok(());
+        match known.load(Ordering::Acquire) {
+            0 => {}
+            place => return Ok(at(place)),
         }
-        let at = number * self.delivered_bytes();
-        match self.array.place(self.number, chunk)? {
-            None => self.fill(unpacked, at)?,
-            Some(place) => self.write(unpacked, &place, at)?,
-        }
-        done.store(true, Ordering::Release);
-        Ok(())
-    }
-
-    /// The value of what was never written.
-    fn fill(&self, unpacked: &Unpacked, at: u64) -> io::Result<()> {
-        if self.array.fill.iter().all(|byte| *byte == 0) {
-            return Ok(());
-        }
-        let piece = self.array.fill.repeat(PIECE / self.array.fill.len());
-        let bytes = self.delivered_bytes();
-        let mut written = 0;
-        while written < bytes {
-            let part = usize::try_from(bytes - written).unwrap_or(PIECE).min(PIECE);
-            unpacked.scratch.write_all_at(&piece[..part], at + written)?;
-            written += part as u64;
-        }
-        Ok(())
+        let place = match self.array.place(self.number, chunk)? {
+            None => NOWHERE,
+            Some(stored) => {
+                let place = unpacked.count.fetch_add(1, Ordering::Relaxed) + 1;
+                self.write(unpacked, &stored, at(place).unwrap_or(0))?;
+                place
+            }
+        };
+        known.store(place, Ordering::Release);
+        Ok(at(place))
     }
 
     fn write(&self, unpacked: &Unpacked, place: &Place, at: u64) -> io::Result<()> {
@@ -151,7 +167,7 @@ impl ZarrVolume {
             turn: (!is_same).then_some((samples, self.array.endian)),
             pending: Vec::new(),
         };
-        self.array.packing.unpack(place, bytes, self.unpacking_bytes, &mut |piece| writer.take(piece))?;
+        self.array.packing.unpack(place, bytes, self.unpacking_bytes(), &mut |piece| writer.take(piece))?;
         writer.flush()?;
         if writer.left > 0 { Err(chunk_fault(ZarrFault::Short)) } else { Ok(()) }
     }
@@ -163,21 +179,16 @@ impl ZarrVolume {
         let at = z % cz * cy * cx * size as u64 + at;
         match &self.way {
             Way::Packed(None) => Err(ReadFault::NotUnrolled.into()),
-            Way::Packed(Some(unpacked)) => {
-                self.unpack(unpacked, chunk)?;
-                let chunk_at = self.chunk_number(chunk) * self.delivered_bytes();
-                // What was never written is zero, and so is what lies behind the end of the file.
-                match unpacked.scratch.read_exact_at(out, chunk_at + at) {
-                    Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {
-                        out.fill(0);
-                        Ok(())
-                    }
-                    read => read,
+            Way::Packed(Some(unpacked)) => match self.unpack(unpacked, chunk)? {
+                Some(chunk_at) => unpacked.scratch.read_exact_at(out, chunk_at + at),
+                None => {
+                    self.fill(out);
+                    Ok(())
                 }
-            }
+            },
             Way::Plain(open) => {
                 let Some(file) = self.plain(open, chunk)? else {
-                    out.chunks_exact_mut(size).for_each(|sample| sample.copy_from_slice(&self.array.fill));
+                    self.fill(out);
                     return Ok(());
                 };
                 let (_, volume_at) = self.array.within(self.number);
@@ -192,11 +203,7 @@ impl ZarrVolume {
     }
 
     /// The file of a plain chunk, of those that are open or opened.
-    fn plain(
-        &self,
-        open: &Mutex<Vec<(u64, Option<Arc<File>>)>>,
-        chunk: [u64; 3],
-    ) -> io::Result<Option<Arc<File>>> {
+    fn plain(&self, open: &OpenFiles, chunk: [u64; 3]) -> io::Result<Option<Arc<File>>> {
         let number = self.chunk_number(chunk);
         let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
         let found = match open.iter().position(|(known, _)| *known == number) {
@@ -214,6 +221,12 @@ impl ZarrVolume {
         open.truncate(OPEN - 1);
         open.insert(0, found);
         Ok(file)
+    }
+
+    /// The value of what was never written. `out` begins and ends with whole samples.
+    fn fill(&self, out: &mut [u8]) {
+        let value = &self.array.fill;
+        out.chunks_exact_mut(value.len()).for_each(|sample| sample.copy_from_slice(value));
     }
 
     fn failed(&self, chunk: [u64; 3], z: u32, cause: io::Error) -> SourceError {
@@ -292,21 +305,23 @@ impl VolumeSource for ZarrVolume {
     fn preparation(&self) -> Preparation {
         match &self.way {
             Way::Packed(None) => Preparation {
-                scratch_bytes: self.array.chunks().iter().product::<u64>() * self.delivered_bytes(),
-                memory_bytes: 0,
+                scratch_bytes: self.chunk_count().saturating_mul(self.delivered_bytes()),
+                memory_bytes: self.places_bytes(),
             },
             _ => Preparation::default(),
         }
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
+        let (chunks, places_bytes) = (self.chunk_count(), self.places_bytes());
         if let Way::Packed(way @ None) = &mut self.way {
-            let chunks: u64 = self.array.chunks().iter().product();
-            let done = (0..chunks).map(|_| AtomicBool::new(false)).collect();
+            let memory = workspace.reserve(places_bytes, || self.array.path(self.number, [0; 3]))?;
+            let places = (0..chunks).map(|_| AtomicU32::new(0)).collect();
             let scratch = unnamed(workspace.scratch).map_err(|cause| {
                 SourceError::from(SourceFault::Scratch { path: workspace.scratch.to_path_buf(), cause })
             })?;
-            *way = Some(Unpacked { scratch, done, locks: std::array::from_fn(|_| Mutex::default()) });
+            let (count, locks) = (AtomicU32::new(0), std::array::from_fn(|_| Mutex::default()));
+            *way = Some(Box::new(Unpacked { scratch, places, count, locks, _memory: memory }));
         }
         Ok(())
     }
@@ -358,7 +373,7 @@ impl VolumeSource for ZarrVolume {
     }
 
     fn resident_bytes(&self) -> u64 {
-        self.unpacking_bytes
+        self.unpacking_bytes()
     }
 }
 

@@ -5,7 +5,7 @@
 use crate::prelude::*;
 
 /// Everything of a model but its metadata, which names the format.
-fn sections(path: &Path) -> Vec<Vec<u8>> {
+pub(super) fn sections(path: &Path) -> Vec<Vec<u8>> {
     let bytes = fs::read(path).unwrap();
     let model = Model::from_bytes(bytes.clone()).unwrap();
     let own = |e: &&infobyte::format::SectionEntry| e.kind != Some(SectionKind::Meta);
