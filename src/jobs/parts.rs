@@ -291,7 +291,8 @@ pub fn plan(
     let path = out.join("plan.json");
     write_plan(&file, out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
     let mut warnings = crate::facts::sentences(&source.info().notes);
-    if source.preparation() != Preparation::default() {
+    let needs = source.preparation();
+    if needs != Preparation::default() && !needs.on_demand {
         warnings.push(
             "the input can only be read from front to back: every part unrolls all of it first; store it uncompressed if there are many parts".into(),
         );

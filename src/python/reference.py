@@ -13,6 +13,7 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:] = [path for path in sys.path if pathlib.Path(path).resolve() != HERE]
 
 import infobyte  # noqa: E402
+from infobyte import distributed  # noqa: E402
 
 PAGE = HERE.parents[1] / "docs/PYTHON.md"
 
@@ -92,6 +93,7 @@ def page() -> str:
             parts += of_class(name, item)
         else:
             parts += [f"## `infobyte.{name}`", signature(name, item), shown(item.__doc__)]
+    parts += ["## `infobyte.distributed.build`", signature("build", distributed.build), shown(distributed.build.__doc__)]
     rows = [f"| `{name}` | {inspect.cleandoc(getattr(infobyte, name).__doc__)} |" for name in ERRORS]
     system = "| `FileNotFoundError`, `PermissionError`, `OSError`, ... | What the system refuses, with `errno` and `filename`; also `InfobyteError`. |"
     parts += ["## Exceptions", "\n".join(["| class | meaning |", "|---|---|", *rows, system])]

@@ -64,6 +64,7 @@ impl VolumeSource for AxisReversal {
         Preparation {
             scratch_bytes: self.info.dims.voxels() * bytes,
             memory_bytes: slice * (u64::from(self.info.dims.nx()) + 1),
+            on_demand: false,
         }
     }
 

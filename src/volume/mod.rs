@@ -128,6 +128,8 @@ pub struct Preparation {
     pub scratch_bytes: u64,
     /// Bytes of memory that are held while it is written, beyond what the source holds when opened.
     pub memory_bytes: u64,
+    /// Is only that unrolled which is read, when it is?
+    pub on_demand: bool,
 }
 
 /// Scratch space, memory and progress for a source that unrolls itself.

@@ -93,6 +93,7 @@ impl<T: Scalar> VolumeSource for Slices<'_, T> {
         Preparation {
             scratch_bytes: self.info.dims.voxels() * size_of::<T>() as u64,
             memory_bytes: (self.slice_samples() * size_of::<T>()) as u64,
+            on_demand: false,
         }
     }
 

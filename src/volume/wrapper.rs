@@ -210,7 +210,7 @@ mod tests {
     use crate::source::{RawOptions, RawVolume};
     use crate::volume::{Endian, ScalarType};
 
-    const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6 };
+    const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6, on_demand: true };
 
     /// A volume that has something of its own to say to every question.
     struct Scan(VolumeInfo);

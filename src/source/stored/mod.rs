@@ -123,6 +123,7 @@ impl VolumeSource for StoredVolume {
             Data::Sequential { recipe, spool: None } => Preparation {
                 scratch_bytes: self.info.dims.voxels() * self.info.scalar.bytes() as u64,
                 memory_bytes: recipe.memory_bytes(),
+                on_demand: false,
             },
             _ => Preparation::default(),
         }

@@ -307,6 +307,7 @@ impl VolumeSource for ZarrVolume {
             Way::Packed(None) => Preparation {
                 scratch_bytes: self.chunk_count().saturating_mul(self.delivered_bytes()),
                 memory_bytes: self.places_bytes(),
+                on_demand: true,
             },
             _ => Preparation::default(),
         }

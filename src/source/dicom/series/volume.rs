@@ -395,6 +395,7 @@ impl VolumeSource for DicomVolume {
             Some((dims, scalar)) => Preparation {
                 scratch_bytes: dims.voxels() * scalar.bytes() as u64,
                 memory_bytes: self.unroll_bytes,
+                on_demand: false,
             },
             None => Preparation::default(),
         }
