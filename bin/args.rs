@@ -24,7 +24,7 @@ use infobyte::jobs::export::MAX_SIMPLIFIED;
 
 pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
-pub(crate) use volume::{BatchArgs, BuildArgs, DemoArgs, RawArgs, ScanArgs};
+pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, ScanArgs};
 
 /// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.
 #[derive(Debug, Parser)]
@@ -38,7 +38,7 @@ pub(crate) struct Cli {
 pub(crate) enum Command {
     /// Build a model from a volume: a file, a folder (DICOM series or slices) or several slice files
     #[command(after_help = examples::BUILD)]
-    Build(BuildArgs),
+    Build(BuildCommand),
     /// Convert every volume below some folders, with thumbnails and a report
     #[command(after_help = examples::BATCH)]
     Batch(BatchArgs),
@@ -105,7 +105,7 @@ impl Command {
     /// Is the report asked for as JSON?
     pub(crate) fn json(&self) -> bool {
         match self {
-            Self::Build(args) => args.json,
+            Self::Build(args) => args.build.json,
             Self::Batch(args) => args.json,
             Self::Scan(args) => args.json,
             Self::Plan(args) => args.build.json,
@@ -341,7 +341,7 @@ mod tests {
     fn build(extra: &[&str]) -> Result<BuildArgs, clap::Error> {
         let line = ["oct", "build", "in.raw", "-o", "out.oct"].iter().chain(extra);
         match Cli::try_parse_from(line)?.command {
-            Command::Build(args) => Ok(args),
+            Command::Build(args) => Ok(args.build),
             other => panic!("{other:?}"),
         }
     }

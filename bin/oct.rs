@@ -111,7 +111,8 @@ fn first_paragraph(printed: &str) -> String {
 
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
-        Command::Build(args) => build(&args),
+        Command::Build(args) if args.resume => parts::resume(&args.build),
+        Command::Build(args) => build(&args.build),
         Command::Batch(args) => batch(&args),
         Command::Scan(args) => scan(&args),
         Command::Plan(args) => parts::plan(&args),

@@ -68,6 +68,20 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }
 
+/// `oct build --resume`.
+pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.output.as_path()], Dash::Model)?;
+    refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
+    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    infobyte::jobs::give_back();
+    let build = Build::of(args)?;
+    let bars = Bars::new(args.quiet || args.json);
+    let report = parts::resume(&input(&build, &args.output, &bars));
+    bars.finish();
+    let report = report?;
+    Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
+}
+
 pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
     refuse_dash([args.output.as_path()], Dash::Model)?;

@@ -18,6 +18,17 @@ use infobyte::volume::{Endian, ScalarType};
 use super::{Switch, ThreadArgs, parse};
 use crate::failure::Refusal;
 
+/// `oct build`: what other commands build as well, and what only it can.
+#[derive(Debug, Args)]
+pub(crate) struct BuildCommand {
+    #[command(flatten)]
+    pub(crate) build: BuildArgs,
+    /// Build in parts of 128 slices, in a folder beside the output with .parts added to its name; a build that was stopped
+    /// goes on from those that are there, and the report is that of merge
+    #[arg(long)]
+    pub(crate) resume: bool,
+}
+
 #[derive(Debug, Args)]
 pub(crate) struct BuildArgs {
     /// A file, a folder, or several slice files; - for headerless voxels on standard input

@@ -14,7 +14,7 @@ use sha2::{Digest, Sha256};
 use super::build::{BuildJob, prepare};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, MemoryCap, peak_rss_bytes};
-use crate::builder::parts::{Cuts, NotInParts, PartFault, PartFile, PartId, join};
+use crate::builder::parts::{Cuts, Joined, NotInParts, PartFault, PartFile, PartId, join};
 use crate::builder::{self, BuildError, BuildFault, BuildOptions, Progress, Threshold, cell_dims};
 use crate::clean::CleanOptions;
 use crate::error::Error;
@@ -172,6 +172,13 @@ impl PartsInput<'_> {
             (!cleaning.is_empty(), NotInParts::Cleaning { operations: cleaning.operations().join(", ") }),
         ];
         found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
+    }
+
+    /// The options of a part, with the threshold of its preset.
+    fn options(&self) -> BuildOptions {
+        let BuildJob { clean, options, .. } = self.job;
+        let threshold = clean.preset.map_or(options.threshold, |preset| preset.threshold());
+        BuildOptions { threshold, ..options.clone() }
     }
 
     /// Opens and reshapes the volume.
@@ -367,23 +374,16 @@ pub struct PartReport {
 pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartReport, Error> {
     let started = Instant::now();
     let id = plan.part(number)?;
-    let BuildJob { clean, options, progress, .. } = input.job;
+    let BuildJob { clean, progress, .. } = input.job;
     let mut source = input.open()?;
     if input.digest(&*source, plan.file.parts)? != (plan.dims, plan.digest) {
         return Err(refused(&plan.path, PartFault::OtherPlan));
     }
     let path = id.path(plan.folder());
-    let is_sound = |found: Option<PartFile>| found.map(|part| part.check(progress)).transpose();
-    let was_there = match PartFile::open(&id, plan.folder()).and_then(is_sound) {
-        Ok(found) => found.is_some(),
-        // It is written again; what cannot be read is not replaced.
-        Err(error) if matches!(error.kind(), crate::exit::ExitKind::Input) => false,
-        Err(error) => return Err(error.into()),
-    };
+    let was_there = is_there(&id, plan.folder(), progress)?;
     let mut part_voxels = None;
     if !was_there {
-        let threshold = clean.preset.map_or(options.threshold, |preset| preset.threshold());
-        let options = BuildOptions { threshold, ..options.clone() };
+        let options = input.options();
         prepare(&mut *source, clean, &options, &path, progress)?;
         input.job.give_back();
         let built = builder::build_volume_part(&*source, &options, &path, &id, progress)?;
@@ -402,6 +402,60 @@ pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartRepo
     })
 }
 
+/// Is a part there, whole and sound? What is damaged is built again; what cannot be read is not replaced.
+fn is_there(id: &PartId, folder: &Path, progress: &dyn Progress) -> Result<bool, Error> {
+    let is_sound = |found: Option<PartFile>| found.map(|part| part.check(progress)).transpose();
+    match PartFile::open(id, folder).and_then(is_sound) {
+        Ok(found) => Ok(found.is_some()),
+        Err(error) if matches!(error.kind(), crate::exit::ExitKind::Input) => Ok(false),
+        Err(error) => Err(error.into()),
+    }
+}
+
+/// Builds a model in parts of 128 slices, one after the other, in a folder beside [`BuildJob::output`]; those that are
+/// there from a build of the same input and options that was stopped are not built again. The folder is removed at the end.
+///
+/// # Errors
+/// As [`part`] and [`merge`]; the parts that are done stay.
+pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
+    let started = Instant::now();
+    let BuildJob { clean, progress, output, .. } = input.job;
+    let mut source = input.open()?;
+    // Cells have one layer more than samples.
+    let parts = (source.info().dims.nz() + 1).div_ceil(128).min(MAX_PARTS);
+    let (dims, digest) = input.digest(&*source, parts)?;
+    let cuts = Cuts { dims, parts };
+    let mut folder = output.as_os_str().to_owned();
+    folder.push(".parts");
+    let folder = PathBuf::from(folder);
+    let failed = |cause| Error::Output { path: folder.clone(), cause };
+    std::fs::create_dir_all(&folder).map_err(failed)?;
+    let options = input.options();
+    let mut is_ready = false;
+    for number in 0..parts {
+        let id = PartId { digest, number, cuts };
+        if is_there(&id, &folder, progress)? {
+            continue;
+        }
+        let path = id.path(&folder);
+        if !is_ready {
+            prepare(&mut *source, clean, &options, &path, progress)?;
+            input.job.give_back();
+            is_ready = true;
+        }
+        builder::build_volume_part(&*source, &options, &path, &id, progress)?;
+    }
+    let joined = join(digest, cuts, &folder, output, progress)?;
+    // Parts of builds with other options, too; what else lies there stays, and so does the folder then.
+    for entry in std::fs::read_dir(&folder).map_err(failed)?.flatten() {
+        if entry.path().extension().is_some_and(|extension| extension == "part") {
+            std::fs::remove_file(entry.path()).map_err(failed)?;
+        }
+    }
+    let _ = std::fs::remove_dir(&folder);
+    Ok(MergeReport::of(&joined, (&folder, output), parts, started))
+}
+
 impl PartReport {
     /// For people.
     pub fn text(&self) -> String {
@@ -417,7 +471,7 @@ impl PartReport {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MergeReport {
-    /// File of the plan.
+    /// File of the plan; of a build that may be resumed the folder of its parts.
     pub plan: String,
     /// Output as named on the command line.
     pub output: String,
@@ -450,22 +504,26 @@ pub struct MergeReport {
 pub fn merge(plan: &Plan, output: &Path, progress: &dyn Progress) -> Result<MergeReport, Error> {
     let started = Instant::now();
     let joined = join(plan.digest, plan.cuts(), plan.folder(), output, progress)?;
-    Ok(MergeReport {
-        plan: data(&plan.path),
-        output: data(output),
-        parts: plan.file.parts,
-        skin_voxels: joined.voxels,
-        nodes: joined.nodes,
-        bytes: joined.file_bytes,
-        join_s: joined.seconds.merge,
-        seal_s: joined.seconds.seal,
-        commit_s: joined.seconds.commit,
-        peak_rss_bytes: peak_rss_bytes(),
-        wall_s: started.elapsed().as_secs_f64(),
-    })
+    Ok(MergeReport::of(&joined, (&plan.path, output), plan.file.parts, started))
 }
 
 impl MergeReport {
+    fn of(joined: &Joined, (plan, output): (&Path, &Path), parts: u32, started: Instant) -> Self {
+        Self {
+            plan: data(plan),
+            output: data(output),
+            parts,
+            skin_voxels: joined.voxels,
+            nodes: joined.nodes,
+            bytes: joined.file_bytes,
+            join_s: joined.seconds.merge,
+            seal_s: joined.seconds.seal,
+            commit_s: joined.seconds.commit,
+            peak_rss_bytes: peak_rss_bytes(),
+            wall_s: started.elapsed().as_secs_f64(),
+        }
+    }
+
     /// For people.
     pub fn text(&self) -> String {
         format!(

@@ -281,6 +281,55 @@ fn parts_and_merges_that_are_killed_leave_nothing_and_the_bytes_are_the_same_in_
 }
 
 #[test]
+fn a_build_that_is_killed_goes_on_from_its_parts() {
+    for (surface, budget) in [("cells", "16MiB"), ("skin", "12MiB")] {
+        let job = Job::new([90, 200, 700], ScalarType::U16, &["--surface", surface, "--iso", "40"]);
+        let whole = job.whole();
+        let output = text(&job.path("all.oct"));
+        let resume = ["-o", &output, "--resume", "--memory", budget, "--scratch"];
+        let scratch = text(job.folder.path());
+        let arguments: Vec<&str> = ["build"]
+            .into_iter()
+            .chain(job.source.iter().map(String::as_str))
+            .chain(resume)
+            .chain([&*scratch])
+            .collect();
+        let mut random = Random(5);
+        let (mut most, mut tries) = (0, 0_u64);
+        while !job.path("all.oct").exists() {
+            let mut child = Command::new(binary())
+                .args(&arguments)
+                .stdin(Stdio::null())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null())
+                .spawn()
+                .unwrap();
+            // Longer each time, so that it ends on any machine.
+            tries += 1;
+            sleep(Duration::from_millis(5 + random.below(20 + 10 * tries)));
+            let _ = child.kill();
+            child.wait().unwrap();
+            let parts =
+                if job.path("all.oct.parts").exists() { names(&job.path("all.oct.parts")).len() } else { 0 };
+            // What was finished is not lost, and nothing is half-written.
+            assert!(parts >= most || job.path("all.oct").exists());
+            most = parts.max(most);
+        }
+        assert!(fs::read(&output).unwrap() == whole);
+        // Once more: over the old model, and over parts of other options that were left.
+        fs::create_dir_all(job.path("all.oct.parts")).unwrap();
+        fs::write(job.path("all.oct.parts/0123456789abcdef01234567-0000.part"), [1; 50]).unwrap();
+        let report = oct(&[&arguments[..], &["--json"]].concat()).json();
+        assert_eq!((&report["parts"], &report["output"]), (&json!(6), &json!(output)));
+        assert!(fs::read(&output).unwrap() == whole);
+        assert_eq!(names(job.folder.path()), ["all.oct", "one.oct", "v.raw"]);
+    }
+    let job = Job::new([30, 30, 30], ScalarType::U8, &["--otsu"]);
+    job.run(&["build"], &["-o", &text(&job.path("a.oct")), "--resume"]).refused(2, &["--iso"]);
+    assert_eq!(names(job.folder.path()), ["v.raw"]);
+}
+
+#[test]
 fn the_script_for_slurm_builds_what_its_array_is_given_and_passes_the_exit_code_on() {
     let job = Job::new([70, 140, 300], ScalarType::U8, &["--surface", "skin", "--iso", "40"]);
     let whole = job.whole();

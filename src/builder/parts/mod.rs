@@ -38,7 +38,7 @@ mod write;
 
 pub(crate) use cut::{Cuts, PartId};
 pub(crate) use fault::{NotInParts, PartFault};
-pub(crate) use join::join;
+pub(crate) use join::{Joined, join};
 pub(crate) use read::PartFile;
 pub(super) use record::{RecordForm, Stretch};
 pub(super) use write::PartWriter;

@@ -82,6 +82,24 @@ def test_zarr(bumps):
     assert content(built(array, spacing=SPACING[::-1], origin=ORIGIN).path) == wanted(bumps, affine())
 
 
+def test_zarr_by_path(bumps):
+    """The reader of the library, which holds no whole chunk, against arrays that zarr wrote."""
+    zarr = pytest.importorskip("zarr", minversion="3")
+    import numcodecs
+    from zarr.codecs import BloscCodec, BytesCodec, Crc32cCodec, GzipCodec, ZstdCodec
+
+    two = [None, numcodecs.GZip(), numcodecs.Zlib(), numcodecs.LZ4(), numcodecs.Zstd()]
+    two += [numcodecs.Blosc(name, 5, way) for name in ("blosclz", "lz4", "lz4hc", "zlib", "zstd") for way in (0, 1, 2)]
+    three = [{"compressors": packed} for packed in (None, GzipCodec(), ZstdCodec(), BloscCodec(), [ZstdCodec(), Crc32cCodec()])]
+    three += [{"shards": (16, 32, 32), "compressors": ZstdCodec()}, {"serializer": BytesCodec(endian="big"), "compressors": None}]
+    ways = [{"zarr_format": 2, "compressors": packed} for packed in two] + [{"zarr_format": 3, **way} for way in three]
+    reference = wanted(bumps, np.eye(4))
+    for number, way in enumerate(ways):
+        array = zarr.create_array(f"{number}.zarr", shape=bumps.shape, chunks=(8, 16, 16), dtype=bumps.dtype, **way)
+        array[:] = bumps
+        assert content(built(f"{number}.zarr").path) == reference, way
+
+
 def test_h5py(bumps):
     h5py = pytest.importorskip("h5py")
     with h5py.File("a.h5", "w") as file:
