@@ -471,7 +471,7 @@ impl PartReport {
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MergeReport {
-    /// File of the plan; of a build that may be resumed the folder of its parts.
+    /// File of the plan.
     pub plan: String,
     /// Output as named on the command line.
     pub output: String,
