@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_fine_model;
+use super::opened::open_model;
 use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
@@ -159,15 +159,14 @@ impl Files {
                 Some(at) => at,
                 None => {
                     files.models.push(
-                        open_fine_model(&path, if is_scene(scene_path) { "put into a scene" } else { "cut" })
-                            .map_err(|error| match error {
-                                Error::Load(cause) if is_scene(scene_path) => {
-                                    let key = Key { table: Table::Model(number), name: "file" };
-                                    let fault = SceneFault::File { key, told: cause.to_string() };
-                                    Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
-                                }
-                                other => other,
-                            })?,
+                        open_model(&path).map_err(|error| match error {
+                            Error::Load(cause) if is_scene(scene_path) => {
+                                let key = Key { table: Table::Model(number), name: "file" };
+                                let fault = SceneFault::File { key, told: cause.to_string() };
+                                Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                            }
+                            other => other,
+                        })?,
                     );
                     files.paths.push(path);
                     known.push(real);
