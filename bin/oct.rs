@@ -37,7 +37,7 @@ use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::mesh::usual_channels;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
 use infobyte::text::{self, data, plain, shown};
-use infobyte::volume::Placement;
+use infobyte::volume::{Overlap, Placement};
 use infobyte::{CleanOptions, Error, ErrorReport, ExitKind, Progress};
 use serde::Serialize;
 
@@ -206,6 +206,7 @@ impl Build {
             threshold: args.selection.threshold(),
             labels: args.labels.clone(),
             label_names,
+            overlap: args.overlap.policy(),
             surface,
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or(usual),
@@ -270,6 +271,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             threshold: args.selection.threshold(),
             labels: None,
             label_names: Vec::new(),
+            overlap: Overlap::default(),
             surface: args.skin.surface(false),
             connectivity: args.skin.connectivity,
             channels: args.skin.channels.unwrap_or_default(),

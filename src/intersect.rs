@@ -7,6 +7,7 @@
 //!
 //! A solid that lies deep inside another does not touch it: models hold skins.
 
+use crate::format::cell::PlanePart;
 use crate::geom::{Affine, BoxIndex, Octant, cross, dot};
 use crate::load::{ModelView, NodeView};
 
@@ -81,11 +82,13 @@ struct Cube {
     number: BoxIndex,
     low: [u32; 3],
     level: u32,
+    /// Of a part of a larger leaf.
+    leaf: Option<PlanePart>,
 }
 
 impl Cube {
     fn root(view: &ModelView<'_>) -> Self {
-        Self { number: BoxIndex::ROOT, low: [0; 3], level: view.depth() }
+        Self { number: BoxIndex::ROOT, low: [0; 3], level: view.depth(), leaf: None }
     }
 
     fn edge(self) -> f64 {
@@ -96,14 +99,24 @@ impl Cube {
         self.low.map(|c| f64::from(c) + self.edge() / 2.0)
     }
 
+    /// Those of a larger leaf are the boxes within it that its plane passes through.
     fn children(self, view: &ModelView<'_>) -> impl Iterator<Item = Self> {
         let node = self.number.node();
-        let (infobyte, first) = (view.infobyte(node), view.first_child(node));
+        let leaf = self.leaf.or_else(|| view.is_leaf(node).then(|| PlanePart::of(view.leaf_plane(node))));
+        let (infobyte, first) = match leaf {
+            Some(_) => (u8::MAX, self.number),
+            None => (view.infobyte(node), view.first_child(node)),
+        };
         let level = self.level.saturating_sub(1);
-        Octant::ALL.into_iter().filter(move |octant| octant.is_in(infobyte)).map(move |octant| {
+        Octant::ALL.into_iter().filter(move |octant| octant.is_in(infobyte)).filter_map(move |octant| {
             let high = octant.high();
             let low = std::array::from_fn(|a| self.low[a] + (high[a] << level));
-            Self { number: first.after(octant.rank_in(infobyte)), low, level }
+            match leaf.map(|leaf| leaf.octant(octant)) {
+                Some(leaf) => {
+                    leaf.is_crossed().then_some(Self { number: first, low, level, leaf: Some(leaf) })
+                }
+                None => Some(Self { number: first.after(octant.rank_in(infobyte)), low, level, leaf: None }),
+            }
         })
     }
 }

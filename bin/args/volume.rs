@@ -13,7 +13,7 @@ use infobyte::jobs::build::GridOptions;
 use infobyte::mesh::Fill;
 use infobyte::mesh::GridChoice;
 use infobyte::source::{GapPolicy, SubjectKind};
-use infobyte::volume::{Endian, ScalarType};
+use infobyte::volume::{Endian, Overlap, ScalarType};
 
 use super::{Switch, ThreadArgs, parse};
 use crate::failure::Refusal;
@@ -50,6 +50,9 @@ pub(crate) struct BuildArgs {
     /// SEG tools
     #[arg(long, value_name = "FILE", requires = "labels")]
     pub(crate) names: Option<PathBuf>,
+    /// Of several masks of one grid, which become one map of labels: whose a voxel is that several hold
+    #[arg(long, value_enum, default_value_t = OverlapArg::Last, requires = "labels")]
+    pub(crate) overlap: OverlapArg,
     /// Peak resident memory of the whole process
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
@@ -351,6 +354,24 @@ pub(crate) enum Gaps {
     Error,
     Fill,
     Keep,
+}
+
+/// Whose a voxel of several masks is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum OverlapArg {
+    First,
+    Last,
+    Refuse,
+}
+
+impl OverlapArg {
+    pub(crate) fn policy(self) -> Overlap {
+        match self {
+            Self::First => Overlap::First,
+            Self::Last => Overlap::Last,
+            Self::Refuse => Overlap::Refuse,
+        }
+    }
 }
 
 /// What is done to the volume before it is built, in the order of these options.

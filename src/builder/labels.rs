@@ -10,6 +10,7 @@
 //! Memory is that of [`worker_bytes`].
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
+use std::borrow::Cow;
 use std::path::PathBuf;
 use std::str::FromStr;
 use std::sync::{Mutex, PoisonError};
@@ -103,6 +104,15 @@ pub(super) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
     (ring + staged + SLICE_VOXELS * 21 + MAX_LABELS * size_of::<Count>()) as u64
 }
 
+/// What a table states of labels; what the input states where there is no table.
+fn names<'a>(table: &'a [LabelName], stated: &[(u16, String)]) -> Cow<'a, [LabelName]> {
+    if !table.is_empty() {
+        return Cow::Borrowed(table);
+    }
+    let of = |(number, name): &(u16, String)| LabelName { number: *number, name: name.clone(), color: None };
+    stated.iter().map(of).collect()
+}
+
 /// The solid of the labels that are chosen.
 ///
 /// # Errors
@@ -126,7 +136,7 @@ pub(super) fn label_solid<'a>(
     let solid = LabelSolid {
         source,
         choice,
-        names: &options.label_names,
+        names: names(&options.label_names, &source.info().description.labels),
         gradient,
         rule: NormalRule::new(spacing_mm, gradient),
         weights: std::iter::once(estimate.taps).chain(estimate.more).map(Weights::new).collect(),
@@ -152,7 +162,7 @@ type Count = (u16, u64);
 struct LabelSolid<'a> {
     source: &'a dyn VolumeSource,
     choice: &'a LabelChoice,
-    names: &'a [LabelName],
+    names: Cow<'a, [LabelName]>,
     gradient: Gradient,
     rule: NormalRule,
     estimate: Estimate,
@@ -264,7 +274,7 @@ impl<T: Ordered> Solid for Typed<'_, T> {
 
     /// A table that names other labels, or the first label that was asked for and has no voxel.
     fn note(&self) -> Option<BuildNote> {
-        let (found, names) = (self.0.found(), self.0.names);
+        let (found, names) = (self.0.found(), &self.0.names);
         let is_found = |named: &LabelName| found.binary_search_by_key(&named.number, |count| count.0).is_ok();
         if !names.is_empty() && !names.iter().any(is_found) {
             return Some(BuildNote::LabelsUnnamed { named: names.len() });

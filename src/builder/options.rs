@@ -8,6 +8,7 @@ use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
+use crate::volume::Overlap;
 
 /// How to choose what is inside; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,6 +71,8 @@ pub struct BuildOptions {
     pub labels: Option<LabelChoice>,
     /// Their names and colours, as far as they are known.
     pub label_names: Vec<LabelName>,
+    /// Of several masks that are built together: whose a voxel is that several hold.
+    pub overlap: Overlap,
     /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
     /// Other solids know for themselves.
     pub surface: SurfaceKind,
@@ -104,6 +107,7 @@ impl Default for BuildOptions {
             threshold: Threshold::Otsu,
             labels: None,
             label_names: Vec::new(),
+            overlap: Overlap::default(),
             surface: SurfaceKind::Skin,
             connectivity: Connectivity::Thin26,
             channels: Channels::default(),

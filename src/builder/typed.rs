@@ -83,8 +83,10 @@ impl<'a> TypedVolume<'a> {
         Ok(match self.surface {
             SurfaceKind::Skin => Box::new(volume),
             SurfaceKind::Cells => {
-                let VolumeInfo { dims, description, .. } = self.chooser.source.info();
-                Box::new(CellSolid::new(volume, grid_dims(*dims, self.surface, &description.name)?))
+                let VolumeInfo { dims, description, spacing_mm, .. } = self.chooser.source.info();
+                let dims = grid_dims(*dims, self.surface, &description.name)?;
+                let bound = self.options.error.map_or(0.0, |error| error.voxels(*spacing_mm));
+                Box::new(CellSolid::new(volume, dims, bound))
             }
         })
     }

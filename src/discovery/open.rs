@@ -22,7 +22,9 @@ use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::InfoOverride;
 use crate::volume::place;
-use crate::volume::{FileWatch, Result, SourceError, VolumeSource, Workspace};
+use crate::volume::{
+    FileWatch, MAX_MASKS, MaskPart, Masks, Overlap, Result, SourceError, VolumeSource, Workspace,
+};
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -120,6 +122,11 @@ pub(crate) fn open_unprepared_in(
         }
         return Err(nothing(inputs, &found, first));
     }
+    if let (Some(overlap), None) = (options.masks, options.volume)
+        && let Some(masks) = masks(&found, overlap)?
+    {
+        return Ok(masks);
+    }
     let mut choice = Chooser { wanted: options.volume, ..Chooser::default() };
     for item in 0..found.len() {
         for finding in found.open_unnamed(item) {
@@ -127,6 +134,38 @@ pub(crate) fn open_unprepared_in(
         }
     }
     choice.decide(first, &found)
+}
+
+/// Several volumes as the masks of one map; `None` where there is one volume.
+fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSource>>> {
+    let findings: Vec<Finding> = (0..found.len()).flat_map(|item| found.open_unnamed(item)).collect();
+    let count = findings.len();
+    if count < 2 {
+        return Ok(None);
+    }
+    if count > MAX_MASKS {
+        let path = findings[0].path.clone();
+        let misuse = Misuse::ManyMasks { found: count, most: MAX_MASKS };
+        return Err(SourceFault::Usage { path, misuse }.into());
+    }
+    let mut parts: Vec<MaskPart> = Vec::new();
+    for (number, finding) in (1..).zip(findings) {
+        let name = match finding.part {
+            Some(part) => part,
+            None => stem(&finding.path),
+        };
+        if let Some(source) = finding.subject?.into_volume() {
+            parts.push(MaskPart { source, number, name });
+        }
+    }
+    let volume: Box<dyn VolumeSource> = Box::new(Masks::of(parts, overlap)?);
+    Ok(Some(volume))
+}
+
+/// A file's name without what follows its first dot: `liver` of `liver.nii.gz`.
+fn stem(path: &Path) -> String {
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    name.split_once('.').map_or(&*name, |(stem, _)| stem).to_owned()
 }
 
 impl Subject {

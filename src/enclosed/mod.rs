@@ -20,7 +20,7 @@ mod skin;
 mod sweep;
 
 pub(crate) use rows::Rows;
-pub(crate) use skin::{SkinSlices, SkinVoxel, extent};
+pub(crate) use skin::{LeafCell, SkinSlices, SkinVoxel, extent};
 pub(crate) use sweep::{Fates, Sweep};
 
 use crate::format::normal;

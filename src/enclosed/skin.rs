@@ -1,7 +1,12 @@
 //! The skin of a model, slice by slice.
+//!
+//! A larger leaf (SPEC 4.9) comes as all the cells of its box, each with the part of the leaf's plane in it ([`PlanePart`]).
 
-use crate::geom::{BoxIndex, Octant, VoxelIndex};
-use crate::load::{ModelView, NodeView};
+use std::ops::Range;
+
+use crate::format::cell::{Plane, PlanePart};
+use crate::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
 /// Slices that are taken from the octree at a time: a power of two, from 2 on.
 const SLAB: u32 = 4;
@@ -11,8 +16,104 @@ const SLAB: u32 = 4;
 pub(crate) struct SkinVoxel {
     pub(crate) y: u32,
     pub(crate) x: u32,
+    /// Its number; of a cell of a larger leaf none that there is.
     pub(crate) voxel: VoxelIndex,
+    pub(crate) leaf: Option<LeafCell>,
 }
+
+/// The plane of a larger leaf in one of its cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct LeafCell {
+    pub(crate) code: u16,
+    /// Of the cell's coordinates: -127..127 where the plane passes through it, more where the cell lies behind it.
+    pub(crate) offset: i16,
+}
+
+impl LeafCell {
+    /// Does the plane pass through the cell?
+    pub(crate) fn is_crossed(self) -> bool {
+        (-127..127).contains(&self.offset)
+    }
+
+    /// The same as a cell stores it: all of it inside at 127.
+    pub(crate) fn clamped(self) -> i8 {
+        i8::try_from(self.offset.clamp(-127, 127)).unwrap_or(i8::MAX)
+    }
+}
+
+impl SkinVoxel {
+    /// The code of its normal, if the model has normals.
+    pub(crate) fn code(&self, view: &ModelView<'_>) -> Option<u16> {
+        match self.leaf {
+            Some(leaf) => Some(leaf.code),
+            None => view.voxel_normal(self.voxel),
+        }
+    }
+
+    /// Is it part of the surface, and no cell of a larger leaf that the plane misses?
+    pub(crate) fn is_surface(&self) -> bool {
+        self.leaf.is_none_or(LeafCell::is_crossed)
+    }
+
+    /// The surface within a cell.
+    pub(crate) fn shape(&self, cells: &CellItems<'_>) -> CellShape {
+        match self.leaf {
+            Some(leaf) => CellShape::Plane(Plane::new(leaf.code, leaf.clamped())),
+            None => cells.shape(self.voxel.get()),
+        }
+    }
+
+    /// The offset of a cell's plane, or `HAS_CORNERS`.
+    pub(crate) fn offset(&self, cells: &CellItems<'_>) -> i16 {
+        self.leaf.map_or_else(|| cells.offset(self.voxel.get()).into(), |leaf| leaf.offset)
+    }
+}
+
+/// A larger leaf in its place.
+struct Leaf {
+    code: u16,
+    plane: PlanePart,
+    low: [u32; 3],
+    edge: u32,
+}
+
+impl Leaf {
+    fn of(view: &ModelView<'_>, node: NodeIndex, low: [u32; 3], level: u32) -> Self {
+        let (code, offset) = view.leaf_items(node);
+        // A damaged model may have them anywhere.
+        let edge = 1 << level.min(MAX_LEAF_LEVEL);
+        Self { code, plane: PlanePart::of(Plane::new(code, offset)), low, edge }
+    }
+
+    /// The plane in a cell, by its place in the box.
+    #[expect(clippy::cast_possible_truncation, reason = "at most 127 (2 x 32 - 1)")]
+    fn cell(&self, at: [u32; 3]) -> LeafCell {
+        LeafCell { code: self.code, offset: self.plane.cell(self.edge, at).offset() as i16 }
+    }
+
+    /// The least or greatest coordinate along an axis of a cell that the plane passes through.
+    fn reach(&self, axis: usize, high: bool) -> Option<u32> {
+        let (u, v) = ((axis + 1) % 3, (axis + 2) % 3);
+        let crossed = |along: u32| {
+            (0..self.edge).any(|j| {
+                (0..self.edge).any(|i| {
+                    let mut at = [along; 3];
+                    (at[u], at[v]) = (i, j);
+                    self.cell(at).is_crossed()
+                })
+            })
+        };
+        let found = if high {
+            (0..self.edge).rev().find(|c| crossed(*c))
+        } else {
+            (0..self.edge).find(|c| crossed(*c))
+        };
+        found.map(|c| self.low[axis] + c)
+    }
+}
+
+/// Base-2 logarithm of the largest edge of a leaf.
+const MAX_LEAF_LEVEL: u32 = 5;
 
 /// First voxel along each axis, and the one after the last. Cost: the nodes of six sides, about.
 pub(crate) fn extent(view: &ModelView<'_>) -> Option<[[u32; 3]; 2]> {
@@ -28,16 +129,25 @@ pub(crate) fn extent(view: &ModelView<'_>) -> Option<[[u32; 3]; 2]> {
 /// first, and others only where these end before.
 fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
     let mut best: Option<u32> = None;
-    let mut waiting = vec![(BoxIndex::ROOT, 0_u32, view.depth())];
+    let mut waiting = vec![(BoxIndex::ROOT, [0_u32; 3], view.depth())];
     let mut visits = 0_u64;
-    while let Some((number, low, level)) = waiting.pop() {
-        let edge = 1_u32 << level;
+    while let Some((number, corner, level)) = waiting.pop() {
+        let (low, edge) = (corner[axis], 1_u32 << level);
         let most = if high { low + edge - 1 } else { low };
         if best.is_some_and(|best| if high { most <= best } else { most >= best }) {
             continue;
         }
         if level == 0 {
             best = Some(low);
+            continue;
+        }
+        if view.is_leaf(number.node()) {
+            let leaf = Leaf::of(view, number.node(), corner, level);
+            let found = leaf.reach(axis, high);
+            best = match (best, found) {
+                (Some(best), Some(found)) => Some(if high { best.max(found) } else { best.min(found) }),
+                (best, found) => best.or(found),
+            };
             continue;
         }
         visits += 1;
@@ -47,11 +157,12 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
         for farther in [true, false] {
             // The side that is looked for is put last, and taken first.
             for octant in Octant::ALL {
-                let upper = octant.high()[axis] == 1;
-                if (upper == high) != farther
+                let halves = octant.high();
+                if ((halves[axis] == 1) == high) != farther
                     && let Some(child) = view.child(number.node(), octant)
                 {
-                    waiting.push((child, low + u32::from(upper) * edge / 2, level - 1));
+                    let at = std::array::from_fn(|a| corner[a] + halves[a] * edge / 2);
+                    waiting.push((child, at, level - 1));
                 }
             }
         }
@@ -59,7 +170,7 @@ fn reach(view: &ModelView<'_>, axis: usize, high: bool) -> Option<u32> {
     best
 }
 
-/// The skin of one slice after the other, each node visited about twice. Memory: the skin of four slices, 16 bytes a
+/// The skin of one slice after the other, each node visited about twice. Memory: the skin of four slices, 24 bytes a
 /// voxel, and of one of them in rows.
 pub(crate) struct SkinSlices<'a> {
     view: &'a ModelView<'a>,
@@ -90,7 +201,7 @@ impl<'a> SkinSlices<'a> {
             self.slab = Some(first);
         }
         let skin = self.slices.get((z - first) as usize)?;
-        self.seen += skin.len() as u64;
+        self.seen += skin.iter().filter(|found| found.leaf.is_none()).count() as u64;
         if self.seen > self.view.voxel_count() {
             return None;
         }
@@ -109,17 +220,20 @@ impl<'a> SkinSlices<'a> {
         if level == 0 {
             let voxel = number.voxel(self.view.node_count());
             let slice = self.slices.get_mut((low[2] - first) as usize)?;
-            slice.push(SkinVoxel { y: low[1], x: low[0], voxel });
+            slice.push(SkinVoxel { y: low[1], x: low[0], voxel, leaf: None });
             return Some(());
         }
         *left = left.checked_sub(1)?;
         let infobyte = self.view.infobyte(number.node());
+        if self.view.is_leaf(number.node()) {
+            return self.leaf(&Leaf::of(self.view, number.node(), low, level), first..first + SLAB);
+        }
         let child = self.view.first_child(number.node());
         if level == 1 {
             return self.voxels(infobyte, child.voxel(self.view.node_count()), low, first);
         }
         let half = 1_u32 << (level - 1);
-        if level == 2 {
+        if level == 2 && !self.view.has_leaves() {
             // The voxels of a node follow those of the node before it.
             let mut voxel = self.view.first_child(child.node());
             for octant in Octant::ALL.into_iter().filter(|octant| octant.is_in(infobyte)) {
@@ -142,6 +256,23 @@ impl<'a> SkinSlices<'a> {
         Some(())
     }
 
+    /// The cells of a larger leaf in these slices.
+    fn leaf(&mut self, leaf: &Leaf, slab: Range<u32>) -> Option<()> {
+        let [x, y, low] = leaf.low;
+        for z in slab.start.max(low)..slab.end.min(low + leaf.edge) {
+            let slice = self.slices.get_mut((z - slab.start) as usize)?;
+            for row in 0..leaf.edge {
+                slice.extend((0..leaf.edge).map(|column| SkinVoxel {
+                    y: y + row,
+                    x: x + column,
+                    voxel: VoxelIndex::new(u64::MAX),
+                    leaf: Some(leaf.cell([column, row, z - low])),
+                }));
+            }
+        }
+        Some(())
+    }
+
     /// The voxels of a node whose children they are; all of them lie in the slab.
     #[inline]
     fn voxels(&mut self, infobyte: u8, voxel: VoxelIndex, low: [u32; 3], first: u32) -> Option<()> {
@@ -157,6 +288,7 @@ impl<'a> SkinSlices<'a> {
                     y: low[1] + (octant >> 1),
                     x: low[0] + (octant & 1),
                     voxel: VoxelIndex::new(number),
+                    leaf: None,
                 });
                 number = number.wrapping_add(1);
             }

@@ -4,7 +4,7 @@
 //! components, for a second one that needs them, takes 5 bytes more for each that ever was.
 
 use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
-use crate::load::{ModelView, NodeView};
+use crate::load::ModelView;
 
 /// A component is deep inside, or outside, if the normals around it agree to this much: the sum of their parts
 /// towards it against that of the sizes of these. Around a cavity in a wall one voxel thick they cancel.
@@ -179,7 +179,7 @@ impl Sweep {
                     slice.runs.push(Run { start, end: x, component: 0 });
                 }
                 start = x + 1;
-                let code = view.voxel_normal(found.voxel);
+                let code = found.code(view);
                 #[expect(clippy::cast_possible_truncation, reason = "parts of a direction")]
                 let outward = code.map_or([0.0; 3], |code| self.outward.of(code).map(|c| c as f32));
                 slice.skin.push(SkinItem { x, outward });

@@ -45,7 +45,7 @@ use std::path::Path;
 use crate::enclosed::{Fates, Outward, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::load::{ModelView, NodeView};
+use crate::load::{CellShape, ModelView, NodeView};
 use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
 use crate::render::shade::Shader;
@@ -288,7 +288,8 @@ impl Exporter<'_> {
     /// Has the model normals, and colours?
     fn has(&self) -> [bool; 2] {
         let first = VoxelIndex::new(0);
-        [self.view.voxel_normal(first).is_some(), self.view.voxel_color(first).is_some()]
+        let has_normals = self.cells() || self.view.voxel_normal(first).is_some();
+        [has_normals, self.view.voxel_color(first).is_some()]
     }
 
     /// The table from colours to light, if the model has colours.
@@ -496,9 +497,9 @@ impl Exporter<'_> {
         let lights = self.lights();
         let mut z = i64::from(bounds[0][2]) - 1;
         self.each_slice(bounds, |skin| {
-            for found in skin {
+            for found in skin.iter().filter(|found| found.is_surface()) {
                 let at = [f64::from(found.x), f64::from(found.y), z as f64];
-                sink.vertex(&self.point(at, found.voxel, lights.as_ref()))?;
+                sink.vertex(&self.point(at, found, lights.as_ref()))?;
                 vertices += 1;
             }
             z += 1;
@@ -508,18 +509,20 @@ impl Exporter<'_> {
         Ok(Exported { vertices, ..Exported::default() })
     }
 
-    fn point(&self, at: [f64; 3], voxel: VoxelIndex, lights: Option<&Lights>) -> Vertex {
-        let plane = self.view.cells().and_then(|items| items.plane(voxel.get()));
-        let normal = self.view.voxel_normal(voxel).map(|code| normal::decode(code).map(f64::from));
+    fn point(&self, at: [f64; 3], found: &SkinVoxel, lights: Option<&Lights>) -> Vertex {
+        let normal = found.code(self.view).map(|code| normal::decode(code).map(f64::from));
         let normal = normal.unwrap_or_default();
-        let within = plane.map_or([0.0; 3], patch::nearest_on_plane);
+        let within = match self.view.cells().map(|items| found.shape(&items)) {
+            Some(CellShape::Plane(plane)) => patch::nearest_on_plane(plane),
+            _ => [0.0; 3],
+        };
         let mm = self.affine.apply(std::array::from_fn(|a| at[a] + within[a]));
         let normal = if self.cells() {
             self.space.index_normal_to_world(normal)
         } else {
             self.space.normal_to_world(normal)
         };
-        let color = lights.and_then(|lights| Some(lights.of(self.view.voxel_color(voxel)?)));
+        let color = lights.and_then(|lights| Some(lights.of(self.view.voxel_color(found.voxel)?)));
         Vertex { at: singles(mm), normal: unit(singles(normal)), light: color.unwrap_or_default() }
     }
 }

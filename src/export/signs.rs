@@ -10,10 +10,9 @@
 //! between voxels, all normals around decide ([`Sweep`]).
 
 use super::bits::{Bits, any, set};
-use crate::enclosed::{Rows, Side, SkinVoxel, Sweep};
+use crate::enclosed::{LeafCell, Rows, Side, SkinVoxel, Sweep};
 use crate::format::cell::{CORNERS, HAS_CORNERS, at_corner};
 use crate::format::normal;
-use crate::geom::VoxelIndex;
 use crate::load::{CellItems, ModelView, NodeView};
 
 /// The corners of a cell at its low and its high side along x.
@@ -122,10 +121,11 @@ impl Boxes {
                 items.push(Item { number, x, code: 0, offset: 0 });
                 continue;
             };
-            let code = view.voxel_normal(VoxelIndex::new(number)).unwrap_or(0);
+            let code = found.code(view).unwrap_or(0);
             let n = normal::decode_l1(code);
-            let (offset, corners) = corners_of(&cells, number, n);
-            items.push(Item { number, x, code, offset });
+            let (offset, corners) = corners_of(&cells, found, n);
+            let stored = found.leaf.map_or_else(|| cells.offset(number), LeafCell::clamped);
+            items.push(Item { number, x, code, offset: stored });
             for (bits, high) in front.iter_mut().zip([0, 4]) {
                 let rows = bits.two_rows_mut(above);
                 mark(rows, x - 1, !corners >> high);
@@ -213,8 +213,11 @@ struct Cell {
     /// Corners that are inside, as bits.
     corners: u8,
     normal: [i32; 3],
-    offset: i8,
+    offset: i32,
 }
+
+/// The offset of a cell that has corners.
+const SAMPLED: i32 = HAS_CORNERS as i32;
 
 impl Cell {
     /// Does a side lie behind the surface?
@@ -229,10 +232,10 @@ impl Cell {
     fn is_deep(&self, side: u8) -> bool {
         let square = self.normal.iter().map(|c| c * c).sum::<i32>();
         let is_deep = |corner: usize| {
-            let depth = i32::from(self.offset) - at_corner(self.normal, corner);
+            let depth = self.offset - at_corner(self.normal, corner);
             depth > 0 && depth * depth > square
         };
-        self.offset == HAS_CORNERS || (0..CORNERS).any(|corner| side >> corner & 1 == 1 && is_deep(corner))
+        self.offset == SAMPLED || (0..CORNERS).any(|corner| side >> corner & 1 == 1 && is_deep(corner))
     }
 }
 
@@ -257,13 +260,13 @@ fn mark(row: &mut [u64], x: u32, pair: u8) {
 
 /// The offset of a cell's plane, and its corners that are inside, as bits.
 #[inline(always)]
-fn corners_of(cells: &CellItems<'_>, number: u64, normal: [i32; 3]) -> (i8, u8) {
-    let offset = cells.offset(number);
-    if offset == HAS_CORNERS {
-        let samples = cells.corners(number);
+fn corners_of(cells: &CellItems<'_>, found: &SkinVoxel, normal: [i32; 3]) -> (i32, u8) {
+    let offset = found.offset(cells).into();
+    if found.leaf.is_none() && offset == SAMPLED {
+        let samples = cells.corners(found.voxel.get());
         return (offset, bits(|corner| samples[corner] > 0));
     }
-    (offset, bits(|corner| at_corner(normal, corner) <= i32::from(offset)))
+    (offset, bits(|corner| at_corner(normal, corner) <= offset))
 }
 
 /// A bit for each corner.

@@ -31,7 +31,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::geom::Dims;
 use crate::progress::Stopped;
 use crate::text::names::{
-    DIMS, DOWNSAMPLE, DTYPE, GRID, MEMORY, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME, VOXEL,
+    DIMS, DOWNSAMPLE, DTYPE, GRID, MEMORY, OVERLAP, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME, VOXEL,
 };
 use crate::text::{reading, shown};
 
@@ -301,6 +301,10 @@ pub(crate) enum Fault {
     SideCar(#[from] SideCarFault),
     #[error(transparent)]
     Numbers(#[from] NumberFault),
+    #[error(
+        "holds the values {one} and {other}, where a mask has one; build it alone, or choose it with {VOLUME} N"
+    )]
+    NotMask { one: f64, other: f64 },
 }
 
 /// What is wrong with a request.
@@ -341,6 +345,14 @@ pub(crate) enum Misuse {
     SeveralTrees,
     #[error("no volume was found")]
     NoneFound,
+    #[error(
+        "lies on another grid than {first}; masks of one grid become one map of labels: give those, or choose a volume with {VOLUME} N"
+    )]
+    OtherGrid { first: String },
+    #[error("{voxels} voxel(s) are in several masks; {OVERLAP} first or last says whose they are")]
+    Overlaps { voxels: u64 },
+    #[error("{found} masks are more than the {most} that one map can be made of")]
+    ManyMasks { found: usize, most: usize },
     #[error("{0}")]
     Synthetic(SyntheticFault),
 }

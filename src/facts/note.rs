@@ -143,6 +143,11 @@ pub enum Note {
         shown(.0.0.path().and_then(Path::file_name).unwrap_or_default()), Reason(&.0.0)
     )]
     DamagedBeside(Refusal),
+    #[error(
+        "{voxels} voxel(s) are in several masks; they have the label of the {} of these",
+        if *.first { "first" } else { "last" }
+    )]
+    Overlaps { voxels: u64, first: bool },
     #[error("{count} file(s) left out: {why} (first: {first})")]
     LeftOut { count: u64, why: NotVolume, first: String },
     #[error("{count} more file(s) left out for other reasons")]

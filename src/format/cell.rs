@@ -3,6 +3,7 @@
 //! A cell's own coordinates `u` run from -1 to 1 along each axis, 0 in its middle.
 
 use super::normal;
+use crate::geom::Octant;
 
 /// Samples at the corners of a cell; corner i is the high one along x, y, z by the bits of i.
 pub const CORNERS: usize = 8;
@@ -58,6 +59,45 @@ impl Plane {
     /// Corners behind the plane, as bits.
     pub fn inside(&self) -> u8 {
         (0..CORNERS).filter(|c| at_corner(self.normal, *c) <= self.offset).fold(0, |bits, c| bits | 1 << c)
+    }
+}
+
+/// The plane of a larger leaf (SPEC 4.9) in a part of its box: behind `normal . u <= offset` of the part's own coordinates is
+/// inside. Whole numbers: the middle of a part of a box E times as long lies at c / E, c whole, and the plane
+/// `N . u <= k` of the box is `N . u <= E k - N . c` there.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct PlanePart {
+    normal: [i32; 3],
+    offset: i32,
+}
+
+impl PlanePart {
+    /// All of the box.
+    pub(crate) fn of(plane: Plane) -> Self {
+        Self { normal: plane.normal, offset: plane.offset }
+    }
+
+    /// In a cell of a box of `edge` cells, by its place.
+    pub(crate) fn cell(self, edge: u32, at: [u32; 3]) -> Self {
+        let edge = edge.cast_signed();
+        let [x, y, z] = at.map(|c| 2 * c.cast_signed() + 1 - edge);
+        let along = self.normal[0] * x + self.normal[1] * y + self.normal[2] * z;
+        Self { offset: edge * self.offset - along, ..self }
+    }
+
+    /// In an octant.
+    pub(crate) fn octant(self, octant: Octant) -> Self {
+        self.cell(2, octant.high())
+    }
+
+    /// -127..127 where the plane passes through the part, more where that lies behind it.
+    pub(crate) fn offset(self) -> i32 {
+        self.offset
+    }
+
+    /// Does the plane pass through the part?
+    pub(crate) fn is_crossed(self) -> bool {
+        (-127..127).contains(&self.offset)
     }
 }
 

@@ -201,7 +201,8 @@ impl BuildJob<'_> {
     ) -> Result<Subject, Error> {
         // If less than this is left, the builder refuses, with the smallest cap that works.
         let opening_bytes = Budget::of(self.options.memory).left_bytes().max(costs::MIN_OPENING);
-        let how = OpenOptions { opening_bytes: Some(opening_bytes), ..how.clone() };
+        let masks = self.options.labels.as_ref().map(|_| self.options.overlap);
+        let how = OpenOptions { opening_bytes: Some(opening_bytes), masks, ..how.clone() };
         Ok(Subject::open_as(kind, inputs, &how, &self.options.scratch_folder(self.output))?)
     }
 

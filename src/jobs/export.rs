@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::{open_fine_model, open_model, refuse_labels};
+use super::opened::{open_model, refuse_labels};
 use super::render::{RenderRequest, render_view_watched};
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
@@ -18,7 +18,7 @@ use crate::load::{Model, verify};
 use crate::page::{self, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
-use crate::text::{data, shown};
+use crate::text::{Short, data, shown};
 
 /// Most that triangles can be simplified.
 pub const MAX_SIMPLIFIED: u32 = 6;
@@ -64,6 +64,9 @@ pub struct ExportReport {
     pub is_far: bool,
     /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
+    /// Of a model with larger leaves: how far these lie from the surface at most, in voxels of the finest spacing.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub apart_voxels: Option<f64>,
     /// Size of the file that was written or read.
     pub bytes: u64,
     /// Peak resident memory of the process.
@@ -75,7 +78,8 @@ pub struct ExportReport {
 /// Writes the model at `input` in another form to `output`, in millimetres of the patient's axes (LPS).
 ///
 /// Triangles are a closed surface without holes or edges of more than two triangles; it passes between the samples
-/// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples.
+/// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples. Larger
+/// leaves are taken apart into cells: it lies on their planes, as far from the surface as these do.
 ///
 /// Memory: four slices of skin, some bits a box of two slices, and two layers of corners; for voxels 5 bytes more for each
 /// separate part of the outside and the inside; the model is mapped. Temporary disk: for PLY and GLB as much as the
@@ -103,7 +107,7 @@ pub fn export(
     if request.form == ExportForm::Html {
         return export_page(input, output, progress);
     }
-    let model = open_fine_model(input, "exported")?;
+    let model = open_model(input)?;
     if request.form.has_triangles() || request.form.is_mask() {
         refuse_labels(&model, input, "exported to triangles or masks")?;
     }
@@ -152,6 +156,7 @@ pub fn export(
         unknown_voxels: made.unknown,
         is_far,
         warnings: warnings(made.unknown, is_far),
+        apart_voxels: model.metadata().error.map(|found| found.most),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
@@ -210,6 +215,7 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
         unknown_voxels: 0,
         is_far: false,
         warnings: Vec::new(),
+        apart_voxels: None,
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
@@ -305,6 +311,9 @@ impl ExportReport {
         };
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
+        if let Some(apart) = self.apart_voxels {
+            text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));
+        }
         for warning in &self.warnings {
             text += &format!("  note: {warning}\n");
         }

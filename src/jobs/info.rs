@@ -45,8 +45,6 @@ pub enum Measured {
     Packed,
     /// It takes long, and was not insisted on.
     Large,
-    /// It has larger leaves.
-    Leaves,
     /// It has labels, with walls within.
     Labels,
     /// It has no volume, or is damaged.
@@ -75,8 +73,6 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
         Measured::Packed
-    } else if info.frame.header.leaves {
-        Measured::Leaves
     } else if !info.frame.labels.is_empty() {
         Measured::Labels
     } else if !(anyway || is_soon_measured(&info.frame)) {
@@ -85,6 +81,7 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
         let model = open_model(path)?;
         let measured =
             measure(&model.view(), model.dims(), &model.affine(), model.metadata().seen_from().is_some());
+        let measured = measured.map(|found| found.with_leaves(model.metadata()));
         model.check_unchanged(path)?;
         of(measured)
     });
@@ -289,7 +286,6 @@ impl Measured {
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
             Self::Labels => return vec![("measures", "of its labels below".to_owned())],
-            Self::Leaves => return vec![("measures", "none of a model with larger leaves".to_owned())],
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
@@ -339,7 +335,7 @@ fn plain(mm: f64) -> f64 {
 }
 
 /// Boxes of the surface: skin voxels, or cells and larger leaves.
-pub(super) fn surface_boxes(frame: &Frame) -> u64 {
+pub(crate) fn surface_boxes(frame: &Frame) -> u64 {
     frame.header.voxels + leaves(frame)
 }
 

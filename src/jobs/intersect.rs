@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::open_fine_model;
+use super::opened::open_model;
 use super::verify::verify_file;
 use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
@@ -36,7 +36,8 @@ pub struct IntersectReport {
     pub wall_s: f64,
 }
 
-/// Checks two models, and tells which boxes of their finest levels have a point in common; `placement` leads from the
+/// Checks two models, and tells which boxes of their finest levels have a point in common: of larger leaves the cells that
+/// their planes pass through; `placement` leads from the
 /// second one's millimetres to those of the first.
 ///
 /// # Errors
@@ -49,8 +50,7 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectRepo
     for input in inputs {
         verify_file(input)?;
     }
-    let open = |input| open_fine_model(input, "intersected");
-    let [one, other] = [open(inputs[0])?, open(inputs[1])?];
+    let [one, other] = [open_model(inputs[0])?, open_model(inputs[1])?];
     let (one_view, other_view) = (one.view(), other.view());
     let one_placed = Placed { view: &one_view, affine: one.affine() };
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };

@@ -17,7 +17,7 @@
 use super::within::Within;
 pub use crate::enclosed::Enclosed;
 use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
-use crate::format::normal;
+use crate::format::{Metadata, normal};
 use crate::geom::{Affine, Dims, VoxelIndex, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::GridSpace;
@@ -52,6 +52,20 @@ pub struct Measures {
     pub enclosed: Enclosed,
 }
 
+impl Measures {
+    /// The same of a model with larger leaves, which lie off the surface.
+    #[must_use]
+    pub fn with_leaves(mut self, metadata: &Metadata) -> Self {
+        if let (Some(found), Some((area, _)), Some((_, error))) =
+            (metadata.error, self.area_mm2, &mut self.volume_mm3)
+        {
+            let finest = metadata.spacing_mm.into_iter().fold(f64::INFINITY, f64::min);
+            *error += found.rms * finest * area;
+        }
+        self
+    }
+}
+
 /// Measures a model; `None` for one without a voxel, without a volume, or damaged. `is_part`: does it keep only what
 /// can be seen from somewhere?
 pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
@@ -69,18 +83,21 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let mut slices = SkinSlices::new(view);
     let (mut bends, mut facets) = (Bends::default(), Facets::default());
     let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
-    let has_normals = view.voxel_normal(VoxelIndex::new(0)).is_some();
+    let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
     for z in voxels[0][2]..voxels[1][2] {
         let skin = slices.slice(z)?;
-        seen += skin.len() as u64;
+        seen += skin.iter().filter(|voxel| voxel.is_surface()).count() as u64;
         bends.begin();
         for voxel in skin {
-            let within =
-                view.cells().map(|cells| Within::of(&cells.shape(voxel.voxel.get()), &weights.columns));
+            if let (Some(leaf), false) = (voxel.leaf, voxel.is_surface()) {
+                of_skin += f64::from(u8::from(leaf.offset > 0));
+                continue;
+            }
+            let within = view.cells().map(|cells| Within::of(&voxel.shape(&cells), &weights.columns));
             of_skin += within.map_or(1.0, |within| within.inside);
             area_within += within.map_or(0.0, |within| within.area);
-            let code = view.voxel_normal(voxel.voxel);
+            let code = voxel.code(view);
             if let Some(patch) = code.and_then(|code| weights.patch(code, within, [voxel.y, voxel.x])) {
                 area += patch.part;
                 facets.add(&patch);

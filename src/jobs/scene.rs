@@ -158,16 +158,14 @@ impl Files {
             let at = match known.iter().position(|other| *other == real) {
                 Some(at) => at,
                 None => {
-                    files.models.push(
-                        open_model(&path).map_err(|error| match error {
-                            Error::Load(cause) if is_scene(scene_path) => {
-                                let key = Key { table: Table::Model(number), name: "file" };
-                                let fault = SceneFault::File { key, told: cause.to_string() };
-                                Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
-                            }
-                            other => other,
-                        })?,
-                    );
+                    files.models.push(open_model(&path).map_err(|error| match error {
+                        Error::Load(cause) if is_scene(scene_path) => {
+                            let key = Key { table: Table::Model(number), name: "file" };
+                            let fault = SceneFault::File { key, told: cause.to_string() };
+                            Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
+                        }
+                        other => other,
+                    })?);
                     files.paths.push(path);
                     known.push(real);
                     known.len() - 1

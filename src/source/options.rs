@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use super::RawOptions;
-use crate::volume::Placement;
+use crate::volume::{Overlap, Placement};
 
 /// How volumes are read, where they leave a choice.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -27,6 +27,9 @@ pub struct OpenOptions {
     pub follow_links: bool,
     /// Are all of very many volumes taken that are alike, such as the moments of one series, or only the first?
     pub all_volumes: bool,
+    /// Are several volumes of one grid taken together, as the masks of a map of labels? Then this says whose a voxel of
+    /// several masks is.
+    pub masks: Option<Overlap>,
     /// Are triangle meshes and trees of solids taken, too, when folders are searched? They are not volumes: who takes them
     /// says on which grid they are built.
     pub meshes: bool,

@@ -53,6 +53,7 @@ names! {
     ISO = "Threshold::Iso",
     KEEP_THIN = "keep_thin",
     LABELS = "labels",
+    OVERLAP = "overlap",
     LEVELS = "levels",
     LOD = "lod",
     LOOK_AT = "look_at",

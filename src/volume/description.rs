@@ -17,6 +17,8 @@ pub struct SourceDescription {
     pub kind: ImageKind,
     /// Treatments of the volume, in order.
     pub treatments: Vec<Treatment>,
+    /// Names of labels by their numbers, where the input states them; they may come from names of files.
+    pub labels: Vec<(u16, String)>,
     /// Number of files read.
     pub files: u64,
     /// Bytes of voxel data.

@@ -94,6 +94,25 @@ impl Endian {
     }
 }
 
+impl ScalarType {
+    /// The value of a sample in native byte order; 0 for bytes of another length.
+    pub(crate) fn value(self, bytes: &[u8]) -> f64 {
+        fn of<T: Scalar>(bytes: &[u8]) -> f64 {
+            bytemuck::try_pod_read_unaligned::<T>(bytes).map_or(0.0, T::to_f64)
+        }
+        match self {
+            Self::U8 => of::<u8>(bytes),
+            Self::I8 => of::<i8>(bytes),
+            Self::U16 => of::<u16>(bytes),
+            Self::I16 => of::<i16>(bytes),
+            Self::U32 => of::<u32>(bytes),
+            Self::I32 => of::<i32>(bytes),
+            Self::F32 => of::<f32>(bytes),
+            Self::F64 => of::<f64>(bytes),
+        }
+    }
+}
+
 /// A sample type that the builder's kernels are instantiated for.
 pub trait Scalar: bytemuck::Pod + PartialOrd + Send + Sync {
     /// The run-time tag of this type.

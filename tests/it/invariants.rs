@@ -107,7 +107,7 @@ fn with_content(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut Vec<u8>
     join_sections(Encoding::Mapped, header.dims, header.nodes, header.voxels, &sections)
 }
 
-fn with_metadata(file: &[u8], change: impl FnOnce(&mut Metadata)) -> Vec<u8> {
+pub(crate) fn with_metadata(file: &[u8], change: impl FnOnce(&mut Metadata)) -> Vec<u8> {
     let mut metadata = frame(file).metadata;
     change(&mut metadata);
     let bytes = metadata.to_bytes().unwrap();

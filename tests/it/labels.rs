@@ -356,3 +356,93 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     oct(&["render", &at("s.toml"), "-o", &at("refused.png")])
         .refused(3, &["[[model]] 1, opacity", "out of range"]);
 }
+
+/// NIfTI files of masks, and the samples of each.
+fn masks(folder: &Path, dims: [u32; 3], names: &[&str]) -> Vec<(PathBuf, Vec<u8>)> {
+    let mut random = Random(8);
+    let middle = |random: &mut Random| dims.map(|n| f64::from(n) * (0.3 + 0.4 * random.unit()));
+    names
+        .iter()
+        .map(|name| {
+            let (at, radius) = (middle(&mut random), 4.0 + 4.0 * random.unit());
+            let inside = |i: u32| {
+                let p = [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]].map(f64::from);
+                (0..3).map(|a| (p[a] - at[a]).powi(2)).sum::<f64>() < radius * radius
+            };
+            let samples: Vec<u8> = (0..dims.iter().product()).map(|i| u8::from(inside(i))).collect();
+            let path = folder.join(name);
+            let mut object = Object::new(dims, infobyte::ScalarType::U8, [1.0; 3]);
+            object.bytes.clone_from(&samples);
+            let bytes = nifti(&object, 1, false, true, 1);
+            fs::write(&path, if name.ends_with(".gz") { gzip(&bytes) } else { bytes }).unwrap();
+            (path, samples)
+        })
+        .collect()
+}
+
+#[test]
+fn masks_of_one_grid_become_one_map_and_overlaps_are_counted() {
+    let folder = tempfile::tempdir().unwrap();
+    let dims = [24, 30, 20];
+    let all = masks(folder.path(), dims, &["liver.nii.gz", "spleen.nii", "kidney_left.nii.gz"]);
+    let paths: Vec<String> = all.iter().map(|(path, _)| text(path)).collect();
+    let out = text(&folder.path().join("m.oct"));
+    // In the order of their names, as folders are searched.
+    let mut order: Vec<usize> = (0..3).collect();
+    order.sort_by_key(|i| all[*i].0.clone());
+    for (policy, last) in [("last", true), ("first", false)] {
+        let args: Vec<&str> = ["build"].into_iter().chain(paths.iter().map(String::as_str)).collect();
+        let run = oct(&[&args[..], &["-o", &out, "--labels", "all", "--overlap", policy, "--json"]].concat());
+        let report = run.json();
+        let count = dims.iter().product::<u32>() as usize;
+        let (mut labels, mut overlaps) = (vec![0_u16; count], 0);
+        for (at, label) in labels.iter_mut().enumerate() {
+            let held: Vec<u16> =
+                (1..).zip(&order).filter(|(_, i)| all[**i].1[at] > 0).map(|(number, _)| number).collect();
+            overlaps += usize::from(held.len() > 1);
+            *label = (if last { held.last() } else { held.first() }).copied().unwrap_or(0);
+        }
+        assert!(overlaps > 20);
+        let model = Model::open(&out).unwrap();
+        assert_eq!(stored(&model).0, skin(&labels, dims, &LabelChoice::All), "{policy}");
+        let names: Vec<&str> = model.frame().labels.iter().map(|label| label.name.as_str()).collect();
+        assert_eq!(names, ["kidney_left", "liver", "spleen"]);
+        let said = report["warnings"].to_string();
+        assert!(
+            said.contains(&format!("{overlaps} voxel(s) are in several masks")) && said.contains(policy),
+            "{said}"
+        );
+    }
+    let args: Vec<&str> = ["build"].into_iter().chain(paths.iter().map(String::as_str)).collect();
+    let build = |extra: &[&str]| oct(&[&args[..], &["-o", &out, "--labels", "all"], extra].concat());
+    build(&["--overlap", "refuse"]).refused(2, &["are in several masks", "--overlap"]);
+    assert_eq!(build(&["--volume", "2", "--force"]).code, 0);
+    let other = masks(folder.path(), [24, 30, 21], &["other.nii"]);
+    let other = text(&other[0].0);
+    build(&[&other]).refused(2, &["lies on another grid", "--volume"]);
+    // A map is no mask.
+    let object = {
+        let mut object = Object::new(dims, infobyte::ScalarType::U8, [1.0; 3]);
+        object.bytes = (0..dims.iter().product::<u32>()).map(|i| (i % 3) as u8).collect();
+        object
+    };
+    fs::write(folder.path().join("other.nii"), nifti(&object, 1, false, true, 1)).unwrap();
+    build(&[&other]).refused(3, &["where a mask has one"]);
+}
+
+#[test]
+fn real_masks_and_segments_are_counted_as_their_files_say() {
+    let (Some(folder), Some(seg)) = (real_data("labels/masks"), real_data("labels/partial_overlaps.dcm"))
+    else {
+        return;
+    };
+    let out = tempfile::tempdir().unwrap();
+    let path = text(&out.path().join("m.oct"));
+    oct(&["build", &text(&folder), "-o", &path, "--labels", "all", "--json"]).json();
+    let names: Vec<String> =
+        Model::open(&path).unwrap().frame().labels.iter().map(|label| label.name.clone()).collect();
+    assert!(names.len() == 8 && names.contains(&"spleen".to_owned()), "{names:?}");
+    let report = oct(&["build", &text(&seg), "-o", &path, "--force", "--labels", "all", "--json"]).json();
+    assert_eq!(Model::open(&path).unwrap().frame().labels.len(), 5);
+    assert!(report["warnings"].to_string().contains("are in several masks"), "{report}");
+}

@@ -7,6 +7,7 @@
 use crate::cells::{is_behind, passage};
 use crate::common;
 use crate::prelude::*;
+use infobyte::Mesh;
 use infobyte::builder::Tolerance;
 use infobyte::load::{CellShape, Fault};
 use infobyte::render::batch::Batch;
@@ -438,19 +439,174 @@ fn packed_files_come_back_byte_for_byte() {
     }
 }
 
+/// Edges of a mesh, each with the triangles that have it.
+fn edges(mesh: &Mesh) -> HashMap<[u32; 2], u32> {
+    let mut edges = HashMap::new();
+    for face in &mesh.faces {
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            let (a, b) = (face[a], face[b]);
+            *edges.entry([a.min(b), a.max(b)]).or_insert(0) += 1;
+        }
+    }
+    edges
+}
+
+/// Volume that triangles enclose.
+fn enclosed(mesh: &Mesh) -> f64 {
+    let corner = |at: u32| mesh.vertices[at as usize].map(f64::from);
+    let six = |[a, b, c]: [[f64; 3]; 3]| {
+        a[0] * (b[1] * c[2] - b[2] * c[1])
+            + a[1] * (b[2] * c[0] - b[0] * c[2])
+            + a[2] * (b[0] * c[1] - b[1] * c[0])
+    };
+    mesh.faces.iter().map(|face| six(face.map(corner))).sum::<f64>() / 6.0
+}
+
+#[test]
+fn triangles_are_closed_and_lie_as_near_as_the_leaves_and_measures_agree_with_them() {
+    let folder = tempfile::tempdir().unwrap();
+    for (name, voxels) in &bodies(58) {
+        built(&folder.path().join("f"), voxels, 0.0, 64, 1);
+        let fine = infobyte::triangles(&Model::open(folder.path().join("f")).unwrap(), 0, &Silent).unwrap();
+        for error in [0.1, 0.5, 1.0] {
+            let path = folder.path().join("m");
+            let model = built(&path, voxels, error, 64, 1);
+            let mesh = infobyte::triangles(&model, 0, &Silent).unwrap();
+            assert!(
+                edges(&mesh).values().all(|count| *count == 2),
+                "{name} {error}: every edge has two triangles"
+            );
+            // No farther from the fine mesh than the leaves, and what a cell's middle is off its plane.
+            let most = model.metadata().error.unwrap().most;
+            let mut places: HashMap<[i32; 3], Vec<[f32; 3]>> = HashMap::new();
+            let key = |p: &[f32; 3]| p.map(|c| c.floor() as i32);
+            for vertex in &fine.vertices {
+                places.entry(key(vertex)).or_default().push(*vertex);
+            }
+            let nearest = |p: &[f32; 3]| {
+                let at = key(p);
+                let mut least = f32::INFINITY;
+                for i in 0..125 {
+                    let near = [at[0] + i % 5 - 2, at[1] + i / 5 % 5 - 2, at[2] + i / 25 - 2];
+                    for q in places.get(&near).into_iter().flatten() {
+                        least = least.min((0..3).map(|a| (p[a] - q[a]).powi(2)).sum::<f32>().sqrt());
+                    }
+                }
+                f64::from(least)
+            };
+            let apart = mesh.vertices.iter().map(nearest).fold(0.0, f64::max);
+            assert!(apart <= most + 1.0, "{name} {error}: {apart}");
+            let (volume, due) = (enclosed(&mesh), enclosed(&fine));
+            assert!(
+                (volume - due).abs() < 0.01 * due + 0.3 * error * fine.faces.len() as f64 * 0.5,
+                "{name} {error}: {volume} {due}"
+            );
+            let shown = serde_json::to_value(info::read_info_measured(&path, true).unwrap().json()).unwrap();
+            let [found, bar] = ["volume_mm3", "volume_error_mm3"].map(|key| shown[key].as_f64().unwrap());
+            assert!(
+                (found - volume).abs() < bar.max(0.002 * volume) && bar < 0.1 * volume,
+                "{name} {error}: {found} +- {bar}, mesh {volume}, fine {due}"
+            );
+        }
+    }
+}
+
+#[test]
+fn masks_hold_every_inside_sample_and_points_lie_on_planes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let (_, voxels) = &bodies(58)[1];
+    let model = built(&folder.path().join("m.oct"), voxels, 0.3, 64, 1);
+    let report = oct(&["export", &at("m.oct"), "-o", &at("m.nrrd"), "--json"]).json();
+    let bytes = fs::read(at("m.nrrd")).unwrap();
+    let mask = &bytes[bytes.len() - voxels.samples().len()..];
+    let (mut inside, mut more) = (0, 0);
+    for (sample, set) in voxels.samples().iter().zip(mask) {
+        assert!(*sample < 128 || *set > 0, "an inside sample is lost");
+        inside += u64::from(*sample >= 128);
+        more += u64::from(*sample < 128 && *set > 0);
+    }
+    assert!(more * 50 < inside, "{more} of {inside} covered");
+    assert!(report["apart_voxels"].as_f64().unwrap() <= 0.45, "{report}");
+    let points = oct(&["export", &at("m.oct"), "-o", &at("m.ply"), "--as", "points", "--json"]).json();
+    let boxes = model.header().voxels + leaves(&model).iter().filter(|leaf| leaf.1 > 1).count() as u64;
+    assert!(points["vertices"].as_u64().unwrap() > boxes, "{points}");
+}
+
+#[test]
+fn bodies_touch_as_the_cells_in_whose_place_leaves_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let all = bodies(58);
+    built(&folder.path().join("f.oct"), &all[0].1, 0.0, 64, 1);
+    built(&folder.path().join("m.oct"), &all[0].1, 0.3, 64, 1);
+    built(&folder.path().join("other.oct"), &all[2].1, 0.3, 64, 1);
+    let count = |name: &str, by: f64| {
+        let place = format!("1,0,0,{by},0,1,0,0,0,0,1,3.5");
+        let found = oct(&["intersect", &at(name), &at("other.oct"), "--place", &place, "--json"]).json();
+        found["touching_voxels"][0].as_f64().unwrap()
+    };
+    for (by, due) in [(0.0, true), (20.0, true), (33.0, true), (80.0, false)] {
+        let (fine, joined) = (count("f.oct", by), count("m.oct", by));
+        assert_eq!((fine > 0.0, joined > 0.0), (due, due), "{by}: {fine} {joined}");
+        assert!((fine - joined).abs() <= 0.2 * fine + 12.0, "{by}: {fine} {joined}");
+    }
+}
+
+#[test]
+fn scenes_and_cuts_show_them_as_the_cells_in_whose_place_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let (_, voxels) = &bodies(58)[1];
+    built(&folder.path().join("m.oct"), voxels, 0.1, 64, 1);
+    built(&folder.path().join("f.oct"), voxels, 0.0, 64, 1);
+    let depths = |name: &str, scene: bool| {
+        let (input, clip) = if scene {
+            let scene =
+                format!("[[model]]\nfile = \"{name}\"\n[[model]]\nfile = \"f.oct\"\nmove = [70, 0, 0]\n");
+            fs::write(at("scene.toml"), scene).unwrap();
+            (at("scene.toml"), &[][..])
+        } else {
+            (at(name), &["--clip", "x=20.."][..])
+        };
+        let (picture, depth) = (at("p.png"), at("d.png"));
+        let args = [
+            "render",
+            &input,
+            "-o",
+            &picture,
+            "--depth",
+            &depth,
+            "--size",
+            "160x120",
+            "--samples",
+            "1",
+            "--json",
+        ];
+        let report = oct(&[&args[..], clip].concat()).json();
+        let near = report["depth_near_mm"].as_f64().unwrap();
+        let far = report["depth_far_mm"].as_f64().unwrap();
+        (report["hits"].as_u64().unwrap(), near, far)
+    };
+    for scene in [true, false] {
+        let (hits, near, far) = depths("m.oct", scene);
+        let (due, fine_near, fine_far) = depths("f.oct", scene);
+        assert!(hits.abs_diff(due) * 200 <= due && due > 2000, "{scene}: {hits} {due}");
+        assert!(
+            (near - fine_near).abs() < 2.0 && (far - fine_far).abs() < 2.0,
+            "{near} {fine_near} {far} {fine_far}"
+        );
+    }
+}
+
 #[test]
 fn what_cannot_be_done_is_refused_with_a_sentence() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name));
     built(&folder.path().join("m.oct"), &bodies(40)[0].1, 0.1, 64, 1);
     let (model, other) = (at("m.oct"), at("other"));
-    let scene = at("scene.toml");
-    std::fs::write(&scene, "[[model]]\nfile = \"m.oct\"\n").unwrap();
     for (args, said) in [
-        (&["export", &model, "-o", &at("m.stl")][..], "cannot be exported yet"),
-        (&["intersect", &model, &model], "cannot be intersected yet"),
-        (&["selfcheck", &model], "cannot be checked ray by ray yet"),
-        (&["render", &scene, "-o", &at("m.png")], "cannot be put into a scene yet"),
+        (&["selfcheck", &model][..], "cannot be checked ray by ray yet"),
         (&["build", "synthetic:sphere@40", "-o", &other, "--force", "--error", "0.1"], "--surface cells"),
         (
             &[

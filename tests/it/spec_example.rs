@@ -1,13 +1,14 @@
 //! The worked example of SPEC 8. If this fails, the specification and the program disagree about
 //! bytes, and files of one of them cannot be read by the other.
 
+use crate::invariants::with_metadata;
 use crate::prelude::*;
 
-/// The bytes of the hex block under "Worked example": offset, bytes, and `;` before a remark.
-fn bytes_of_the_text() -> Vec<u8> {
+/// The bytes of a hex block under "Worked examples", counted from 0: offset, bytes, and `;` before a remark.
+fn bytes_of_the_text(number: usize) -> Vec<u8> {
     let text = include_str!("../../src/format/SPEC.md");
-    let section = text.split("## 8. Worked example").nth(1).unwrap().split("\n## ").next().unwrap();
-    let block = section.split("```").nth(1).unwrap();
+    let section = text.split("## 8. Worked examples").nth(1).unwrap().split("\n## ").next().unwrap();
+    let block = section.split("```").nth(2 * number + 1).unwrap();
     let mut bytes = Vec::new();
     for line in block.lines().skip(1).filter(|l| !l.trim().is_empty()) {
         let mut words = line.split(';').next().unwrap().split_whitespace();
@@ -35,7 +36,7 @@ fn the_text_the_assembler_and_the_loader_agree_byte_for_byte() {
         voxel([2, 1, 0], [0.0, 1.0, 0.0]),
     ];
     let file = assemble(&metadata([3, 2, 1], NORMALS), &voxels, NORMALS).unwrap();
-    let text = bytes_of_the_text();
+    let text = bytes_of_the_text(0);
     assert!(file == text, "the bytes are\n{}", dump(&file));
 
     verify(text.as_slice()).unwrap();
@@ -56,7 +57,7 @@ fn the_text_the_assembler_and_the_loader_agree_byte_for_byte() {
 /// The header of the example, field by field from SPEC 4.1, without the program's own reader.
 #[test]
 fn the_header_of_the_example_reads_as_the_table_says() {
-    let b = bytes_of_the_text();
+    let b = bytes_of_the_text(0);
     let u32_at = |at: usize| u32::from_le_bytes(b[at..at + 4].try_into().unwrap());
     let u64_at = |at: usize| u64::from_le_bytes(b[at..at + 8].try_into().unwrap());
     assert_eq!(b[..8], [0x89, 0x4f, 0x43, 0x54, 0x0d, 0x0a, 0x1a, 0x0a]);
@@ -72,6 +73,32 @@ fn the_header_of_the_example_reads_as_the_table_says() {
     };
     assert_eq!(u32_at(56), crc(&b[64..64 + 6 * 48]));
     assert_eq!(u32_at(60), crc(&b[..60]));
+}
+
+/// The smallest solid with larger leaves, as the builder makes it.
+#[test]
+fn the_builder_makes_the_second_example() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let volume = Voxels::from_fn(Dims::new(2, 2, 2).unwrap(), |_| 255_u8);
+    let options = BuildOptions {
+        threshold: Threshold::Iso(128.0),
+        surface: SurfaceKind::Cells,
+        error: Some(infobyte::builder::Tolerance::Voxels(0.3)),
+        lod: false,
+        ..BuildOptions::default()
+    };
+    infobyte::build(&volume, &options, &path).unwrap();
+    let file = with_metadata(&std::fs::read(&path).unwrap(), |m| m.program = "example".into());
+    let text = bytes_of_the_text(1);
+    assert!(file == text, "the bytes are\n{}", dump(&file));
+
+    verify(text.as_slice()).unwrap();
+    let model = Model::from_bytes(text).unwrap();
+    assert_eq!((model.node_count(), model.voxel_count(), model.depth()), (9, 19, 2));
+    let leaves: Vec<u64> = (1..9).filter(|n| model.infobyte(NodeIndex::new(*n)) == 0).collect();
+    assert_eq!(leaves.len(), 4);
+    assert_eq!(model.metadata().error.map(|found| found.bound), Some(0.3));
 }
 
 /// The independent reader in `scripts/` and the program say the same of a file.

@@ -86,12 +86,13 @@ pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
 pub(super) struct CellSolid<'a, F> {
     volume: VolumeSolid<'a, F>,
     dims: Dims,
+    bound: f64,
 }
 
 impl<'a, F: RingForm> CellSolid<'a, F> {
-    /// `dims` are those of [`cell_dims`].
-    pub(super) fn new(volume: VolumeSolid<'a, F>, dims: Dims) -> Self {
-        Self { volume, dims }
+    /// `dims` are those of [`cell_dims`], `bound` that of larger leaves in voxels of the finest spacing, 0 without them.
+    pub(super) fn new(volume: VolumeSolid<'a, F>, dims: Dims, bound: f64) -> Self {
+        Self { volume, dims, bound }
     }
 }
 
@@ -138,7 +139,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
             slices: Slices::new(self.volume.source, self.volume.form, AROUND_CELL, tile),
             level: self.volume.form.level(self.volume.bound()),
             is_label: range.lo == range.hi,
-            stretch: Stretch::new(self.volume.source.info().spacing_mm),
+            stretch: Stretch::new(self.volume.source.info().spacing_mm, self.bound),
             batch: Batch::new(),
             items: CellItems::new(),
         })

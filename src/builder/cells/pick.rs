@@ -446,7 +446,7 @@ mod tests {
                 gradient: [0.0; 3],
                 near: 0.15,
                 is_label: false,
-                stretch: Stretch::new([1.0; 3]),
+                stretch: Stretch::new([1.0; 3], 0.0),
             };
             let CellShape::Plane(code, offset) = pick(&cell, || Field::EMPTY) else { panic!("{n:?} {at:?}") };
             let plane = Plane::new(code, offset);
@@ -482,7 +482,7 @@ mod tests {
                     gradient,
                     near: 0.15,
                     is_label: false,
-                    stretch: Stretch::new([1.0; 3]),
+                    stretch: Stretch::new([1.0; 3], 0.0),
                 };
                 match pick(&cell, || Field::EMPTY) {
                     CellShape::Plane(code, offset) => {

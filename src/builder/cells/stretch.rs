@@ -20,7 +20,7 @@ use crate::format::normal;
 /// and 2.1 MB); torus .202 and 117 kB, .215 and 207 kB (.210 and 1.7 MB).
 const STRETCHED: f64 = 8.0;
 
-/// How far from a plane a crossing of an edge may be, and an outside corner behind it; and how far the interpolated
+/// In models without a bound, or with a smaller one (SPEC 4.9): how far from a plane a crossing of an edge may be, and an outside corner behind it; and how far the interpolated
 /// surface may be within the cell. In voxels of the finest spacing.
 ///
 /// Of a head with slices eleven times as thick as pixels, skin and bone, against the interpolation of its samples:
@@ -36,6 +36,9 @@ const STRETCHED: f64 = 8.0;
 /// | corners everywhere | .00, .04, 100 | .01, .05, 100 |
 const AT_EDGES: f32 = 0.15;
 const WITHIN: f32 = 0.08;
+/// The same in parts of a bound.
+const BOUND_AT_EDGES: f32 = 1.0;
+const BOUND_WITHIN: f32 = 0.8;
 
 /// How lengths along the axes compare.
 #[derive(Clone, Copy, Debug)]
@@ -44,16 +47,20 @@ pub(super) struct Stretch {
     squares: [f32; 3],
     /// Are cells far from being cubes?
     pub(super) is_long: bool,
+    at_edges: f32,
+    within: f32,
 }
 
 impl Stretch {
-    /// For spacings in mm.
+    /// For spacings in mm; the bound is that of larger leaves in voxels of the finest spacing, 0 without them.
     #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
-    pub(super) fn new(spacing: [f64; 3]) -> Self {
+    pub(super) fn new(spacing: [f64; 3], bound: f64) -> Self {
         let [finest, longest] = [f64::min, f64::max].map(|of| of(of(spacing[0], spacing[1]), spacing[2]));
         let is_long = longest >= STRETCHED * finest;
         let square = |s: f64| if is_long { (finest / s * (finest / s)) as f32 } else { 1.0 };
-        Self { squares: spacing.map(square), is_long }
+        let [at_edges, within] = [(AT_EDGES, BOUND_AT_EDGES), (WITHIN, BOUND_WITHIN)]
+            .map(|(least, part)| least.max(bound as f32 * part));
+        Self { squares: spacing.map(square), is_long, at_edges, within }
     }
 
     /// Square of the length of a normal of index space, by which values of it become voxels of the finest spacing.
@@ -107,7 +114,7 @@ impl Fit {
             worst = if is_covered { behind * behind } else { worst };
         }
         // Coordinates are half cells.
-        strays | (worst > 4.0 * AT_EDGES * AT_EDGES * square)
+        strays | (worst > 4.0 * stretch.at_edges * stretch.at_edges * square)
     }
 
     /// Is it at a point, in voxels from the middle of the cell?
@@ -131,6 +138,6 @@ impl Fit {
         // Depths behind the surface and behind the plane, both times twice that length and the slope.
         let behind = self.offset - 2.0 * (n[0] * x + n[1] * y + n[2] * z);
         let apart = (2.0 * depth * square - behind * falls).abs();
-        !((falls > 0.0) & (apart <= 2.0 * WITHIN * square.sqrt() * falls))
+        !((falls > 0.0) & (apart <= 2.0 * stretch.within * square.sqrt() * falls))
     }
 }

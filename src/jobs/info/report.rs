@@ -175,8 +175,6 @@ pub enum NotMeasured {
     Packed,
     /// It takes long.
     Large,
-    /// It has larger leaves.
-    Leaves,
     /// It has labels: see `labels`.
     Labels,
     /// It has no volume, or is damaged.
@@ -214,7 +212,6 @@ impl From<&Measured> for MeasuredFigures {
             Measured::Done(measures) => measures,
             Measured::Packed => return not(NotMeasured::Packed),
             Measured::Large => return not(NotMeasured::Large),
-            Measured::Leaves => return not(NotMeasured::Leaves),
             Measured::Labels => return not(NotMeasured::Labels),
             Measured::Impossible => return not(NotMeasured::Impossible),
         };

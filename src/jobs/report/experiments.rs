@@ -5,11 +5,12 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::rays::{self, Line, Met};
-use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
+use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
 use crate::budget::{Bytes, MemoryCap};
 use crate::builder::{BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
 use crate::format::{Channel, Channels, SurfaceKind};
+use crate::jobs::info::surface_boxes;
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
 use crate::synthetic::{self, AnalyticVolume, SyntheticHead};
@@ -31,9 +32,14 @@ const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 const COARSEST: u32 = 4;
 
 /// What rays are held against.
-enum Reference<'a> {
+pub(super) enum Reference<'a> {
     Body(&'a AnalyticVolume),
     Frame(&'a [Option<Met>]),
+}
+
+impl Reference<'_> {
+    /// The true surface, in words.
+    pub(super) const TRUE: &'static str = "the body's true surface";
 }
 
 /// A model in its file, and how it was built.
@@ -71,6 +77,12 @@ impl Bench<'_> {
                 found.push(self.detail(subject, &usual.model, &Reference::Frame(&frame))?);
             }
         }
+        found.push(self.bounds(
+            subject,
+            &*source,
+            &options,
+            body.as_ref().filter(|b| b.body().is_smooth()),
+        )?);
         found.push(self.traversals(subject, &usual.model)?);
         found.push(self.frames(subject, &usual.model)?);
         found.push(self.sights(subject, &*source, &options, &usual.model, usual.costs)?);
@@ -101,22 +113,25 @@ impl Bench<'_> {
     /// Builds a model and opens it; the time is that of the fastest of some builds.
     pub(super) fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
         let path = self.path();
-        let mut seconds = f64::INFINITY;
+        let mut times = Times::NONE;
         let mut last: Option<BuildReport> = None;
         for _ in 0..BUILDS {
             let started = Instant::now();
             last = Some(build_volume(source, options, &path, &Silent)?);
-            seconds = seconds.min(started.elapsed().as_secs_f64());
+            times.add(started.elapsed().as_secs_f64());
         }
         let costs = Costs {
-            build_s: Some(seconds),
+            build_s: Some(times.fastest),
             ns_per_ray: None,
             memory_bytes: last.as_ref().map(|r| r.plan_bytes),
             file_bytes: last.map(|r| r.file_bytes),
+            boxes: None,
+            spread_percent: Some(times.spread_percent()),
         };
         // The name is free again: the open file is what is looked at.
         let model = Model::open(&path)?;
         let _ = fs::remove_file(&path);
+        let costs = Costs { boxes: Some(surface_boxes(model.frame())), ..costs };
         Ok(Built { model, costs })
     }
 
@@ -155,8 +170,8 @@ impl Bench<'_> {
             let built = self.build(source, &BuildOptions { surface, ..options.clone() })?;
             let (space, lines) = self.lines(&built.model)?;
             let met = rays::cast(&built.model, &lines, self.threads)?;
-            let (_, ns) = rays::cast_boxes(&space, &built.model, &lines, 0);
-            let costs = Costs { ns_per_ray: Some(ns), ..built.costs };
+            let (_, times) = rays::cast_boxes(&space, &built.model, &lines, 0);
+            let costs = built.costs.with_rays(times);
             let errors = rays::against_body(&met, &lines, body, self.threads)?;
             rows.push(Self::row(subject, surface.name(), surface == options.surface, costs, errors));
             shadings.extend(self.shadings(subject, &built.model, body)?);
@@ -164,16 +179,20 @@ impl Bench<'_> {
         let surfaces = Experiment {
             id: "surface",
             title: "Where a hit lies",
-            about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.",
+            about: "Distance of every hit pixel from the body's true surface, normals read back from the file at the hit, and pixels that hit where the true body does not or the other way round; three perspective pictures. Skin are voxels with their faces, cells lie between the samples and hold a plane each.".into(),
+            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
+            pictures: Vec::new(),
         };
         let shadings = Experiment {
             id: "shading",
             title: "Which normals a picture shows",
-            about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.",
+            about: "Angle between the normal that a pixel is shaded by and the body's true one: as stored for the box that was hit, or blended with those of the boxes around the hit. The time is that of one ray on one thread, blending included.".into(),
+            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::NormalMean },
             rows: shadings,
+            pictures: Vec::new(),
         };
         Ok([surfaces, shadings])
     }
@@ -203,9 +222,11 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "gradient",
             title: "How normals are estimated",
-            about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.",
+            about: "Angle between the normal at the hit, read back from the file, and the body's true normal at the nearest point of its surface.".into(),
+            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::NormalMean },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -219,16 +240,13 @@ impl Bench<'_> {
         let voxel_mm = model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
         let mut rows = Vec::new();
         for k in 0..=COARSEST.min(model.view().depth()) {
-            let (met, ns) = rays::cast_boxes(&space, model, &lines, k);
+            let (met, times) = rays::cast_boxes(&space, model, &lines, k);
             let errors = match reference {
                 Reference::Body(body) => rays::against_body(&met, &lines, body, self.threads)?,
-                Reference::Frame(frame) => rays::against_frame(&met, frame, &lines, voxel_mm),
+                Reference::Frame(frame) => rays::against_frame(&met, frame, &lines, (voxel_mm, 1 << k)),
             };
-            let costs = Costs {
-                ns_per_ray: Some(ns),
-                file_bytes: Some(model.header().file_bytes),
-                ..Costs::default()
-            };
+            let costs =
+                Costs { file_bytes: Some(model.header().file_bytes), ..Costs::default() }.with_rays(times);
             let edge = 1_u32 << k;
             let choice = if k == 0 { "voxels".to_owned() } else { format!("boxes of {edge}") };
             rows.push(Self::row(subject, choice, k == 0, costs, errors));
@@ -248,9 +266,11 @@ impl Bench<'_> {
         Ok(Experiment {
             id,
             title: "Level of detail",
-            about,
+            about: about.into(),
+            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::DepthRms },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -275,9 +295,11 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "channels",
             title: "What is stored",
-            about: "Bytes and time of what a model may hold; means are those of coarse nodes, for small pictures. Geometry is the same in all of them.",
+            about: "Bytes and time of what a model may hold; means are those of coarse nodes, for small pictures. Geometry is the same in all of them.".into(),
+            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -306,15 +328,17 @@ impl Bench<'_> {
             };
             let errors =
                 Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
-            let costs = Costs { file_bytes: None, ..built.costs };
+            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
             rows.push(Self::row(subject, Bytes(mib << 20).to_string(), mib == 64, costs, errors));
         }
         Ok(Experiment {
             id: "budget",
             title: "How little memory a build takes",
-            about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.",
+            about: "Time of a build within a cap on its own memory; the model is the same, byte for byte. Caps that are too small are left out.".into(),
+            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -331,15 +355,18 @@ impl Bench<'_> {
             let built = self.build(source, &BuildOptions { threads, ..options.clone() })?;
             let errors =
                 Errors::default().with(Metric::DifferentBytes, Self::difference(&built.model, &usual.model));
-            let costs = Costs { file_bytes: None, ..built.costs };
+            let costs = Costs { file_bytes: None, boxes: None, ..built.costs };
             rows.push(Self::row(subject, threads.to_string(), threads == self.threads, costs, errors));
         }
         Ok(Experiment {
             id: "threads",
             title: "What more threads bring",
-            about: "Time of a build by the number of its threads; the model is the same, byte for byte.",
+            about: "Time of a build by the number of its threads; the model is the same, byte for byte."
+                .into(),
+            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DifferentBytes },
             rows,
+            pictures: Vec::new(),
         })
     }
 }

@@ -12,12 +12,14 @@
 //! | `pictures` | traversals, samplings and shadings, a table of each |
 //! | `sight` | models without what cannot be seen |
 //! | `bits` | normals in other numbers of bits |
+//! | `bound` | larger leaves within a bound |
 //! | `machine` | facts of the machine |
 //! | `page`, `plot`, `table` | the HTML page, its drawings, and tables for other pages |
 //!
 //! A new choice, such as another surface or traversal, is a row of an experiment, or an experiment more.
 
 mod bits;
+mod bound;
 mod experiments;
 mod machine;
 mod page;
@@ -41,7 +43,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::Progress;
 use crate::error::Error;
 use crate::jobs::batch::NewFolders;
-use crate::jobs::opened::open_fine_model;
+use crate::jobs::opened::open_model;
 use crate::synthetic;
 use crate::text::shown;
 
@@ -121,7 +123,7 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         progress.advance(1);
     }
     if let Some(path) = &request.model {
-        let model = open_fine_model(path, "reported on")?;
+        let model = open_model(path)?;
         let name = path.file_name().map_or_else(|| "model".into(), |n| shown(n).to_string());
         for found in bench.of_model(&model, &name)? {
             rows::join(&mut experiments, found);

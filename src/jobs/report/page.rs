@@ -2,6 +2,9 @@
 
 use std::fmt::Write;
 
+use base64::Engine;
+use base64::prelude::BASE64_STANDARD;
+
 use super::Report;
 use super::plot::{Point, Series, scatter, short, standalone};
 use super::rows::{Costs, Experiment};
@@ -25,6 +28,7 @@ svg{display:block;width:100%;max-width:820px;height:auto;margin:4px 0 8px}.grid{
 .c0{stroke:var(--c0)}.c1{stroke:var(--c1)}.c2{stroke:var(--c2)}.c3{stroke:var(--c3)}.c4{stroke:var(--c4)}.c5{stroke:var(--c5)}.c6{stroke:var(--c6)}
 .usual.c0{fill:var(--c0)}.usual.c1{fill:var(--c1)}.usual.c2{fill:var(--c2)}.usual.c3{fill:var(--c3)}.usual.c4{fill:var(--c4)}.usual.c5{fill:var(--c5)}.usual.c6{fill:var(--c6)}
 .key{display:flex;flex-wrap:wrap;gap:4px 18px;margin:0 0 10px;font-size:13px;color:var(--soft)}.key svg{display:inline-block;width:14px;height:14px;margin:0 5px 0 0;vertical-align:-2px}
+.advice{color:var(--ink);font-weight:600}.pictures{display:flex;flex-wrap:wrap;gap:12px}figure{margin:0;width:180px}figcaption{font-size:13px;color:var(--soft);text-align:center;overflow-wrap:anywhere}
 .wide{overflow-x:auto}table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;width:100%}
 th{text-align:right;font-weight:600;color:var(--soft);padding:4px 10px;border-bottom:1px solid var(--line);white-space:nowrap}
 td{text-align:right;padding:3px 10px;border-bottom:1px solid var(--line);white-space:nowrap}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}
@@ -75,8 +79,13 @@ fn is_all_right(series: &[Series]) -> bool {
 }
 
 fn section(experiment: &Experiment, html: &mut String) {
-    let (title, about) = (escaped(experiment.title), escaped(experiment.about));
-    let _ = writeln!(html, "<section id=\"{}\"><h2>{title}</h2><p>{about}</p>", experiment.id);
+    let (title, about) = (escaped(experiment.title), escaped(&experiment.about));
+    let _ = writeln!(html, "<section id=\"{}\"><h2>{title}</h2>", experiment.id);
+    if let Some(advice) = &experiment.advice {
+        let _ = writeln!(html, "<p class=\"advice\">{}</p>", escaped(advice));
+    }
+    let _ = writeln!(html, "<p>{about}</p>");
+    pictures(experiment, html);
     let series = series(experiment);
     if !is_all_right(&series)
         && let Some(svg) =
@@ -96,6 +105,23 @@ fn section(experiment: &Experiment, html: &mut String) {
     }
     table(experiment, html);
     html.push_str("</section>\n");
+}
+
+/// Pictures of subjects, side by side.
+fn pictures(experiment: &Experiment, html: &mut String) {
+    if experiment.pictures.is_empty() {
+        return;
+    }
+    html.push_str("<div class=\"pictures\">");
+    for (name, png) in &experiment.pictures {
+        let _ = write!(
+            html,
+            "<figure><svg viewBox=\"0 0 100 100\" role=\"img\"><title>{0}</title><image width=\"100\" height=\"100\" href=\"data:image/png;base64,{1}\"/></svg><figcaption>{0}</figcaption></figure>",
+            escaped(name),
+            BASE64_STANDARD.encode(png)
+        );
+    }
+    html.push_str("</div>\n");
 }
 
 /// The rows that can be drawn, by subject.

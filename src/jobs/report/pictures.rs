@@ -5,7 +5,7 @@ use std::time::Instant;
 use super::bits::rounded;
 use super::experiments::Bench;
 use super::rays::{self, Line, Met, Scene};
-use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row};
+use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
 use crate::error::Error;
 use crate::format::normal;
 use crate::jobs::render::{RenderRequest, render_view};
@@ -19,7 +19,7 @@ use crate::synthetic::AnalyticVolume;
 struct Traversal {
     choice: &'static str,
     usual: bool,
-    cast: fn(&Scene<'_>) -> (Vec<Option<Met>>, f64),
+    cast: fn(&Scene<'_>) -> (Vec<Option<Met>>, Times),
 }
 
 /// All traversals; the first is the reference of the others.
@@ -74,18 +74,20 @@ impl Bench<'_> {
         let mut reference: Option<Vec<Option<Met>>> = None;
         let mut rows = Vec::new();
         for Traversal { choice, usual, cast } in TRAVERSALS {
-            let (met, ns) = cast(&scene);
+            let (met, times) = cast(&scene);
             let reference = reference.get_or_insert_with(|| met.clone());
-            let errors = rays::against_frame(&met, reference, &lines, voxel_mm);
-            let costs = Costs { ns_per_ray: Some(ns), ..Costs::default() };
+            let errors = rays::against_frame(&met, reference, &lines, (voxel_mm, 1));
+            let costs = Costs::default().with_rays(times);
             rows.push(Self::row(subject, choice, usual, costs, errors));
         }
         Ok(Experiment {
             id: "traversal",
             title: "How hits are found",
-            about: "First hits of single rays on one thread, against those of the exact traversal for any machine. Exact ones agree in every hit.",
+            about: "First hits of single rays on one thread, against those of the exact traversal for any machine. Exact ones agree in every hit.".into(),
+            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::DepthRms },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -137,9 +139,11 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "frame",
             title: "Whole pictures",
-            about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.",
+            about: "Three shaded perspective pictures on one thread, time for each pixel, against the frame of the same size with a ray through the middle of every pixel that stops at voxels: the discrete rays of the paper, coarse boxes. The difference is in grey levels of 0 to 255.".into(),
+            advice: None,
             drawn: Drawn { cost: 1, metric: Metric::Picture },
             rows,
+            pictures: Vec::new(),
         })
     }
 
@@ -154,7 +158,7 @@ impl Bench<'_> {
         let view = model.view();
         let stored = rays::cast(model, &lines, self.threads)?;
         let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
-        let (_, ns) = scene.boxes(Form::best(), 0);
+        let ns = scene.boxes(Form::best(), 0).1.fastest;
         let surface = view.cells().map_or("skin", |_| "cells");
         let started = Instant::now();
         let blended: Vec<Option<Met>> = stored
@@ -212,9 +216,11 @@ impl Bench<'_> {
         Ok(Experiment {
             id: "normal_bits",
             title: "In how many bits normals are written",
-            about: "The body's true normals at the hits, rounded to so many bits by the octahedral map: what is lost by rounding alone. The format has 16; the other sizes are what the file would take.",
+            about: "The body's true normals at the hits, rounded to so many bits by the octahedral map: what is lost by rounding alone. The format has 16; the other sizes are what the file would take.".into(),
+            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::NormalMean },
             rows,
+            pictures: Vec::new(),
         })
     }
 }

@@ -4,7 +4,7 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
-use super::rows::{Errors, Metric};
+use super::rows::{Errors, Metric, Times};
 use crate::error::Error;
 use crate::format::normal;
 use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
@@ -20,6 +20,10 @@ use crate::synthetic::AnalyticVolume;
 const SIDES: [[f64; 3]; 3] = [[0.31, -1.0, 0.22], [1.0, 0.37, -0.29], [-0.41, 0.33, 1.0]];
 /// Angle of the pictures, in degrees.
 pub(super) const FOV_DEG: f64 = 40.0;
+/// Times that rays are traced.
+const REPEATS: u32 = 5;
+/// A hit that is farther off than so many boxes lies on another sheet of the surface.
+const SHEET: f64 = 4.0;
 /// Distance of the eye in half extents: a cube's corners are just within the picture then.
 const AWAY: f64 = 4.8;
 
@@ -120,7 +124,7 @@ pub(super) fn cast_boxes(
     model: &Model<impl AsRef<[u8]>>,
     lines: &[Line],
     k: u32,
-) -> (Vec<Option<Met>>, f64) {
+) -> (Vec<Option<Met>>, Times) {
     Scene { space, view: model.view(), dims: model.dims(), lines }.boxes(Form::best(), k)
 }
 
@@ -134,13 +138,13 @@ pub(super) struct Scene<'a> {
 
 impl Scene<'_> {
     /// The first box of an edge of 2^k voxels or less on every line, and the nanoseconds of a ray on one thread.
-    pub(super) fn boxes(&self, form: Form, k: u32) -> (Vec<Option<Met>>, f64) {
+    pub(super) fn boxes(&self, form: Form, k: u32) -> (Vec<Option<Met>>, Times) {
         let Self { space, view, dims, lines } = self;
         let cells = view.cells().map(Cells::new);
         let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
         let mut hits = Vec::new();
-        let mut best = f64::INFINITY;
-        for _ in 0..3 {
+        let mut seconds = Times::NONE;
+        for _ in 0..REPEATS {
             let started = Instant::now();
             hits = rays
                 .iter()
@@ -152,7 +156,7 @@ impl Scene<'_> {
                     }
                 })
                 .collect();
-            best = best.min(started.elapsed().as_secs_f64());
+            seconds.add(started.elapsed().as_secs_f64());
         }
         let met = lines.iter().zip(hits).map(|((o, d), hit)| {
             let hit = hit?;
@@ -167,8 +171,8 @@ impl Scene<'_> {
             Some(Met { t: hit.t, point, normal, voxel: hit.cell, at_border })
         });
         #[expect(clippy::cast_precision_loss, reason = "some 10^5 rays")]
-        let ns = best * 1e9 / lines.len().max(1) as f64;
-        (met.collect(), ns)
+        let per_ray = 1e9 / lines.len().max(1) as f64;
+        (met.collect(), seconds.scaled(per_ray))
     }
 }
 
@@ -208,19 +212,25 @@ pub(super) fn against_body(
     Ok(found.errors())
 }
 
-/// Errors of hits against those of the full-quality frame; `voxel_mm` is the finest spacing.
+/// Errors of hits against those of the full-quality frame; `voxel_mm` is the finest spacing, `edge` that of the boxes
+/// hit in voxels.
 pub(super) fn against_frame(
     met: &[Option<Met>],
     frame: &[Option<Met>],
     lines: &[Line],
-    voxel_mm: f64,
+    (voxel_mm, edge): (f64, u32),
 ) -> Errors {
     let mut found = Found::default();
     for ((met, frame), (_, direction)) in met.iter().zip(frame).zip(lines) {
         found.reference += u64::from(frame.is_some());
         found.wrong += u64::from(met.is_some() != frame.is_some());
         if let (Some(met), Some(frame)) = (met, frame) {
-            found.distances.push((met.t - frame.t).abs() * dot(*direction, *direction).sqrt() / voxel_mm);
+            let off = (met.t - frame.t).abs() * dot(*direction, *direction).sqrt() / voxel_mm;
+            if off > SHEET * f64::from(edge) {
+                found.other_sheet += 1;
+                continue;
+            }
+            found.distances.push(off);
             found.angles.extend(met.normal.zip(frame.normal).map(|(a, b)| angle_deg(a, b)));
         }
     }
@@ -235,6 +245,8 @@ struct Found {
     /// Pixels of the reference, and pixels that differ from it.
     reference: u64,
     wrong: u64,
+    /// Pixels whose distances are left out.
+    other_sheet: u64,
 }
 
 impl Found {
@@ -255,6 +267,9 @@ impl Found {
         }
         if self.reference > 0 {
             errors = errors.with(Metric::WrongPixels, 100.0 * self.wrong as f64 / self.reference as f64);
+        }
+        if self.other_sheet > 0 {
+            errors = errors.with(Metric::OtherSheet, 100.0 * self.other_sheet as f64 / self.reference as f64);
         }
         if !self.angles.is_empty() {
             let mean = self.angles.iter().sum::<f64>() / self.angles.len() as f64;

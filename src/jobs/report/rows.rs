@@ -1,5 +1,6 @@
 //! What is measured, as values: experiments of rows with costs and errors.
 
+use std::borrow::Cow;
 use std::collections::BTreeMap;
 
 use serde::Serialize;
@@ -13,11 +14,17 @@ pub struct Experiment {
     /// Headline: the choices compared.
     pub title: &'static str,
     /// How it is measured, and against which reference.
-    pub about: &'static str,
+    pub about: Cow<'static, str>,
+    /// What to choose; several subjects one after the other.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub advice: Option<String>,
     /// The cost and the error that are drawn.
     pub drawn: Drawn,
     /// One for each choice measured.
     pub rows: Vec<Row>,
+    /// Names and PNGs that stand beside the drawing.
+    #[serde(skip)]
+    pub pictures: Vec<(String, Vec<u8>)>,
 }
 
 /// The two axes of an experiment's drawing.
@@ -69,23 +76,61 @@ pub struct Costs {
     pub memory_bytes: Option<u64>,
     /// Bytes of the model.
     pub file_bytes: Option<u64>,
+    /// Boxes of the surface: voxels, or cells and larger leaves.
+    pub boxes: Option<u64>,
+    /// How much longer the slowest of the repeated timings took than the fastest, in percent of that.
+    pub spread_percent: Option<f64>,
 }
 
 impl Costs {
     /// Names of the costs, in the order of [`Costs::values`].
-    pub const NAMES: [&'static str; 4] = ["build_s", "ns_per_ray", "memory_bytes", "file_bytes"];
+    pub const NAMES: [&'static str; 6] =
+        ["build_s", "ns_per_ray", "memory_bytes", "file_bytes", "boxes", "spread_percent"];
     /// The same for people.
-    pub const TITLES: [&'static str; 4] = ["build, s", "ray, ns", "memory, bytes", "file, bytes"];
+    pub const TITLES: [&'static str; 6] =
+        ["build, s", "ray, ns", "memory, bytes", "file, bytes", "boxes", "spread of times, %"];
 
     /// All as numbers.
     #[expect(clippy::cast_precision_loss, reason = "sizes far below 2^53")]
-    pub fn values(&self) -> [Option<f64>; 4] {
+    pub fn values(&self) -> [Option<f64>; 6] {
         [
             self.build_s,
             self.ns_per_ray,
             self.memory_bytes.map(|b| b as f64),
             self.file_bytes.map(|b| b as f64),
+            self.boxes.map(|b| b as f64),
+            self.spread_percent,
         ]
+    }
+
+    /// With the times of rays, and the greater of both spreads.
+    pub(super) fn with_rays(self, times: Times) -> Self {
+        let spread = self.spread_percent.map_or(times.spread_percent(), |s| s.max(times.spread_percent()));
+        Self { ns_per_ray: Some(times.fastest), spread_percent: Some(spread), ..self }
+    }
+}
+
+/// The fastest and the slowest of repeated timings.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Times {
+    pub(super) fastest: f64,
+    pub(super) slowest: f64,
+}
+
+impl Times {
+    pub(super) const NONE: Self = Self { fastest: f64::INFINITY, slowest: 0.0 };
+
+    pub(super) fn add(&mut self, time: f64) {
+        (self.fastest, self.slowest) = (self.fastest.min(time), self.slowest.max(time));
+    }
+
+    pub(super) fn spread_percent(self) -> f64 {
+        100.0 * (self.slowest / self.fastest - 1.0)
+    }
+
+    /// Both times a factor.
+    pub(super) fn scaled(self, factor: f64) -> Self {
+        Self { fastest: self.fastest * factor, slowest: self.slowest * factor }
     }
 }
 
@@ -99,6 +144,9 @@ pub enum Metric {
     DepthP99,
     /// Its greatest value.
     DepthMax,
+    /// Pixels that meet another sheet than the reference, several boxes off, in percent of its pixels. Their distances
+    /// are left out of the three above.
+    OtherSheet,
     /// Pixels that hit where the reference does not or the other way round, in percent of its pixels.
     WrongPixels,
     /// Mean angle of the normal at the hit to the reference's, in degrees.
@@ -113,10 +161,11 @@ pub enum Metric {
 
 impl Metric {
     /// All of them, in the order of tables.
-    pub const ALL: [Self; 8] = [
+    pub const ALL: [Self; 9] = [
         Self::DepthRms,
         Self::DepthP99,
         Self::DepthMax,
+        Self::OtherSheet,
         Self::WrongPixels,
         Self::NormalMean,
         Self::NormalP99,
@@ -130,6 +179,7 @@ impl Metric {
             "depth_rms_voxels",
             "depth_p99_voxels",
             "depth_max_voxels",
+            "other_sheet_percent",
             "wrong_pixels_percent",
             "normal_mean_deg",
             "normal_p99_deg",
@@ -144,6 +194,7 @@ impl Metric {
             "distance RMS, voxels",
             "distance p99, voxels",
             "distance max, voxels",
+            "another sheet, %",
             "wrong pixels, %",
             "normal mean, deg",
             "normal p99, deg",
@@ -195,7 +246,14 @@ impl Errors {
 /// Adds rows to the experiment of the same name, or the whole experiment behind the others.
 pub(super) fn join(all: &mut Vec<Experiment>, found: Experiment) {
     match all.iter_mut().find(|e| e.id == found.id) {
-        Some(known) => known.rows.extend(found.rows),
+        Some(known) => {
+            known.rows.extend(found.rows);
+            known.pictures.extend(found.pictures);
+            known.advice = match (known.advice.take(), found.advice) {
+                (Some(known), Some(found)) => Some(format!("{known} {found}")),
+                (known, found) => known.or(found),
+            };
+        }
         None => all.push(found),
     }
 }
@@ -287,9 +345,11 @@ mod tests {
         let mut all = vec![Experiment {
             id: "x",
             title: "",
-            about: "",
+            about: "".into(),
+            advice: None,
             drawn: Drawn { cost: 0, metric: Metric::DepthRms },
             rows,
+            pictures: Vec::new(),
         }];
         mark_fronts(&mut all);
         let front: Vec<bool> = all[0].rows.iter().map(|r| r.on_front).collect();
@@ -297,6 +357,6 @@ mod tests {
         let more = all[0].clone();
         join(&mut all, more);
         assert_eq!((all.len(), all[0].rows.len()), (1, 8));
-        assert!(all[0].rows[0].csv("x").starts_with("x,\"a\",\"\",false,true,1,,,,3,"));
+        assert!(all[0].rows[0].csv("x").starts_with("x,\"a\",\"\",false,true,1,,,,,,3,"));
     }
 }

@@ -39,15 +39,17 @@ impl Bench<'_> {
                     (rays::cast(&built.model, lines, self.threads)?, built.costs)
                 }
             };
-            let errors = rays::against_frame(&met, &reference, lines, voxel_mm);
+            let errors = rays::against_frame(&met, &reference, lines, (voxel_mm, 1));
             rows.push(Self::row(subject, choice, from.is_none(), costs, errors));
         }
         Ok(Experiment {
             id: "sight",
             title: "What is kept of what can be seen",
-            about: "Models of what rays from there can reach, against the whole model in pictures from there: three perspective ones from outside, a parallel one from the front. What differs is counted; nothing should.",
+            about: "Models of what rays from there can reach, against the whole model in pictures from there: three perspective ones from outside, a parallel one from the front. What differs is counted; nothing should.".into(),
+            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::WrongPixels },
             rows,
+            pictures: Vec::new(),
         })
     }
 }

@@ -24,7 +24,11 @@ pub(super) fn tables(report: &Report) -> String {
 
 fn table(experiment: &Experiment, text: &mut String) {
     let columns = experiment.columns();
-    let _ = write!(text, "\n## {}\n\n| subject | choice |", experiment.title);
+    let _ = write!(text, "\n## {}\n\n", experiment.title);
+    if let Some(advice) = &experiment.advice {
+        let _ = write!(text, "{advice}\n\n");
+    }
+    text.push_str("| subject | choice |");
     for column in &columns {
         let _ = write!(text, " {} |", column.title());
     }

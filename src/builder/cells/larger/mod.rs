@@ -234,8 +234,10 @@ pub(in crate::builder) struct Joiner {
     places: Vec<[u8; 3]>,
     /// Cells before each word.
     before: Vec<usize>,
-    /// Crossings of a box, in [`PARTS`] from the corner of the brick.
+    /// Crossings of the brick, or of a box where those are too many; in [`PARTS`] from the corner of the brick.
     crossings: Vec<[i32; 3]>,
+    /// Crossings of the brick before each box of 2^3, and all of them; empty where they are too many.
+    starts: Vec<u16>,
     /// Boxes with an edge of 2^(i + 1), in Morton order.
     states: [Vec<State>; LEVELS],
 }
@@ -245,6 +247,7 @@ impl Joiner {
     pub(in crate::builder) const BYTES: u64 = (CELLS * 3
         + MAX_CROSSINGS * size_of::<[i32; 3]>()
         + (CELLS / 7 + LEVELS) * size_of::<State>()
+        + (CELLS / 8 + 1) * size_of::<u16>()
         + WORDS * size_of::<usize>()) as u64;
 
     /// For a grid of this depth, whose root never becomes a leaf.
@@ -255,6 +258,7 @@ impl Joiner {
             places: Vec::with_capacity(CELLS),
             before: Vec::with_capacity(WORDS),
             crossings: Vec::with_capacity(MAX_CROSSINGS),
+            starts: Vec::with_capacity(CELLS / 8 + 1),
             states: std::array::from_fn(|i| Vec::with_capacity(CELLS >> (3 * (i + 1)))),
         }
     }
@@ -272,12 +276,45 @@ impl Joiner {
                 self.places.push(morton::decode(code).map(|c| c.to_le_bytes()[0]));
             }
         }
+        self.gather_all(brick);
         for e in 1..=LEVELS {
             for at in 0..CELLS >> (3 * e) {
                 let state = self.state(brick, at, e);
                 self.states[e - 1].push(state);
             }
         }
+    }
+
+    /// Makes all crossings at once, for every level, unless they are too many.
+    #[expect(clippy::cast_possible_truncation, reason = "at most MAX_CROSSINGS")]
+    fn gather_all(&mut self, brick: &FineBrick<'_>) {
+        const { assert!(MAX_CROSSINGS <= u16::MAX as usize) };
+        let mut crossings = std::mem::take(&mut self.crossings);
+        crossings.clear();
+        self.starts.clear();
+        for at in 0..CELLS / 8 {
+            self.starts.push(crossings.len() as u16);
+            if gather(brick, &self.places, self.cells(brick, at, 1), &mut crossings).is_none() {
+                self.starts.clear();
+                break;
+            }
+        }
+        if !self.starts.is_empty() {
+            self.starts.push(crossings.len() as u16);
+        }
+        self.crossings = crossings;
+    }
+
+    /// The crossings of box `at` with an edge of 2^e, unless they are too many.
+    fn crossings(&mut self, brick: &FineBrick<'_>, at: usize, e: usize) -> Option<Range<usize>> {
+        let boxes = 1 << (3 * e - 3);
+        if let (Some(start), Some(end)) = (self.starts.get(at * boxes), self.starts.get((at + 1) * boxes)) {
+            return Some(usize::from(*start)..usize::from(*end));
+        }
+        let cells = self.cells(brick, at, e);
+        self.crossings.clear();
+        gather(brick, &self.places, cells, &mut self.crossings)?;
+        Some(0..self.crossings.len())
     }
 
     /// The cells of box `at` with an edge of 2^e.
@@ -323,9 +360,10 @@ impl Joiner {
         }
         let sides = sides_of(&children);
         let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
-        let fit =
-            plane::Fit { bound: &self.bound, brick, places: &self.places, cells, low, edge: 1 << e, sides };
-        fit.leaf(&mut self.crossings).map_or(State::Inner, |leaf| State::Leaf(leaf, sides))
+        let Some(crossings) = self.crossings(brick, at, e) else { return State::Inner };
+        let Self { bound, places, before, crossings: all, .. } = self;
+        let fit = plane::Fit { bound, brick, places, before, cells, low, edge: 1 << e, sides };
+        fit.leaf(&all[crossings]).map_or(State::Inner, |leaf| State::Leaf(leaf, sides))
     }
 
     /// Calls `found` with the nodes of the model that have an edge of 2^e, in Morton order, and their places in it.
@@ -373,19 +411,21 @@ impl Joiner {
         self.for_each_run(brick, |_, cells| {
             distances.add_none(brick.sides[cells].iter().map(|sides| crossed_edges(*sides)).sum());
         });
-        let mut crossings = std::mem::take(&mut self.crossings);
         for e in 1..=self.levels {
-            self.for_each_kept(brick, e, |at, kept| {
-                if let Kept::Leaf(leaf) = kept {
-                    crossings.clear();
-                    gather(brick, &self.places, self.cells(brick, at, e), &mut crossings);
-                    let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
-                    leaf.measure(&self.bound, low, 1 << e, &crossings, |distance| distances.add(distance));
-                    distances.most = distances.most.max(leaf.between);
+            let mut kept = Vec::new();
+            self.for_each_kept(brick, e, |at, found| {
+                if let Kept::Leaf(leaf) = found {
+                    kept.push((at, leaf));
                 }
             });
+            for (at, leaf) in kept {
+                let Some(crossings) = self.crossings(brick, at, e) else { continue };
+                let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
+                let crossings = &self.crossings[crossings];
+                leaf.measure(&self.bound, low, 1 << e, crossings, |distance| distances.add(distance));
+                distances.most = distances.most.max(leaf.between);
+            }
         }
-        self.crossings = crossings;
     }
 }
 

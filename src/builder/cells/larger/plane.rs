@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use super::{Bound, FineBrick, PARTS, gather, polygon};
+use super::{Bound, FineBrick, PARTS, polygon};
 use crate::builder::cells::corner::{EDGES, encode};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
@@ -12,6 +12,10 @@ use crate::geom::{add_scaled, cross, dot};
 const NEAR: f64 = 0.25;
 /// Pulls a fitted normal towards the mean of the fine ones, in square voxels of the finest spacing.
 const PULL: f64 = 0.005;
+/// A crossing's unit in cells: a power of two, so that products are exact.
+const PART: f64 = 1.0 / PARTS as f64;
+/// Cells of a box from which on a table of all 256 sides pays.
+const MANY: usize = 48;
 /// Half the range of the crossings along a fitted normal beyond which no code is tried, in bounds.
 const HOPELESS: f64 = 3.0;
 
@@ -73,6 +77,8 @@ pub(super) struct Fit<'a> {
     pub(super) bound: &'a Bound,
     pub(super) brick: &'a FineBrick<'a>,
     pub(super) places: &'a [[u8; 3]],
+    /// Cells before each word of the brick's.
+    pub(super) before: &'a [usize],
     /// The fine cells in it.
     pub(super) cells: Range<usize>,
     /// Its lowest cell in the brick, and its edge.
@@ -84,10 +90,8 @@ pub(super) struct Fit<'a> {
 
 impl Fit<'_> {
     /// The leaf that the box becomes, if it does.
-    pub(super) fn leaf(&self, crossings: &mut Vec<[i32; 3]>) -> Option<Leaf> {
+    pub(super) fn leaf(&self, crossings: &[[i32; 3]]) -> Option<Leaf> {
         let mean = self.mean_normal()?;
-        crossings.clear();
-        gather(self.brick, self.places, self.cells.clone(), crossings)?;
         let direction = self.direction(mean, crossings)?;
         let code = encode(std::array::from_fn(|a| direction[a] * self.bound.sides[a]))?;
         around(code).find_map(|code| {
@@ -119,7 +123,7 @@ impl Fit<'_> {
         let half = f64::from(self.edge) * 0.5;
         let point = |p: [i32; 3]| -> [f64; 3] {
             std::array::from_fn(|a| {
-                let from_middle = f64::from(p[a]) / f64::from(PARTS) - f64::from(self.low[a]) - half;
+                let from_middle = f64::from(p[a]) * PART - f64::from(self.low[a]) - half;
                 from_middle * self.bound.sides[a]
             })
         };
@@ -186,6 +190,18 @@ impl Fit<'_> {
         let rise: [i32; CORNERS] =
             std::array::from_fn(|c| along([c & 1, c >> 1 & 1, c >> 2].map(|bit| i32::from(bit == 1))));
         let mut highest = i32::MIN;
+        if self.cells.len() >= MANY {
+            let mut highest_rise = [i32::MIN / 2; 256];
+            for sides in 1..256_usize {
+                let others = highest_rise[sides & (sides - 1)];
+                highest_rise[sides] = others.max(rise[sides.trailing_zeros() as usize % CORNERS]);
+            }
+            for cell in self.cells.clone() {
+                let at = along(self.places[cell].map(i32::from)) - scale.middle;
+                highest = highest.max(at + highest_rise[usize::from(self.brick.sides[cell])]);
+            }
+            return highest;
+        }
         for cell in self.cells.clone() {
             let at = along(self.places[cell].map(i32::from)) - scale.middle;
             let mut sides = self.brick.sides[cell];

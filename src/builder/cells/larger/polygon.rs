@@ -3,7 +3,10 @@
 use super::plane::Fit;
 use super::{BETWEEN, FineBrick, PARTS};
 use crate::builder::cells::corner::EDGES;
-use crate::geom::{add_scaled, dot};
+use crate::geom::{add_scaled, dot, morton};
+
+/// Cells of a box from which on only those around a point are looked at.
+const MANY: usize = 48;
 
 /// The greatest distance, in parts of a voxel of the finest spacing, from the points where the plane cuts the box's
 /// edges, and from their middle, to the nearest fine polygon; `None` if one is too far, or the plane does not cut it.
@@ -27,7 +30,7 @@ fn distance(fit: &Fit<'_>, point: [f64; 3]) -> Option<f64> {
     let limit = BETWEEN * fit.bound.error;
     let sides = fit.bound.sides;
     let mut nearest = f64::INFINITY;
-    for cell in fit.cells.clone() {
+    let mut look_at = |cell: usize| {
         let place = fit.places[cell].map(f64::from);
         let is_near = (0..3).all(|a| {
             let off = (point[a] - place[a] - 0.5).abs() - 0.5;
@@ -37,8 +40,36 @@ fn distance(fit: &Fit<'_>, point: [f64; 3]) -> Option<f64> {
             let from_place = std::array::from_fn(|a| (point[a] - place[a]) * sides[a]);
             nearest = nearest.min(to_cell(fit.brick, cell, sides, from_place));
         }
+    };
+    if fit.cells.len() < MANY {
+        fit.cells.clone().for_each(look_at);
+    } else {
+        for_each_around(fit, point, limit, &mut look_at);
     }
     (nearest <= limit).then_some(nearest)
+}
+
+/// Calls `found` with the cells of the box whose places may be as near to a point as the limit, and some more.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "places within a brick")]
+fn for_each_around(fit: &Fit<'_>, point: [f64; 3], limit: f64, found: &mut impl FnMut(usize)) {
+    let range: [std::ops::RangeInclusive<u32>; 3] = std::array::from_fn(|a| {
+        let (low, high) = (f64::from(fit.low[a]), f64::from(fit.low[a] + fit.edge - 1));
+        let reach = limit / fit.bound.sides[a] + 1e-6;
+        let [first, last] = [(point[a] - 1.0 - reach).ceil(), (point[a] + reach).floor()];
+        first.clamp(low, high) as u32..=last.clamp(low, high) as u32
+    });
+    for z in range[2].clone() {
+        for y in range[1].clone() {
+            for x in range[0].clone() {
+                let code = morton::encode(x, y, z) as usize;
+                let (word, bit) = (code / 64, code % 64);
+                if fit.brick.words[word] >> bit & 1 == 1 {
+                    let below = fit.brick.words[word] & ((1 << bit) - 1);
+                    found(fit.before[word] + below.count_ones() as usize);
+                }
+            }
+        }
+    }
 }
 
 /// Distance of a point from the polygon in a cell, both from its lowest corner in voxels of the finest spacing.

@@ -1,0 +1,238 @@
+//! Several masks of one grid as one map of labels, as segmentation tools write them: a file, or a segment, for each part.
+
+use std::ops::Range;
+use std::path::{Path, PathBuf};
+
+use super::{Preparation, Rescale, Result, ScalarType, VolumeInfo, VolumeSource, Workspace};
+use crate::facts::{Fault, Misuse, Note, SourceFault};
+
+/// Masks that one map may be made of.
+///
+/// Each holds two open files, of which a process may have 1,024 where nothing else is set.
+pub(crate) const MAX_MASKS: usize = 400;
+
+/// Which label a voxel has that several masks hold.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Overlap {
+    /// That of the first of them.
+    First,
+    /// That of the last.
+    #[default]
+    Last,
+    /// None: such masks are refused.
+    Refuse,
+}
+
+/// A mask, and the label of what is in it.
+pub(crate) struct MaskPart {
+    pub(crate) source: Box<dyn VolumeSource>,
+    pub(crate) number: u16,
+    pub(crate) name: String,
+}
+
+/// Masks of one grid as labels; inside a mask are its samples above 0.
+///
+/// Memory: 64 KiB (or a row) for each thread, and what the masks hold. Cost: each mask is read once more than the map
+/// itself, to count what overlaps.
+pub(crate) struct Masks {
+    info: VolumeInfo,
+    parts: Vec<MaskPart>,
+    overlap: Overlap,
+}
+
+/// Bytes of a mask that are read at a time.
+const PART_BYTES: usize = 64 << 10;
+
+/// Samples that are skipped at once where all are 0.
+const SEVERAL: usize = 64;
+
+/// Parts of a voxel by which the corners of two grids may be apart.
+const APART: f64 = 0.01;
+
+impl Masks {
+    /// The map of these masks, of which there is at least one.
+    ///
+    /// # Errors
+    /// They lie on different grids.
+    pub(crate) fn of(parts: Vec<MaskPart>, overlap: Overlap) -> Result<Self> {
+        let Some(first) = parts.first().map(|part| part.source.info()) else {
+            return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoneFound }.into());
+        };
+        for part in &parts[1..] {
+            let info = part.source.info();
+            if info.dims != first.dims || !is_same_place(first, info) {
+                let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
+                return Err(SourceFault::Usage { path: path_of(info), misuse }.into());
+            }
+        }
+        let mut info = VolumeInfo { scalar: ScalarType::U16, rescale: Rescale::IDENTITY, ..first.clone() };
+        info.description.labels = parts.iter().map(|part| (part.number, part.name.clone())).collect();
+        info.description.files = parts.iter().map(|part| part.source.info().description.files).sum();
+        info.description.bytes = parts.iter().map(|part| part.source.info().description.bytes).sum();
+        // Each mask says the same of itself.
+        info.notes = parts.iter().flat_map(|part| part.source.info().notes.clone()).fold(
+            Vec::new(),
+            |mut kept, note| {
+                if !kept.contains(&note) {
+                    kept.push(note);
+                }
+                kept
+            },
+        );
+        Ok(Self { info, parts, overlap })
+    }
+
+    /// Calls `found` with the samples of a block that are inside a mask, counted row by row. Gives the first of their
+    /// values, and another one if they differ.
+    fn for_each_inside(
+        source: &dyn VolumeSource,
+        z: u32,
+        rows: Range<u32>,
+        cols: Range<u32>,
+        mut found: impl FnMut(usize),
+    ) -> Result<Option<[f64; 2]>> {
+        let info = source.info();
+        let (scalar, rescale) = (info.scalar, info.rescale);
+        let row_bytes = cols.len() * scalar.bytes();
+        let at_once = u32::try_from((PART_BYTES / row_bytes.max(1)).max(1)).unwrap_or(1);
+        let mut bytes = vec![0; row_bytes * (at_once as usize).min(rows.len())];
+        let (mut at, mut values) = (0, None);
+        let air = rescale.apply(0.0) <= 0.0;
+        let mut start = rows.start;
+        while start < rows.end {
+            let end = rows.end.min(start.saturating_add(at_once));
+            let part = &mut bytes[..row_bytes * (end - start) as usize];
+            source.read_rows(z, start..end, cols.clone(), part)?;
+            for several in part.chunks(SEVERAL * scalar.bytes()) {
+                // Most of a mask is empty.
+                if air && several.iter().all(|byte| *byte == 0) {
+                    at += several.len() / scalar.bytes();
+                    continue;
+                }
+                for sample in several.chunks_exact(scalar.bytes()) {
+                    let value = rescale.apply(scalar.value(sample));
+                    if value > 0.0 {
+                        found(at);
+                        let [first, other] = values.get_or_insert([value; 2]);
+                        *other = if value == *first { *other } else { value };
+                    }
+                    at += 1;
+                }
+            }
+            start = end;
+        }
+        Ok(values)
+    }
+
+    /// Voxels that several masks hold, and whether every mask has one value.
+    fn count_overlaps(&self, workspace: &Workspace<'_>) -> Result<u64> {
+        let [nx, ny, nz] = self.info.dims.to_array();
+        let mut held = vec![0_u8; nx as usize * ROWS as usize];
+        let _reserved = workspace.reserve(held.len() as u64, || path_of(&self.info))?;
+        let mut values = vec![None; self.parts.len()];
+        let mut overlaps = 0;
+        workspace.progress.stage("masks", nz.into());
+        for z in 0..nz {
+            for low in (0..ny).step_by(ROWS as usize) {
+                let rows = low..ny.min(low + ROWS);
+                held.fill(0);
+                for (part, known) in self.parts.iter().zip(&mut values) {
+                    let count = |at: usize| held[at] = held[at].saturating_add(1);
+                    let found = Self::for_each_inside(&*part.source, z, rows.clone(), 0..nx, count)?;
+                    let Some(found) = found else { continue };
+                    let one = *known.get_or_insert(found[0]);
+                    if let Some(other) = found.into_iter().find(|value| *value != one) {
+                        let fault = Fault::NotMask { one, other };
+                        let path = path_of(part.source.info());
+                        return Err(SourceFault::Unusable { path, fault }.into());
+                    }
+                }
+                overlaps += held.iter().filter(|count| **count > 1).count() as u64;
+            }
+            workspace.progress.step(1)?;
+        }
+        Ok(overlaps)
+    }
+}
+
+/// Rows of a slice in which overlaps are counted at a time.
+const ROWS: u32 = 64;
+
+/// The input of a volume, as messages name it.
+fn path_of(info: &VolumeInfo) -> PathBuf {
+    PathBuf::from(&info.description.name)
+}
+
+/// Do two grids of one size lie in one place?
+fn is_same_place(one: &VolumeInfo, other: &VolumeInfo) -> bool {
+    let sides = one.dims.to_array().map(f64::from);
+    (0..8).all(|corner| {
+        let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { sides[a] } else { 0.0 });
+        let (p, q) = (one.affine.apply(at), other.affine.apply(at));
+        (0..3).all(|a| (p[a] - q[a]).abs() <= APART * one.spacing_mm[a])
+    })
+}
+
+impl VolumeSource for Masks {
+    fn info(&self) -> &VolumeInfo {
+        &self.info
+    }
+
+    fn modality(&self) -> Option<&str> {
+        self.parts.first().and_then(|part| part.source.modality())
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.parts.iter().for_each(|part| part.source.for_each_file(each));
+    }
+
+    fn check_unchanged(&self) -> Result {
+        self.parts.iter().try_for_each(|part| part.source.check_unchanged())
+    }
+
+    fn preparation(&self) -> Preparation {
+        self.parts.iter().map(|part| part.source.preparation()).fold(Preparation::default(), |all, one| {
+            Preparation {
+                scratch_bytes: all.scratch_bytes + one.scratch_bytes,
+                memory_bytes: all.memory_bytes.max(one.memory_bytes),
+                on_demand: false,
+            }
+        })
+    }
+
+    fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
+        for part in &mut self.parts {
+            part.source.prepare(workspace)?;
+        }
+        let voxels = self.count_overlaps(workspace)?;
+        if voxels > 0 && self.overlap == Overlap::Refuse {
+            let misuse = Misuse::Overlaps { voxels };
+            return Err(SourceFault::Usage { path: path_of(&self.info), misuse }.into());
+        }
+        if voxels > 0 {
+            let first = self.overlap == Overlap::First;
+            self.info.notes.push(Note::Overlaps { voxels, first });
+        }
+        Ok(())
+    }
+
+    fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
+        out.fill(0);
+        let labels = out.as_chunks_mut::<2>().0;
+        for part in &self.parts {
+            Self::for_each_inside(&*part.source, z, rows.clone(), cols.clone(), |at| {
+                if let Some(label) = labels.get_mut(at)
+                    && (self.overlap != Overlap::First || *label == [0; 2])
+                {
+                    label.copy_from_slice(bytemuck::bytes_of(&part.number));
+                }
+            })?;
+        }
+        Ok(())
+    }
+
+    fn resident_bytes(&self) -> u64 {
+        let own = (PART_BYTES as u64).max(u64::from(self.info.dims.nx()) * 8);
+        own + self.parts.iter().map(|part| part.source.resident_bytes()).max().unwrap_or(0)
+    }
+}
