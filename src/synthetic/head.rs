@@ -97,6 +97,7 @@ impl SyntheticHead {
                 files: 0,
                 bytes: 2 * dims.voxels(),
                 kind: ImageKind::Synthetic("head"),
+                labels: Vec::new(),
                 treatments: Vec::new(),
             },
             notes: Vec::new(),

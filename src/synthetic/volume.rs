@@ -74,6 +74,7 @@ impl AnalyticVolume {
                 files: 0,
                 bytes: dims.voxels() * scalar.bytes() as u64,
                 kind: ImageKind::Synthetic(name),
+                labels: Vec::new(),
                 treatments: Vec::new(),
             },
             notes: Vec::new(),

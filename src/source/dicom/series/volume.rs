@@ -144,6 +144,7 @@ impl DicomVolume {
                 number: shared.series_number,
                 part: part.into(),
             },
+            labels: Vec::new(),
             treatments: Vec::new(),
             files: files.len() as u64,
             bytes: dims.voxels() * layout.scalar().bytes() as u64,
