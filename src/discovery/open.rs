@@ -148,6 +148,7 @@ fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSou
         let misuse = Misuse::ManyMasks { found: count, most: MAX_MASKS };
         return Err(SourceFault::Usage { path, misuse }.into());
     }
+    let segments = findings.iter().all(|finding| finding.path == findings[0].path);
     let mut parts: Vec<MaskPart> = Vec::new();
     for (number, finding) in (1..).zip(findings) {
         let name = match finding.part {
@@ -158,7 +159,7 @@ fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSou
             parts.push(MaskPart { source, number, name });
         }
     }
-    let volume: Box<dyn VolumeSource> = Box::new(Masks::of(parts, overlap)?);
+    let volume: Box<dyn VolumeSource> = Box::new(Masks::of(parts, overlap, segments)?);
     Ok(Some(volume))
 }
 

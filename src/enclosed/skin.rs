@@ -182,12 +182,16 @@ pub(crate) struct SkinSlices<'a> {
     rows: Vec<usize>,
     slab: Option<u32>,
     seen: u64,
+    /// Columns and rows within which cells of larger leaves are given.
+    bounds: [Range<u32>; 2],
 }
 
 impl<'a> SkinSlices<'a> {
-    pub(crate) fn new(view: &'a ModelView<'a>) -> Self {
+    /// `low` and `end` as [`extent`] has them.
+    pub(crate) fn new(view: &'a ModelView<'a>, [low, end]: [[u32; 3]; 2]) -> Self {
         let slices = std::array::from_fn(|_| Vec::new());
-        Self { view, slices, sorted: Vec::new(), rows: Vec::new(), slab: None, seen: 0 }
+        let bounds = [low[0]..end[0], low[1]..end[1]];
+        Self { view, slices, sorted: Vec::new(), rows: Vec::new(), slab: None, seen: 0, bounds }
     }
 
     /// The skin of slice `z`, ordered by rows. Slices are asked for in order; `None` for a damaged model, which has
@@ -258,15 +262,17 @@ impl<'a> SkinSlices<'a> {
 
     /// The cells of a larger leaf in these slices.
     fn leaf(&mut self, leaf: &Leaf, slab: Range<u32>) -> Option<()> {
-        let [x, y, low] = leaf.low;
+        let [left, front, low] = leaf.low;
+        let [x, y] = [(left, &self.bounds[0]), (front, &self.bounds[1])]
+            .map(|(low, within)| low.max(within.start)..(low + leaf.edge).min(within.end));
         for z in slab.start.max(low)..slab.end.min(low + leaf.edge) {
             let slice = self.slices.get_mut((z - slab.start) as usize)?;
-            for row in 0..leaf.edge {
-                slice.extend((0..leaf.edge).map(|column| SkinVoxel {
-                    y: y + row,
-                    x: x + column,
+            for y in y.clone() {
+                slice.extend(x.clone().map(|x| SkinVoxel {
+                    y,
+                    x,
                     voxel: VoxelIndex::new(u64::MAX),
-                    leaf: Some(leaf.cell([column, row, z - low])),
+                    leaf: Some(leaf.cell([x - left, y - front, z - low])),
                 }));
             }
         }

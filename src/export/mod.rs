@@ -427,7 +427,7 @@ impl Exporter<'_> {
         [low, end]: Bounds,
         mut work: impl FnMut(&[SkinVoxel]) -> Result<Option<()>, ExportStop>,
     ) -> Result<Option<()>, ExportStop> {
-        let mut slices = SkinSlices::new(self.view);
+        let mut slices = SkinSlices::new(self.view, [low, end]);
         if work(&[])?.is_none() {
             return Ok(None);
         }

@@ -80,7 +80,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let cells = view.cells().is_some();
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
-    let mut slices = SkinSlices::new(view);
+    let mut slices = SkinSlices::new(view, voxels);
     let (mut bends, mut facets) = (Bends::default(), Facets::default());
     let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
     let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::{Preparation, Rescale, Result, ScalarType, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::{Fault, Misuse, Note, SourceFault};
+use crate::geom::Dims;
 
 /// Masks that one map may be made of.
 ///
@@ -37,6 +38,8 @@ pub(crate) struct MaskPart {
 pub(crate) struct Masks {
     info: VolumeInfo,
     parts: Vec<MaskPart>,
+    /// Where the first voxel of each lies.
+    places: Vec<[u32; 3]>,
     overlap: Overlap,
 }
 
@@ -53,19 +56,45 @@ impl Masks {
     /// The map of these masks, of which there is at least one.
     ///
     /// # Errors
-    /// They lie on different grids.
-    pub(crate) fn of(parts: Vec<MaskPart>, overlap: Overlap) -> Result<Self> {
+    /// They lie on different grids, or are of different sizes; `segments`, which are parts of one file, may have sizes of
+    /// their own.
+    pub(crate) fn of(parts: Vec<MaskPart>, overlap: Overlap, segments: bool) -> Result<Self> {
         let Some(first) = parts.first().map(|part| part.source.info()) else {
             return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoneFound }.into());
         };
-        for part in &parts[1..] {
+        let mut ranges: Vec<[Range<i64>; 3]> = Vec::new();
+        for part in &parts {
             let info = part.source.info();
-            if info.dims != first.dims || !is_same_place(first, info) {
-                let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
-                return Err(SourceFault::Usage { path: path_of(info), misuse }.into());
+            match range_on(first, info) {
+                Some(range) if segments || range.iter().all(|r| r.start == 0) && info.dims == first.dims => {
+                    ranges.push(range);
+                }
+                _ => {
+                    let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
+                    return Err(SourceFault::Usage { path: path_of(info), misuse }.into());
+                }
             }
         }
-        let mut info = VolumeInfo { scalar: ScalarType::U16, rescale: Rescale::IDENTITY, ..first.clone() };
+        let low: [i64; 3] = std::array::from_fn(|a| ranges.iter().map(|r| r[a].start).min().unwrap_or(0));
+        let side = |a: usize| ranges.iter().map(|r| r[a].end).max().unwrap_or(0) - low[a];
+        let dims = match [side(0), side(1), side(2)].map(|side| u32::try_from(side).ok()) {
+            [Some(nx), Some(ny), Some(nz)] => Dims::new(nx, ny, nz),
+            _ => None,
+        };
+        let Some(dims) = dims else {
+            let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
+            return Err(SourceFault::Usage { path: path_of(first), misuse }.into());
+        };
+        let mut info =
+            VolumeInfo { dims, scalar: ScalarType::U16, rescale: Rescale::IDENTITY, ..first.clone() };
+        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
+        let origin = first.affine.apply(low.map(|c| c as f64));
+        for (row, at) in info.affine.rows.iter_mut().zip(origin) {
+            row[3] = at;
+        }
+        let places =
+            ranges.iter().map(|r| std::array::from_fn(|a| u32::try_from(r[a].start - low[a]).unwrap_or(0)));
+        let places = places.collect();
         info.description.labels = parts.iter().map(|part| (part.number, part.name.clone())).collect();
         info.description.files = parts.iter().map(|part| part.source.info().description.files).sum();
         info.description.bytes = parts.iter().map(|part| part.source.info().description.bytes).sum();
@@ -79,19 +108,40 @@ impl Masks {
                 kept
             },
         );
-        Ok(Self { info, parts, overlap })
+        Ok(Self { info, parts, places, overlap })
     }
 
-    /// Calls `found` with the samples of a block that are inside a mask, counted row by row. Gives the first of their
-    /// values, and another one if they differ.
+    /// Calls `found` with the samples of a block of the map that are inside a mask, counted row by row. Gives the first of
+    /// their values, and another one if they differ.
     fn for_each_inside(
-        source: &dyn VolumeSource,
+        &self,
+        number: usize,
         z: u32,
         rows: Range<u32>,
         cols: Range<u32>,
         mut found: impl FnMut(usize),
     ) -> Result<Option<[f64; 2]>> {
+        let (Some(MaskPart { source, .. }), Some(place)) = (self.parts.get(number), self.places.get(number))
+        else {
+            return Ok(None);
+        };
         let info = source.info();
+        let [nx, ny, nz] = info.dims.to_array();
+        let within = |r: &Range<u32>, a: usize, side: u32| {
+            let end = place[a] + side;
+            r.start.clamp(place[a], end) - place[a]..r.end.clamp(place[a], end) - place[a]
+        };
+        let (own_cols, own_rows) = (within(&cols, 0, nx), within(&rows, 1, ny));
+        if own_cols.is_empty() || own_rows.is_empty() || z < place[2] || z - place[2] >= nz {
+            return Ok(None);
+        }
+        // Where a sample of the mask stands in the block.
+        let stride = cols.len();
+        let first = ((own_rows.start + place[1] - rows.start) as usize) * stride
+            + (own_cols.start + place[0] - cols.start) as usize;
+        let width = own_cols.len();
+        let mut found = |at: usize| found(first + at / width * stride + at % width);
+        let (z, rows, cols) = (z - place[2], own_rows, own_cols);
         let (scalar, rescale) = (info.scalar, info.rescale);
         let row_bytes = cols.len() * scalar.bytes();
         let at_once = u32::try_from((PART_BYTES / row_bytes.max(1)).max(1)).unwrap_or(1);
@@ -136,14 +186,14 @@ impl Masks {
             for low in (0..ny).step_by(ROWS as usize) {
                 let rows = low..ny.min(low + ROWS);
                 held.fill(0);
-                for (part, known) in self.parts.iter().zip(&mut values) {
+                for (number, known) in values.iter_mut().enumerate() {
                     let count = |at: usize| held[at] = held[at].saturating_add(1);
-                    let found = Self::for_each_inside(&*part.source, z, rows.clone(), 0..nx, count)?;
+                    let found = self.for_each_inside(number, z, rows.clone(), 0..nx, count)?;
                     let Some(found) = found else { continue };
                     let one = *known.get_or_insert(found[0]);
                     if let Some(other) = found.into_iter().find(|value| *value != one) {
                         let fault = Fault::NotMask { one, other };
-                        let path = path_of(part.source.info());
+                        let path = path_of(self.parts[number].source.info());
                         return Err(SourceFault::Unusable { path, fault }.into());
                     }
                 }
@@ -163,14 +213,24 @@ fn path_of(info: &VolumeInfo) -> PathBuf {
     PathBuf::from(&info.description.name)
 }
 
-/// Do two grids of one size lie in one place?
-fn is_same_place(one: &VolumeInfo, other: &VolumeInfo) -> bool {
-    let sides = one.dims.to_array().map(f64::from);
-    (0..8).all(|corner| {
-        let at = std::array::from_fn(|a| if corner >> a & 1 == 1 { sides[a] } else { 0.0 });
-        let (p, q) = (one.affine.apply(at), other.affine.apply(at));
-        (0..3).all(|a| (p[a] - q[a]).abs() <= APART * one.spacing_mm[a])
-    })
+/// The voxels of the first volume's grid that are those of another one, before and beyond the first if need be; `None`
+/// where they are no voxels of it.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "a whole number of voxels, and compared with the place itself"
+)]
+fn range_on(first: &VolumeInfo, other: &VolumeInfo) -> Option<[Range<i64>; 3]> {
+    let onto = first.affine.inverse()?.after(&other.affine);
+    let sides = other.dims.to_array().map(i64::from);
+    let start = onto.apply([0.0; 3]).map(|c| c.round().clamp(-1e6, 1e6) as i64);
+    let is_at = (0..8).all(|corner| {
+        let of = |a: usize| if corner >> a & 1 == 1 { sides[a] } else { 0 };
+        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
+        let at = onto.apply([0, 1, 2].map(|a| of(a) as f64));
+        #[expect(clippy::cast_precision_loss, reason = "small numbers of voxels")]
+        (0..3).all(|a| (at[a] - (start[a] + of(a)) as f64).abs() <= APART)
+    });
+    is_at.then(|| std::array::from_fn(|a| start[a]..start[a] + sides[a]))
 }
 
 impl VolumeSource for Masks {
@@ -219,8 +279,8 @@ impl VolumeSource for Masks {
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
         out.fill(0);
         let labels = out.as_chunks_mut::<2>().0;
-        for part in &self.parts {
-            Self::for_each_inside(&*part.source, z, rows.clone(), cols.clone(), |at| {
+        for (number, part) in self.parts.iter().enumerate() {
+            self.for_each_inside(number, z, rows.clone(), cols.clone(), |at| {
                 if let Some(label) = labels.get_mut(at)
                     && (self.overlap != Overlap::First || *label == [0; 2])
                 {

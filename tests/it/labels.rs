@@ -373,7 +373,7 @@ fn masks(folder: &Path, dims: [u32; 3], names: &[&str]) -> Vec<(PathBuf, Vec<u8>
             let path = folder.join(name);
             let mut object = Object::new(dims, infobyte::ScalarType::U8, [1.0; 3]);
             object.bytes.clone_from(&samples);
-            let bytes = nifti(&object, 1, false, true, 1);
+            let bytes = [nifti(&object, 1, false, true, 1), object.bytes.clone()].concat();
             fs::write(&path, if name.ends_with(".gz") { gzip(&bytes) } else { bytes }).unwrap();
             (path, samples)
         })
@@ -426,7 +426,7 @@ fn masks_of_one_grid_become_one_map_and_overlaps_are_counted() {
         object.bytes = (0..dims.iter().product::<u32>()).map(|i| (i % 3) as u8).collect();
         object
     };
-    fs::write(folder.path().join("other.nii"), nifti(&object, 1, false, true, 1)).unwrap();
+    fs::write(folder.path().join("other.nii"), [nifti(&object, 1, false, true, 1), object.bytes.clone()].concat()).unwrap();
     build(&[&other]).refused(3, &["where a mask has one"]);
 }
 
