@@ -16,7 +16,7 @@
 //! | `options` | what was asked for, as a number and for people |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
-//! | `page` | `index.html`, the contact sheet |
+//! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
 
 mod claims;
 mod earlier;
