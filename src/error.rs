@@ -119,9 +119,9 @@ pub enum UsageError {
 /// Why a table of labels cannot be read; line 0 for the whole.
 fn unread(line: usize) -> String {
     if line == 0 {
-        "is no table of labels".into()
+        "is not a table of labels".into()
     } else {
-        format!("line {line} is no row of a table of labels")
+        format!("line {line} is not a row of a table of labels")
     }
 }
 

@@ -237,7 +237,7 @@ impl BuildJob<'_> {
             Subject::Mesh(paths) => self.mesh(&paths)?,
             Subject::Tree(path) => self.tree(&path)?,
         };
-        // What is told of the model runs beside the last stage's code otherwise.
+        // Otherwise the report of the model runs with the last stage's code still resident.
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         Ok(BuildSummary {

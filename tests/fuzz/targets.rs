@@ -556,7 +556,7 @@ fn seal(bytes: &mut [u8]) {
 type Stated = (u32, u32, u16, u16);
 
 /// Takes a codestream for the pixels of a DICOM image that states the same size; the first byte chooses among
-/// what DICOM states beside.
+/// what DICOM states as well.
 fn codec(bytes: &[u8], syntaxes: &[&str], stated: fn(&[u8]) -> Option<Stated>) -> bool {
     let Some((choice, stream)) = bytes.split_first() else { return false };
     let (columns, rows, samples, precision) = stated(stream)
