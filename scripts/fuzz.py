@@ -31,7 +31,7 @@ FLAGS = (
     "--cfg fuzzing"
 )
 # Longest input in bytes, where 4096 are not enough for what a sound one needs.
-LONGEST = {"oct": 16384, "packed": 16384, "dicom": 8192}
+LONGEST = {"oct": 16384, "packed": 16384, "dicom": 8192, "part": 20480}
 TARGETS = re.findall(r"^    (\w+): \|", (ROOT / "tests/fuzz/targets.rs").read_text(), re.M)
 
 
