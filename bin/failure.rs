@@ -1,4 +1,4 @@
-//! Why the command ends without success, and how that is told: one sentence on stderr, and under `--json` one
+//! Why the command ends without success, and how that is reported: one sentence on stderr, and under `--json` one
 //! object on stdout as well.
 
 use std::fmt;
@@ -27,7 +27,7 @@ pub(crate) enum Refusal {
     ForVolumes(&'static str),
     /// This flag says nothing about a tree of solids.
     ForOthers(&'static str),
-    /// A tree of solids beside other inputs.
+    /// A tree of solids among other inputs.
     SeveralTrees,
     /// This flag says something about a mesh or a tree, and the input is a volume.
     ForMeshes(&'static str),
@@ -225,7 +225,7 @@ impl Failure {
     }
 }
 
-/// Tells a failure on stderr, and as an object on stdout if that was asked for. Nobody may be listening.
+/// Tells a failure on stderr, and as an object on stdout if that was asked for. There may be no listener.
 pub(crate) fn tell(sentence: &str, kind: ExitKind, as_json: bool) -> ExitCode {
     let sentence = one_line(sentence);
     if as_json {

@@ -49,7 +49,7 @@ use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_das
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
-    // Linking at start leaves code behind that is not called again, beside what reading the arguments needs.
+    // Linking at start leaves code behind that is not called again, in addition to what reading the arguments needs.
     jobs::give_back();
     platform::report_size_limits();
     text::spell(cure::spelled);
@@ -165,7 +165,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
 fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.output.as_path()], Dash::Model)?;
     check_suffixes([args.output.as_path()], Written::Model, args.force)?;
-    // The arguments have been read: what that took is not left beside what follows.
+    // The arguments have been read: what that took is given back before the rest.
     jobs::give_back();
     let build = Build::of(args)?;
     let bars = Bars::new(args.quiet || args.json);

@@ -60,7 +60,7 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
             low_level::exit(ExitKind::Input.code().into());
         }
     };
-    // The runtime has a handler for overflows of the stack, which are told by another signal here. It would be
+    // The runtime has a handler for overflows of the stack, which raise another signal here. It would be
     // called first, and set the system's way back: the second thread would end the process before the first spoke.
     // SAFETY: the system's way is not a function, and nothing waits for what was there.
     let _ = unsafe { libc::signal(SIGBUS, libc::SIG_DFL) };

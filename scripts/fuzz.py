@@ -31,7 +31,7 @@ FLAGS = (
     "--cfg fuzzing"
 )
 # Longest input in bytes, where 4096 are not enough for what a sound one needs.
-LONGEST = {"oct": 16384, "packed": 16384, "dicom": 8192}
+LONGEST = {"oct": 16384, "packed": 16384, "dicom": 8192, "part": 20480}
 TARGETS = re.findall(r"^    (\w+): \|", (ROOT / "tests/fuzz/targets.rs").read_text(), re.M)
 
 
@@ -217,7 +217,7 @@ def main():
     program = args.program or build()
     campaign = Campaign(args, program)
     seeds = os.environ | {"INFOBYTE_FUZZ_SEEDS": str(WORK / "corpus")}
-    if not any(campaign.corpus(TARGETS[0]).iterdir()):
+    if not all(any(campaign.corpus(name).iterdir()) for name in args.targets):
         # The test fails where nothing is kept yet; the first inputs are written before.
         subprocess.run(["cargo", "test", "--locked", "--test", "corpus"], cwd=ROOT, env=seeds, check=False)
     campaign.fuzz()

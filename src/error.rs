@@ -20,7 +20,7 @@ use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
-    CHANNELS, ERROR, FORM, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
+    CHANNELS, ERROR, FORM, GRADIENT, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
 };
 use crate::text::{shown, writing};
 
@@ -96,6 +96,8 @@ pub enum UsageError {
     },
     #[error("{}: labels are built as they are; leave out {asked}", shown(.path))]
     CleanLabels { path: PathBuf, asked: &'static str },
+    #[error("{}: holds no volume, and normals are estimated for volumes only; leave out {GRADIENT}", shown(.path))]
+    GradientOfTree { path: PathBuf },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
     ReplacesInput { path: PathBuf, folder: bool },
     #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid, or within a bound ({ERROR})", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
@@ -117,9 +119,9 @@ pub enum UsageError {
 /// Why a table of labels cannot be read; line 0 for the whole.
 fn unread(line: usize) -> String {
     if line == 0 {
-        "is no table of labels".into()
+        "is not a table of labels".into()
     } else {
-        format!("line {line} is no row of a table of labels")
+        format!("line {line} is not a row of a table of labels")
     }
 }
 

@@ -1,4 +1,4 @@
-//! Nameless files for what does not fit into memory: gone with their last descriptor, even when the
+//! Unnamed files for what does not fit into memory: gone with their last descriptor, even when the
 //! process is killed.
 
 use std::fs::File;

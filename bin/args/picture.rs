@@ -119,7 +119,7 @@ pub(crate) struct RenderArgs {
     #[arg(long)]
     pub(crate) annotate: bool,
     /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the
-    /// farthest, 0 where nothing is hit; the distances of both in mm are told
+    /// farthest, 0 where nothing is hit; the report states both distances in mm
     #[arg(long, value_name = "F.png")]
     pub(crate) depth: Option<PathBuf>,
     /// Also write a picture of the normals

@@ -113,7 +113,7 @@ pub(super) struct Taps {
 const SMOOTH: [i8; 3] = [20, 13, 2];
 const DERIVE: [i8; 2] = [2, 1];
 /// The same along an axis with a much longer spacing than the finest: a surface passes more steeply
-/// through few slices there, which this flatter filter bears better (a ball sampled 1:1:2, stored normals:
+/// through few slices there, which suits this flatter filter better (a ball sampled 1:1:2, stored normals:
 /// mean 0.51 to 0.38 degrees, 99th percentile 1.40 to 0.95).
 const SMOOTH_COARSE: [i8; 3] = [20, 15, 1];
 /// Spacing of a coarse axis, in units of the finest.

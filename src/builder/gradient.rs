@@ -411,7 +411,7 @@ fn turn(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     turn.is_finite().then_some(turn)
 }
 
-/// Index bit of voxels outside the interior, beside the six faces'.
+/// Index bit of voxels outside the interior, after those of the six faces.
 const BORDER: u8 = 1 << 6;
 
 /// Sum of the directions of the exposed faces, by the six bits of their mask; NaN for border voxels.

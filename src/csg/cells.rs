@@ -7,7 +7,7 @@
 use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
-use super::solid::{CsgSolid, CsgWorker};
+use super::solid::{CsgSolid, CsgWorker, Keep};
 use crate::builder::BuildError;
 use crate::builder::{
     CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
@@ -56,7 +56,7 @@ impl Solid for CsgCells<'_> {
             self.tree.counts[1] * size_of::<LeafCrossing>() + CellEdges::MAX_EDGES * size_of::<CellEdge>();
         self.tree.worker_bytes(tile)
             + (1 + self.tree.sampled.len() as u64) * CellEdges::BYTES
-            + crossed as u64
+            + (crossed + self.tree.most_steps() * size_of::<Step>()) as u64
     }
 
     fn input_bytes(&self) -> u64 {
@@ -66,11 +66,12 @@ impl Solid for CsgCells<'_> {
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         Box::new(CellWorker {
             samples: self.tree.place.dims,
-            tree: CsgWorker::new(&self.tree, tile),
+            tree: CsgWorker::new(&self.tree, tile, Keep::Outermost),
             edges: CellEdges::new(),
             list: Vec::with_capacity(CellEdges::MAX_EDGES),
             of_sampled: self.tree.sampled.iter().map(|_| CellEdges::new()).collect(),
             crossed: Vec::with_capacity(self.tree.program.len()),
+            at_edge: Vec::with_capacity(self.tree.most_steps()),
         })
     }
 
@@ -87,7 +88,12 @@ struct CellWorker<'a> {
     /// Those of sampled leaves.
     of_sampled: Vec<CellEdges>,
     crossed: Vec<LeafCrossing>,
+    /// What is left of a program at one edge.
+    at_edge: Vec<Step>,
 }
+
+/// Programs of more steps are made shorter for every edge.
+const MANY: usize = 16;
 
 /// A leaf of a program that an edge may cross.
 struct LeafCrossing {
@@ -122,7 +128,7 @@ impl SolidWorker for CellWorker<'_> {
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-        let Self { samples, tree, edges, list, of_sampled, crossed } = self;
+        let Self { samples, tree, edges, list, of_sampled, crossed, at_edge } = self;
         edges.begin(skin);
         let [_, _, z] = skin.corner();
         tree.ready(z + 2)?;
@@ -146,7 +152,11 @@ impl SolidWorker for CellWorker<'_> {
                 let last = edge.low[k] + i32::from(k == edge.axis);
                 edge.low[k] >= 0 && last.cast_unsigned() < sides[k]
             });
-            if exists && let Some(found) = outermost(edge, near, solid, samplers, of_sampled, crossed) {
+            if !exists {
+                continue;
+            }
+            let steps = if near.len() > MANY { left_at(edge, near, solid, at_edge) } else { near };
+            if let Some(found) = outermost(edge, steps, solid, samplers, of_sampled, crossed) {
                 edges.offer(&found);
             }
         }
@@ -156,6 +166,24 @@ impl SolidWorker for CellWorker<'_> {
 
     fn items(&self, channel: Channel) -> &[u8] {
         self.edges.items(channel)
+    }
+}
+
+/// The rest of a program at an edge.
+fn left_at<'p>(
+    edge: &CellEdge,
+    steps: &'p [Step],
+    solid: &CsgSolid<'_>,
+    out: &'p mut Vec<Step>,
+) -> &'p [Step] {
+    let side = |k: usize| {
+        let first = edge.low[k].cast_unsigned();
+        first..first + 1 + u32::from(k == edge.axis)
+    };
+    let region = VoxelBox { x: side(0), y: side(1), z: side(2) };
+    match solid.prune(steps, &region, Keep::Outermost, out) {
+        Some(Cover::Mixed) => out,
+        _ => steps,
     }
 }
 
@@ -211,5 +239,98 @@ fn outermost(
         if value(passed.0, passed.1, crossed) {
             return next.found;
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::leaf::{Ball, Block, Leaf};
+    use super::super::place::LatticeGrid;
+    use super::*;
+    use crate::mesh::{Bounds, GridChoice, STEPS};
+
+    const SIDE: i32 = 24;
+
+    /// Balls and boxes in nearly one place, joined as chance has it.
+    fn random(count: u32, next: &mut impl FnMut(i32) -> i32) -> CsgSolid<'static> {
+        let (middle, about) = (SIDE / 2 * STEPS, 1 + next(3 * STEPS));
+        let leaves: Vec<Leaf> = (0..count)
+            .map(|_| {
+                let middle: [i32; 3] = std::array::from_fn(|_| middle + next(about));
+                let reach = 7 * STEPS + next(about);
+                if next(3) > 0 {
+                    return Leaf::Ball(Ball { middle, radius: reach });
+                }
+                let of = |sign: i32| middle.map(|c| i64::from(c + sign * reach));
+                Leaf::Block(Box::new(Block { low: of(-1), high: of(1) }))
+            })
+            .collect();
+        let (and, or) = (1 << 31, 1 << 30);
+        let usual = if next(2) == 0 { and } else { or };
+        let sign = u32::from(next(2) == 0);
+        let mut program = vec![sign];
+        for leaf in 1..count {
+            program.push(leaf << 1 | if next(9) == 0 { 1 - sign } else { sign });
+            program.push(if next(9) == 0 { and + or - usual } else { usual });
+        }
+        let choice = GridChoice::Side { voxels: SIDE.cast_unsigned(), margin: 1 };
+        let place = LatticeGrid::around(choice, &Bounds { low: [0.0; 3], high: [1.0; 3] }).unwrap();
+        let extents = leaves.iter().map(Leaf::extent).collect();
+        let counts = [leaves.len(), program.len()];
+        let name = String::new();
+        CsgSolid { name, place, leaves, extents, program, sampled: Vec::new(), counts, text: None }
+    }
+
+    /// Leaves that are left out as they lie within others, in boxes within boxes, change no voxel and no crossing.
+    #[test]
+    fn nested_leaves_change_nothing() {
+        let mut state = 5_u32;
+        let mut next = |n: i32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            i32::try_from(state >> 8).unwrap() % n
+        };
+        let (mut compared, mut left_out) = (0, 0);
+        for round in 0..60 {
+            let solid = random(2 + 3 * round, &mut next);
+            let [mut first, mut second] = [(); 2].map(|()| Vec::with_capacity(solid.program.len()));
+            for _ in 0..300 {
+                let low: [i32; 3] = std::array::from_fn(|_| 1 + next(SIDE - 3));
+                let axis = usize::try_from(next(3)).unwrap();
+                let mut high = low;
+                high[axis] += 1;
+                let inside = |steps: &[Step], at: [i32; 3]| {
+                    program::value(steps, |leaf| if solid.contains(leaf, at) { u64::MAX } else { 0 }) != 0
+                };
+                let whole = [low, high].map(|at| inside(&solid.program, at));
+                // A box around the edge, and the edge.
+                let side = |k: usize| {
+                    let at = low[k].cast_unsigned();
+                    at.saturating_sub(5)..(at + 7).min(SIDE.cast_unsigned())
+                };
+                let region = VoxelBox { x: side(0), y: side(1), z: side(2) };
+                let near = match solid.prune(&solid.program, &region, Keep::Outermost, &mut first) {
+                    Some(Cover::Mixed) => &first,
+                    Some(cover) => {
+                        assert_eq!(whole, [cover == Cover::Inside; 2]);
+                        continue;
+                    }
+                    None => &solid.program,
+                };
+                assert_eq!([low, high].map(|at| inside(near, at)), whole);
+                left_out += solid.program.len() - near.len();
+                let edge = CellEdge { low, axis, low_inside: whole[0] };
+                if whole[0] == whole[1] {
+                    continue;
+                }
+                let at_edge = left_at(&edge, near, &solid, &mut second);
+                let [all, few] = [&solid.program, at_edge].map(|steps| {
+                    let found = outermost(&edge, steps, &solid, &[], &[], &mut Vec::new());
+                    found.map(|found| (found.along, found.normal))
+                });
+                assert_eq!(all, few, "{edge:?}");
+                compared += 1;
+            }
+        }
+        assert!(compared > 500 && left_out > 100_000, "{compared} {left_out}");
     }
 }

@@ -13,7 +13,7 @@
 use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
-use super::solid::{CsgSolid, Remainder};
+use super::solid::{CsgSolid, Keep, Remainder};
 use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
 use crate::facts::SourceError;
 use crate::format::{Channel, normal};
@@ -163,7 +163,9 @@ impl Description {
         // Around these voxels often only one leaf matters.
         let (mut near, mut nearer) = (std::mem::take(&mut self.near), std::mem::take(&mut self.nearer));
         let steps = match left {
-            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut near),
+            Remainder::Steps(steps) => {
+                left_around(steps, skin.corner(), [BRICK; 2], solid, Keep::All, &mut near)
+            }
             Remainder::Uniform(_) => &[],
         };
         let mut insides = [0_u32; BRICK];
@@ -180,7 +182,7 @@ impl Description {
                 let [x, y, z] = skin.corner();
                 let [from_x, from_y] = from.map(|at| u32::try_from(at).unwrap_or(0));
                 let corner = [x + from_x, y + from_y, z];
-                let steps = left_around(steps, corner, [BLOCK; 2], solid, &mut nearer);
+                let steps = left_around(steps, corner, [BLOCK; 2], solid, Keep::All, &mut nearer);
                 let around = Around { solid, steps, samplers };
                 any_sampled |= self.describe_block(skin, from, BLOCK, around, &mut insides);
             }
@@ -197,7 +199,7 @@ impl Description {
         if any_sampled { self.ask_sampled(skin, solid, samplers, &insides) } else { Ok(()) }
     }
 
-    /// The rest of the program around a brick's slice: often one leaf.
+    /// The rest of the program around a brick's slice for where edges are crossed: often one leaf.
     pub(super) fn look<'s>(
         &'s mut self,
         skin: &SkinSlice<'_>,
@@ -205,7 +207,9 @@ impl Description {
         left: Remainder<'s>,
     ) -> &'s [Step] {
         match left {
-            Remainder::Steps(steps) => left_around(steps, skin.corner(), [BRICK; 2], solid, &mut self.near),
+            Remainder::Steps(steps) => {
+                left_around(steps, skin.corner(), [BRICK; 2], solid, Keep::Outermost, &mut self.near)
+            }
             Remainder::Uniform(_) => &[],
         }
     }
@@ -478,6 +482,7 @@ fn left_around<'p>(
     corner: [u32; 3],
     [columns, rows]: [usize; 2],
     solid: &CsgSolid<'_>,
+    keep: Keep,
     out: &'p mut Vec<Step>,
 ) -> &'p [Step] {
     let dims = solid.place.dims.to_array();
@@ -486,7 +491,7 @@ fn left_around<'p>(
         corner[k].saturating_sub(1)..(corner[k] + length + 1).min(dims[k])
     };
     let around = VoxelBox { x: side(0, columns), y: side(1, rows), z: side(2, 1) };
-    match solid.prune(steps, &around, out) {
+    match solid.prune(steps, &around, keep, out) {
         Some(Cover::Mixed) => out,
         Some(_) => &[],
         None => steps,

@@ -59,7 +59,7 @@ pub(super) struct Front<'a, 't> {
     pub(super) options: &'a BuildOptions,
     pub(super) scratch: PathBuf,
     pub(super) progress: &'a dyn Progress,
-    /// The most that flat trees and the making of a leaf have taken at a time, beside the tree.
+    /// The most that flat trees and the making of a leaf have taken at a time, without the tree.
     pub(super) peak: Cell<u64>,
 }
 
@@ -184,7 +184,7 @@ impl<'a, 't> Front<'a, 't> {
         Ok(flat)
     }
 
-    /// What is left beside the tree.
+    /// What is left next to the tree.
     fn left_bytes(&self) -> u64 {
         let memory = self.options.memory;
         let left = Budget::of_job(memory).left_bytes();
@@ -192,7 +192,7 @@ impl<'a, 't> Front<'a, 't> {
         left.saturating_sub(if let MemoryCap::Share(_) = memory { self.tree.bytes() } else { 0 })
     }
 
-    /// Is there room for the triangles of a leaf, and the corners of which they are made, beside the leaves before?
+    /// Is there room for the triangles of a leaf, and the corners of which they are made, in addition to the leaves before?
     fn check_room(&self, faces: &Faces, made: u64) -> Result<(), BuildError> {
         let bytes = 36 * (faces.points.len() + faces.triangles.len()) as u64;
         self.peak.set(self.peak.get().max(made + bytes));

@@ -70,21 +70,72 @@ pub(super) fn compile<T>(flat: &Flat<T>) -> Vec<Step> {
     steps
 }
 
+/// How leaves lie to each other in a box.
+pub(super) trait Nesting {
+    /// A number that is the smaller the farther a leaf reaches around the middle of the box; `None` for leaves that are
+    /// not compared.
+    fn reach(&self, leaf: u32) -> Option<i64>;
+    /// Is all of one leaf in the box a lattice step and more within the other?
+    fn holds(&self, outer: u32, inner: u32) -> bool;
+}
+
+/// Leaves that are not compared.
+pub(super) struct Apart;
+
+impl Nesting for Apart {
+    fn reach(&self, _: u32) -> Option<i64> {
+        None
+    }
+
+    fn holds(&self, _: u32, _: u32) -> bool {
+        false
+    }
+}
+
+/// The leaf of a part that decides most of it: of one leaf, or of leaves that are all joined alike.
+#[derive(Clone, Copy)]
+struct Lead {
+    leaf: u32,
+    negated: bool,
+    reach: i64,
+    /// The join, if there are several.
+    join: Option<Step>,
+}
+
+impl Lead {
+    fn new(step: Step, nesting: &impl Nesting) -> Option<Self> {
+        let (leaf, negated) = leaf_of(step)?;
+        Some(Self { leaf, negated, reach: nesting.reach(leaf)?, join: None })
+    }
+
+    /// Both, if they may stand in one list.
+    fn pair(a: Option<Self>, b: Option<Self>, join: Step) -> Option<(Self, Self)> {
+        let (a, b) = (a?, b?);
+        let alike = |lead: &Self| lead.join.is_none_or(|own| own == join);
+        (alike(&a) && alike(&b) && a.negated == b.negated).then_some((a, b))
+    }
+}
+
 /// Writes what is left of a program where leaves have these covers; nothing, if all is in or out. `None` where the
 /// list has no room: the program itself says the same then.
+///
+/// Of leaves that are joined alike, those within another one are left out: they change neither which voxels are inside
+/// nor where an edge first comes inside.
 pub(super) fn prune(
     program: &[Step],
     mut cover: impl FnMut(u32) -> Cover,
+    nesting: &impl Nesting,
     out: &mut Vec<Step>,
 ) -> Option<Cover> {
     out.clear();
-    let mut stack = [(Cover::Outside, 0_usize); STACK];
+    let mut stack = [(Cover::Outside, 0_usize, None::<Lead>); STACK];
     let mut top = 0;
     for step in program {
         if let Some((leaf, negated)) = leaf_of(*step) {
             let own = cover(leaf);
             let own = if negated { complement(own) } else { own };
-            stack[top] = (own, out.len());
+            let lead = if own == Cover::Mixed { Lead::new(*step, nesting) } else { None };
+            stack[top] = (own, out.len(), lead);
             top += 1;
             if own == Cover::Mixed {
                 if out.len() == out.capacity() {
@@ -95,27 +146,50 @@ pub(super) fn prune(
             continue;
         }
         let is_and = *step == AND;
-        let ((b, second), (a, first)) = (stack[top - 1], stack[top - 2]);
+        let ((b, second, lead_b), (a, first, lead_a)) = (stack[top - 1], stack[top - 2]);
         top -= 1;
         // One side decides alone, or does not matter.
         let (decides, matters_not) =
             if is_and { (Cover::Outside, Cover::Inside) } else { (Cover::Inside, Cover::Outside) };
-        let joined = if a == decides || b == decides {
+        let (joined, lead) = if a == decides || b == decides {
             out.truncate(first);
-            decides
+            (decides, None)
         } else if a == matters_not {
-            b
+            (b, lead_b)
         } else if b == matters_not {
             out.truncate(second);
-            a
+            (a, lead_a)
         } else {
+            let lead = match Lead::pair(lead_a, lead_b, *step) {
+                None => None,
+                Some((a, b)) => {
+                    // Of a union the larger leaf counts, of an intersection the smaller one, of complements the other.
+                    let larger = is_and == a.negated;
+                    let beats = |a: &Lead, b: &Lead| match larger {
+                        true => nesting.holds(a.leaf, b.leaf),
+                        false => nesting.holds(b.leaf, a.leaf),
+                    };
+                    let a_leads = (a.reach <= b.reach) == larger;
+                    if a_leads && b.join.is_none() && beats(&a, &b) {
+                        out.truncate(second);
+                        stack[top - 1] = (Cover::Mixed, first, Some(a));
+                        continue;
+                    }
+                    if !a_leads && a.join.is_none() && beats(&b, &a) {
+                        out.remove(first);
+                        stack[top - 1] = (Cover::Mixed, first, Some(b));
+                        continue;
+                    }
+                    Some(Lead { join: Some(*step), ..if a_leads { a } else { b } })
+                }
+            };
             if out.len() == out.capacity() {
                 return None;
             }
             out.push(*step);
-            Cover::Mixed
+            (Cover::Mixed, lead)
         };
-        stack[top - 1] = (joined, first);
+        stack[top - 1] = (joined, first, lead);
     }
     Some(if top == 0 { Cover::Outside } else { stack[0].0 })
 }

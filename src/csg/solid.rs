@@ -11,9 +11,9 @@
 use std::path::PathBuf;
 
 use super::describe::Description;
-use super::leaf::{Extent, Leaf, Rows};
+use super::leaf::{Extent, Leaf, Nested, Rows};
 use super::place::LatticeGrid;
-use super::program::{self, STACK, Step};
+use super::program::{self, Apart, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
 use crate::builder::BuildFault;
 use crate::builder::{
@@ -48,6 +48,15 @@ pub(super) struct CsgSolid<'a> {
     pub(super) text: Option<(PathBuf, u64)>,
 }
 
+/// Which leaves stay of those that lie within each other in a box.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Keep {
+    /// All: skin asks which of them makes it.
+    All,
+    /// Those that say what is inside, and where edges are crossed.
+    Outermost,
+}
+
 /// Boxes within boxes: halves of a tile.
 fn levels(tile: &Tile) -> usize {
     tile.columns.div_ceil(BOX).max(1).ilog2() as usize + 2
@@ -68,7 +77,7 @@ impl CsgSolid<'_> {
     }
 
     /// Most steps of the program of a box.
-    fn most_steps(&self) -> usize {
+    pub(super) fn most_steps(&self) -> usize {
         self.counts[1].min(MAX_STEPS)
     }
 
@@ -82,8 +91,28 @@ impl CsgSolid<'_> {
     }
 
     /// The rest of a program in a box; `None` where it has no room.
-    pub(super) fn prune(&self, steps: &[Step], region: &VoxelBox, out: &mut Vec<Step>) -> Option<Cover> {
-        program::prune(steps, |leaf| self.cover(leaf, region), out)
+    pub(super) fn prune(
+        &self,
+        steps: &[Step],
+        region: &VoxelBox,
+        keep: Keep,
+        out: &mut Vec<Step>,
+    ) -> Option<Cover> {
+        self.prune_by(|leaf| self.cover(leaf, region), steps, region, keep, out)
+    }
+
+    fn prune_by(
+        &self,
+        cover: impl FnMut(u32) -> Cover,
+        steps: &[Step],
+        region: &VoxelBox,
+        keep: Keep,
+        out: &mut Vec<Step>,
+    ) -> Option<Cover> {
+        match keep {
+            Keep::All => program::prune(steps, cover, &Apart, out),
+            Keep::Outermost => program::prune(steps, cover, &Nested::new(&self.leaves, region), out),
+        }
     }
 
     /// Is a voxel inside a leaf that is not sampled?
@@ -153,7 +182,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        Box::new(CsgWorker::new(self, tile))
+        Box::new(CsgWorker::new(self, tile, Keep::All))
     }
 
     fn nothing_inside(&self) -> BuildError {
@@ -190,6 +219,7 @@ struct Level {
 pub(super) struct CsgWorker<'a> {
     solid: &'a CsgSolid<'a>,
     column: VoxelBox,
+    keep: Keep,
     /// The program of the column, unless it is that of the whole tree.
     whole: Vec<Step>,
     is_whole: bool,
@@ -245,7 +275,7 @@ fn left<'p>(slabs: &'p [Slab; 2], whole: &'p [Step], z: u32, at: usize) -> Remai
 }
 
 impl<'a> CsgWorker<'a> {
-    pub(super) fn new(solid: &'a CsgSolid<'_>, tile: &Tile) -> Self {
+    pub(super) fn new(solid: &'a CsgSolid<'_>, tile: &Tile, keep: Keep) -> Self {
         let boxes = tile.columns.div_ceil(BOX) as usize;
         let slab = || Slab {
             number: u32::MAX,
@@ -254,6 +284,7 @@ impl<'a> CsgWorker<'a> {
         };
         Self {
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            keep,
             whole: Vec::with_capacity(solid.most_steps()),
             is_whole: false,
             most_levels: levels(tile),
@@ -334,7 +365,7 @@ impl SolidWorker for CsgWorker<'_> {
         let [nx, ny, nz] = self.solid.place.dims.to_array();
         let around =
             VoxelBox { x: grown(&column.x, 1, nx), y: grown(&column.y, 1, ny), z: grown(&column.z, 2, nz) };
-        let cover = self.solid.prune(&self.solid.program, &around, &mut self.whole);
+        let cover = self.solid.prune(&self.solid.program, &around, self.keep, &mut self.whole);
         // Where all is in or out no program is left: boxes know it, and it is seldom needed.
         self.is_whole = cover != Some(Cover::Mixed);
         self.samplers.iter_mut().try_for_each(|sampler| sampler.start(column))
@@ -357,15 +388,12 @@ impl SolidWorker for CsgWorker<'_> {
         let Some(mut steps) = self.unused.pop() else { return Cover::Mixed };
         let whole = if self.is_whole { &self.solid.program } else { &self.whole };
         let above = self.levels.last().map_or(whole, |level| &level.steps);
-        let Self { solid, samplers, .. } = self;
-        let cover = program::prune(
-            above,
-            |leaf| match &solid.leaves[leaf as usize] {
-                Leaf::Sampled(at) if is_slab => samplers[*at as usize].worker.cover(region),
-                _ => solid.cover(leaf, region),
-            },
-            &mut steps,
-        );
+        let Self { solid, samplers, keep, .. } = self;
+        let of_leaf = |leaf| match &solid.leaves[leaf as usize] {
+            Leaf::Sampled(at) if is_slab => samplers[*at as usize].worker.cover(region),
+            _ => solid.cover(leaf, region),
+        };
+        let cover = solid.prune_by(of_leaf, above, region, *keep, &mut steps);
         if let (true, Some(cover)) = (is_slab, cover) {
             self.keep(region, number, cover, &steps);
         }
@@ -398,7 +426,8 @@ impl SolidWorker for CsgWorker<'_> {
                     let columns = i64::from(x.start).max(first)..i64::from(x.end).min(first + 64);
                     let at = |column: i64| u32::try_from(column).unwrap_or(0);
                     let x = at(columns.start)..at(columns.end);
-                    match solid.prune(steps, &VoxelBox { x, y: y.clone(), z: z..z + 1 }, slice) {
+                    let region = VoxelBox { x, y: y.clone(), z: z..z + 1 };
+                    match solid.prune(steps, &region, Keep::Outermost, slice) {
                         Some(Cover::Mixed) => Remainder::Steps(slice),
                         None => Remainder::Steps(steps),
                         Some(cover) => Remainder::Uniform(cover == Cover::Inside),

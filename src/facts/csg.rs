@@ -119,7 +119,7 @@ pub enum OffsetFault {
 pub struct SurplusArgument {
     /// Module.
     pub module: String,
-    /// Its name, as far as it is told; nothing of a value without a name.
+    /// Its name; empty for a value without one.
     pub argument: Option<String>,
     /// Names that the module takes.
     pub known: &'static [&'static str],

@@ -55,7 +55,7 @@ impl fmt::Display for Candidate {
     }
 }
 
-/// Why a volume beside the one that is used cannot be used.
+/// Why a volume other than the used one cannot be used.
 #[derive(Clone, Debug)]
 pub struct Refusal(
     /// The error, which several notes may share.

@@ -1,6 +1,6 @@
 //! Notes and refusals of readers, as values with their fields.
 //!
-//! Each has its sentence beside it; no code reads a sentence.
+//! Each has its sentence with it; no code reads a sentence.
 //!
 //! | part | what it holds |
 //! |---|---|

@@ -44,7 +44,7 @@ pub enum Note {
     },
     #[error("{}; its directions are taken as LPS", match space {
         None => "the header states no space".to_owned(),
-        Some(space) => format!("the space `{}` is no patient's", space.escape_debug()),
+        Some(space) => format!("the space `{}` is not a patient's", space.escape_debug()),
     })]
     AssumedSpace {
         /// Name of the space, where it has one.
@@ -155,7 +155,7 @@ pub enum Note {
 }
 
 impl Note {
-    /// Does it tell of a spacing that was assumed, along one axis at least?
+    /// Is it about a spacing that was assumed, along one axis at least?
     pub(crate) fn assumes_spacing(&self) -> bool {
         match self {
             Self::AssumedSpacing { .. } | Self::AssumedAxisSpacing => true,
@@ -165,7 +165,7 @@ impl Note {
         }
     }
 
-    /// Does it tell of directions that were assumed?
+    /// Is it about directions that were assumed?
     pub(crate) fn assumes_directions(&self) -> bool {
         matches!(self, Self::AssumedDirections { .. } | Self::AssumedSpace { .. } | Self::AssumedRas)
     }

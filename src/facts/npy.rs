@@ -16,7 +16,7 @@ pub(crate) enum NpyFault {
     Dimensions { count: usize },
     #[error("its header is not a description of an array")]
     NoArray,
-    #[error("is a structured array, whose elements are no numbers")]
+    #[error("is a structured array, whose elements are not numbers")]
     Structured,
     #[error("its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits", .descr.escape_debug())]
     Type { descr: String },

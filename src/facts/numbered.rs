@@ -13,7 +13,7 @@ use crate::text::shown;
 pub struct NumberGaps {
     /// Files that are numbered alike.
     pub files: usize,
-    /// Slices that seem to be missing; `None` where the gaps are no whole multiples of the usual one.
+    /// Slices that seem to be missing; `None` where the gaps are not whole multiples of the usual one.
     pub missing: Option<u64>,
     /// In how many places.
     pub places: usize,

@@ -25,7 +25,7 @@ pub enum Carrier {
 /// Who states what the file does not, or otherwise.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum StatedBy {
-    /// Whoever opens the volume.
+    /// The user who opens the volume.
     Caller,
     /// A side-car beside the file.
     SideCar,

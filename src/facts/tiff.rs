@@ -16,7 +16,7 @@ pub(crate) enum TiffFault {
     BigHead,
     #[error("it is TIFF of the unknown version {version}")]
     Version { version: u64 },
-    #[error("a directory of {count} entries is none")]
+    #[error("a directory of {count} entries is not valid")]
     Entries { count: u64 },
     #[error("a field of the unknown type {code}")]
     FieldType { code: u16 },

@@ -16,8 +16,7 @@ mod metadata;
 pub mod normal;
 #[doc(hidden)]
 pub mod packed;
-#[doc(hidden)]
-pub mod rank;
+pub(crate) mod rank;
 mod section;
 
 pub(crate) use channel::number;

@@ -58,7 +58,7 @@ impl RankBuilder {
 }
 
 /// The whole directory of infobytes that are in memory.
-pub fn directory(infobytes: &[u8]) -> Vec<u8> {
+pub(crate) fn directory(infobytes: &[u8]) -> Vec<u8> {
     let (mut supers, mut blocks) = (Vec::new(), Vec::new());
     let mut builder = RankBuilder::default();
     builder.feed(
@@ -74,7 +74,7 @@ pub fn directory(infobytes: &[u8]) -> Vec<u8> {
 ///
 /// Always inlined, so that a caller compiled with population count has it here, too.
 #[inline(always)]
-pub fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
+pub(crate) fn rank(infobytes: &[u8], directory: &[u8], node: u64) -> u64 {
     let Ok(at) = usize::try_from(node) else { return 0 };
     let super_at = at / SUPER * 8;
     let block_at = block_entry(infobytes.len(), at);

@@ -20,7 +20,7 @@ use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::BuildFault;
-use crate::builder::{self, BuildError, BuildOptions, BuildReport, Progress, Threshold};
+use crate::builder::{self, BuildError, BuildOptions, BuildReport, Gradient, Progress, Threshold};
 use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, least_cap, read_tree};
 use crate::discovery;
@@ -238,7 +238,7 @@ impl BuildJob<'_> {
             Subject::Mesh(paths) => self.mesh(&paths)?,
             Subject::Tree(path) => self.tree(&path)?,
         };
-        // What is told of the model runs beside the last stage's code otherwise.
+        // Otherwise the report of the model runs with the last stage's code still resident.
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         Ok(BuildSummary {
@@ -339,6 +339,9 @@ impl BuildJob<'_> {
             check_links(&tree, path)?;
         }
         let volumes = self.open_volumes(&tree)?;
+        if volumes.is_empty() && self.options.gradient != Gradient::default() {
+            return Err(UsageError::GradientOfTree { path: path.to_path_buf() }.into());
+        }
         self.give_back();
         let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();
         let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };

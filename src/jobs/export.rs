@@ -35,7 +35,7 @@ pub struct ExportRequest {
 }
 
 impl ExportRequest {
-    /// Does it depend on what is inside, beside the skin?
+    /// Does it depend on what is inside, not on the skin alone?
     fn needs_inside(&self) -> bool {
         self.form.has_triangles() || self.form.is_mask() && !self.skin_only
     }

@@ -63,7 +63,7 @@ fn is_soon_measured(frame: &Frame) -> bool {
 /// As [`read_info`], with the measures of the skin.
 ///
 /// Cost: one pass over the nodes and normals, for models of up to 16 million skin voxels, and for larger ones if
-/// `anyway` is set; then a packed one is unpacked into a nameless file for it, too, which takes as much disk.
+/// `anyway` is set; then a packed one is unpacked into an unnamed file for it, too, which takes as much disk.
 ///
 /// # Errors
 /// As [`read_info`].

@@ -18,19 +18,19 @@ use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
 
 /// Longest table.
-const MOST_BYTES: u64 = 4 << 20;
+const MAX_BYTES: u64 = 4 << 20;
 
 /// Reads a table of labels, of the kind that its content shows; label 0 is left out.
 ///
 /// # Errors
-/// The file cannot be read, is none of these tables, or names a label twice.
+/// The file cannot be read, is not one of these tables, or names a label twice.
 pub fn read_label_names(path: &Path) -> Result<Vec<LabelName>, Error> {
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let mut bytes = Vec::new();
     let file = open_file(path).map_err(unreadable)?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     let wrong = |line: usize| UsageError::LabelNames { path: path.to_path_buf(), line };
-    if bytes.len() as u64 > MOST_BYTES {
+    if bytes.len() as u64 > MAX_BYTES {
         return Err(wrong(0).into());
     }
     let text = String::from_utf8_lossy(&bytes);
@@ -197,9 +197,9 @@ mod tests {
             ("1 255 0 0 1 1 1 \"a\n", "line 1"),
             ("65536 a 1 2 3 0\n", "line 1"),
             ("liver\n", "line 1"),
-            ("", "no table"),
-            ("{}", "no table"),
-            (r#"{"segmentAttributes": [[{"labelID": 70000}]]}"#, "no table"),
+            ("", "not a table"),
+            ("{}", "not a table"),
+            (r#"{"segmentAttributes": [[{"labelID": 70000}]]}"#, "not a table"),
         ];
         for (text, words) in wrong {
             let path = folder.path().join("w.txt");

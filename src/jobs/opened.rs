@@ -10,7 +10,7 @@ use crate::format::Encoding;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
 
-/// Opens a model. A packed one is unpacked into a nameless temporary file beside it (or, where that folder is
+/// Opens a model. A packed one is unpacked into an unnamed temporary file next to it (or, where that folder is
 /// read-only, in the system's) for as long as it is open: that takes as much disk as the mapped file, and the time
 /// of `oct unpack`.
 ///
@@ -64,7 +64,7 @@ fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Error> {
     Ok(())
 }
 
-/// The mapped form of a packed file in a nameless one.
+/// The mapped form of a packed file in an unnamed one.
 ///
 /// # Errors
 /// The packed file is damaged, or is written to meanwhile, or there is no room.

@@ -46,7 +46,7 @@ pub(super) struct Relief<'a> {
     /// Most that a step adds.
     step_bytes: AtomicU64,
     threads: u64,
-    /// Pixels of whole pictures that are held beside the bands.
+    /// Pixels of whole pictures that are held in addition to the bands.
     held_pixels: u64,
     /// Pages that the model has.
     model_bytes: u64,

@@ -204,7 +204,7 @@ pub fn render_view(
     render_view_watched(view, dims, affine, request, &Silent)
 }
 
-/// As [`render_view`]; `progress` is told of the rows that are done.
+/// As [`render_view`]; `progress` gets the rows that are done.
 ///
 /// # Errors
 /// As [`render_view`].

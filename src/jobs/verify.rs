@@ -37,7 +37,7 @@ pub struct VerifyReport {
 
 /// Checks a file completely.
 ///
-/// A packed file is unpacked into a nameless temporary file beside it (or, where that folder is
+/// A packed file is unpacked into an unnamed temporary file next to it (or, where that folder is
 /// read-only, in the system's) and checked there: it needs that much free space for a moment.
 /// Memory: under 24 MiB for any model.
 ///

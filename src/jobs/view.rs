@@ -101,7 +101,7 @@ pub fn view(
             }
             let (server, clients) = (&server, &clients);
             scope.spawn(move || {
-                // Whoever goes away in the middle has had enough.
+                // A client that closes early needs no more.
                 let _gone = server.answer(client);
                 clients.fetch_sub(1, Ordering::AcqRel);
             });

@@ -7,7 +7,7 @@
 //! A triangle shorter than eight voxels is a record of 24 bytes, which holds its first vertex and the ways to the
 //! others in 16 bits; a longer one takes two. (lz4 took a quarter less and a second for ten million.)
 //!
-//! A bin holds every triangle that bears upon the voxels of 32 rows and 32 slices and on those two beyond, along
+//! A bin holds every triangle that concerns the voxels of 32 rows and 32 slices and on those two beyond, along
 //! the whole of x. The file has no name, as that of skin records.
 #![expect(clippy::cast_possible_truncation, reason = "bins lie within the grid, blocks are short")]
 
@@ -275,7 +275,7 @@ impl Binner {
         }
     }
 
-    /// Puts a triangle into every bin that it bears upon.
+    /// Puts a triangle into every bin that it concerns.
     pub(super) fn add(&mut self, t: &Triangle) -> Result<(), SourceError> {
         let ((j0, j1), (k0, k1)) = (centres(t, 1), centres(t, 2));
         let (x0, x1) = centres(t, 0);

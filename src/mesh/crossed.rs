@@ -6,7 +6,7 @@
 #![expect(
     clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
-    reason = "coordinates are below 2^17 voxels, and places are told within 2^-16 voxel"
+    reason = "coordinates are below 2^17 voxels, and places are known within 2^-16 voxel"
 )]
 
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};

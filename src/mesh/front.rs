@@ -316,7 +316,7 @@ impl Front<'_> {
         let closing = self.reserve(budget, BOUNDARY_BYTES)?;
         let (edges, sums, closed) = match self.open_edges(files, grid)? {
             Some((edges, sums)) => (edges, sums, true),
-            // Whoever says what is inside takes the mesh as it is.
+            // With a stated fill the mesh is taken as it is.
             None if self.mesh.fill.is_some() => (Vec::new(), Sums::Signed, false),
             None => return Err(self.unusable(boundary::too_open()).into()),
         };

@@ -21,7 +21,7 @@
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `front` | from files to a solid: all of the above, one after the other |
 //! | `solid` | all of it as a solid of the builder |
-//! | `reach` | how far the inside reaches, beside how far the mesh does |
+//! | `reach` | how far the inside reaches, against how far the mesh does |
 //! | `thin` | surfaces alone, and walls thinner than a voxel |
 //!
 //! Memory: [`BuildOptions::memory`]. Passes over the files: one for the bounds, unless the grid is given in full, one

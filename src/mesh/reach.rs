@@ -1,4 +1,4 @@
-//! How far the inside reaches, beside how far the mesh does: what is thinner than a voxel may vanish.
+//! How far the inside reaches, against how far the mesh does: what is thinner than a voxel may vanish.
 
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicI32, Ordering};

@@ -62,7 +62,7 @@ pub(crate) enum Way {
     Pictures,
 }
 
-/// What the page's scripts are told of a model, as JSON.
+/// The model's facts for the page's scripts, as JSON.
 #[derive(Serialize)]
 struct Head {
     depth: u32,

@@ -1,6 +1,6 @@
 //! Ambient occlusion: how much of the sky above a surface the model leaves open.
 //!
-//! From each point that is seen, rays go out over the hemisphere above it, more of them upwards as a matt surface is lit
+//! From each point that is seen, rays go out over the hemisphere above it, more of them upwards as a matte surface is lit
 //! (by the cosine); the part of them that meets nothing is the point's openness. Hollows turn dark, ridges stay bright.
 //!
 //! A ray starts where it leaves the boxes around the one that was hit (`leave`).

@@ -202,9 +202,8 @@ impl Header {
         }
     }
 
-    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<StoredLayout, HeaderError> {
-        let samples = self.samples()?;
-        let encoding = match self.encoding.as_str() {
+    fn encoding(&self) -> Result<Encoding, HeaderError> {
+        Ok(match self.encoding.as_str() {
             "raw" => Encoding::Raw,
             "gz" | "gzip" => Encoding::Gzip,
             // The size of its blocks is not known yet.
@@ -213,7 +212,12 @@ impl Header {
             "hex" => Encoding::Hex,
             "" => return Err(NrrdFault::NoEncoding.into()),
             other => return Err(NrrdFault::Encoding { name: other.to_owned() }.into()),
-        };
+        })
+    }
+
+    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<StoredLayout, HeaderError> {
+        let samples = self.samples()?;
+        let encoding = self.encoding()?;
         if self.dimension == 0 || self.sizes.len() != self.dimension {
             let (sizes, dimensions) = (self.sizes.len(), self.dimension);
             return Err(NrrdFault::Sizes { sizes, dimensions }.into());

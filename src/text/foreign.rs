@@ -1,9 +1,9 @@
 //! The one way in which text from outside is printed: names of files, texts of headers, metadata of models, what
 //! the system and other programs say.
 //!
-//! Such text may hold anything that whoever made it liked: an escape sequence that recolours a terminal or types
+//! Such text may hold anything that its author liked: an escape sequence that recolours a terminal or types
 //! for its user, a line feed that forges a line of a report, an override of the direction of writing that makes
-//! `gpj.exe` of `exe.jpg`. All of these are shown as U+FFFD, as bytes that are no text are. What is data (JSON,
+//! `gpj.exe` of `exe.jpg`. All of these are shown as U+FFFD, as bytes that are not text. What is data (JSON,
 //! file names that are opened) keeps them; [`json`] escapes them, which says the same.
 
 use std::borrow::Cow;
@@ -105,7 +105,7 @@ pub fn plain(text: &str, lines: bool) -> Cow<'_, str> {
     }
 }
 
-/// A value as JSON on one line, in which everything that acts is escaped: the same value, whoever reads it.
+/// A value as JSON on one line, in which everything that acts is escaped: the same value to every reader.
 pub fn json<T: Serialize + ?Sized>(value: &T) -> String {
     escaped(serde_json::to_string(value).unwrap_or_default())
 }

@@ -1,4 +1,4 @@
-//! The parts that sentences are made of; each sentence stands beside the variant that it is about.
+//! The parts that sentences are made of; each sentence stands with the variant that it is about.
 //!
 //! | file | parts |
 //! |---|---|

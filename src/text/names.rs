@@ -49,6 +49,7 @@ names! {
     FOLLOW_LINKS = "follow_links",
     FORM = "form",
     GAPS = "gaps",
+    GRADIENT = "gradient",
     GRID = "grid",
     ISO = "Threshold::Iso",
     KEEP_THIN = "keep_thin",

@@ -2,11 +2,16 @@
 
 use std::fs;
 
+use infobyte::builder::{LabelChoice, Silent, Tolerance};
 use infobyte::format::{Channels, SurfaceKind};
+use infobyte::jobs::build::BuildJob;
 use infobyte::jobs::pack;
+use infobyte::jobs::parts::{PartsInput, Plan, part, plan};
+use infobyte::source::{OpenOptions, SubjectKind};
 use infobyte::volume::ScalarType;
-use infobyte::{BuildOptions, Dims, Threshold, Voxels};
+use infobyte::{BuildOptions, CleanOptions, Dims, GridOptions, Threshold, Voxels};
 
+use crate::common::compress::blosc;
 use crate::common::containers::{buffer, description, glb, gltf, threemf};
 use crate::common::dicom::{Elements, Image, Syntax, csa, mosaic};
 use crate::common::formats::{
@@ -24,7 +29,111 @@ pub(crate) fn seeds() -> Vec<(&'static str, Vec<u8>)> {
     volumes(&mut all);
     bodies(&mut all);
     scenes(&mut all);
+    arrays(&mut all);
+    parts(&mut all);
+    tables(&mut all);
     all
+}
+
+/// Arrays of one chunk in every packing, shards, and images of one level.
+fn arrays(all: &mut Seeds) {
+    let samples: Vec<u8> = (0..24).map(|n| 20 + 9 * (n % 7)).collect();
+    let mut put = |kind: u8, metadata: String, chunk: &[u8]| {
+        let length = u16::try_from(metadata.len()).unwrap().to_le_bytes();
+        all.push(("zarr", [&[kind], &length[..], metadata.as_bytes(), chunk].concat()));
+    };
+    let old = |compressor: &str| {
+        format!(
+            r#"{{"zarr_format":2,"shape":[2,3,4],"chunks":[2,3,4],"dtype":"|u1","compressor":{compressor},"fill_value":0,"order":"C","filters":null}}"#
+        )
+    };
+    put(0, old("null"), &samples);
+    put(0, old(r#"{"id":"zlib","level":1}"#), &zlib(&samples));
+    put(0, old(r#"{"id":"gzip","level":1}"#), &gzip(&samples));
+    put(0, old(r#"{"id":"zstd","level":1}"#), &zstd::bulk::compress(&samples, 1).unwrap());
+    let lz4 = [&24_u32.to_le_bytes()[..], &lz4_flex::block::compress(&samples)].concat();
+    put(0, old(r#"{"id":"lz4","acceleration":1}"#), &lz4);
+    for (bits, split) in [(false, false), (true, false), (false, true)] {
+        let packed = blosc(&samples, 1, bits, split);
+        put(0, old(r#"{"id":"blosc","cname":"lz4","clevel":5,"shuffle":1,"blocksize":0}"#), &packed);
+    }
+    let new = |chunk: [u32; 3], codecs: &str| {
+        format!(
+            r#"{{"zarr_format":3,"node_type":"array","shape":[2,3,4],"data_type":"uint8","fill_value":0,"chunk_grid":{{"name":"regular","configuration":{{"chunk_shape":{chunk:?}}}}},"chunk_key_encoding":{{"name":"default","configuration":{{"separator":"/"}}}},"codecs":[{codecs}]}}"#
+        )
+    };
+    let raw = r#"{"name":"bytes","configuration":{"endian":"little"}}"#;
+    let summed = |bytes: &[u8]| [bytes, &crc32c::crc32c(bytes).to_le_bytes()].concat();
+    put(1, new([2, 3, 4], raw), &samples);
+    put(1, new([2, 3, 4], &format!(r#"{raw},{{"name":"crc32c"}}"#)), &summed(&samples));
+    put(
+        1,
+        new([2, 3, 4], &format!(r#"{raw},{{"name":"gzip","configuration":{{"level":1}}}}"#)),
+        &gzip(&samples),
+    );
+    let shard = format!(
+        r#"{{"name":"sharding_indexed","configuration":{{"chunk_shape":[2,3,2],"codecs":[{raw}],"index_codecs":[{raw},{{"name":"crc32c"}}],"index_location":"end"}}}}"#
+    );
+    let index: Vec<u8> = [0_u64, 12, 12, 12].iter().flat_map(|n| n.to_le_bytes()).collect();
+    put(1, new([2, 3, 4], &shard), &[&samples[..], &summed(&index)].concat());
+    let scales = r#""axes":[{"name":"z","type":"space","unit":"micrometer"},{"name":"y","type":"space"},{"name":"x","type":"space"}],"datasets":[{"path":"0","coordinateTransformations":[{"type":"scale","scale":[2,1,0.5]}]}]"#;
+    put(2, format!(r#"{{"multiscales":[{{"version":"0.4",{scales}}}]}}"#), &samples);
+    put(
+        3,
+        format!(
+            r#"{{"zarr_format":3,"node_type":"group","attributes":{{"ome":{{"version":"0.5","multiscales":[{{{scales}}}]}}}}}}"#
+        ),
+        &samples,
+    );
+}
+
+/// The only part of plans of small volumes.
+fn parts(all: &mut Seeds) {
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new([19, 11, 9], ScalarType::U8, [1.0; 3]);
+    let path = folder.path().join("v.nrrd");
+    fs::write(&path, nrrd(&object, "raw", false, "")).unwrap();
+    let inputs = [path];
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let options = BuildOptions { threshold: Threshold::Iso(128.0), surface, ..BuildOptions::default() };
+        let (how, clean, grid) = (OpenOptions::default(), CleanOptions::default(), GridOptions::default());
+        let job = BuildJob {
+            output: folder.path(),
+            clean: &clean,
+            grid: &grid,
+            options: &options,
+            progress: &Silent,
+        };
+        let input = PartsInput { kind: SubjectKind::Volume, inputs: &inputs, how: &how, job };
+        let out = folder.path().join(format!("{surface:?}"));
+        plan(&input, 1, &out, Vec::new(), "/").unwrap();
+        let plan = Plan::read(&out.join("plan.json")).unwrap();
+        part(&plan, 0, &input).unwrap();
+        all.push(("part", fs::read(plan.part_path(0).unwrap()).unwrap()));
+    }
+}
+
+/// Labels and tables of their names, looks of a body, and an image.
+fn tables(all: &mut Seeds) {
+    let blocks: Vec<u8> = (0..144).map(|n| n / 7 % 4).collect();
+    for wide in [0, 8] {
+        all.push(("labels", [&[5, 4, 5, wide], &blocks[..]].concat()));
+    }
+    for table in [
+        "index\tname\tabbreviation\tcolor\n0\tbackground\tB\t\n7\trib\tR\t#0000fe\n",
+        "LabelValue,Name,Color_R,Color_G,Color_B,Color_A\n1,left lung,255,0,0,255\n",
+        "# ITK-SNAP\n 1 255 0 0 1 1 1 \"left lung\"\n 7 0 0 254 0.5 1 0 \"rib\"\n",
+        "# Color table\n1 left_lung 255 0 0 255\n",
+        r#"{"segmentAttributes":[[{"labelID":1,"SegmentLabel":"a","recommendedDisplayRGBValue":[255,0,0]}]]}"#,
+    ] {
+        all.push(("names", table.as_bytes().to_vec()));
+    }
+    let library = "newmtl other\nKd 1 0 0\nnewmtl m\nKd 1 0.5 0\nd 0.5\nmap_Kd -s 1 1 1 -o 0 0 case.img\n";
+    all.push(("mtl", library.as_bytes().to_vec()));
+    let folder = tempfile::tempdir().unwrap();
+    let object = Object::new([9, 7, 1], ScalarType::U8, [1.0; 3]);
+    let picture = pngs(&object, folder.path()).swap_remove(0);
+    all.push(("texture", fs::read(picture).unwrap()));
 }
 
 /// Two scenes: all that a body can be, and all that stands around it.
@@ -104,6 +213,23 @@ fn models(all: &mut Seeds) {
         ..BuildOptions::default()
     };
     infobyte::build(&ball, &plain, &path).unwrap();
+    mapped.push(fs::read(&path).unwrap());
+    let cells = |error| BuildOptions {
+        threshold: Threshold::Iso(0.0),
+        surface: SurfaceKind::Cells,
+        error,
+        ..BuildOptions::default()
+    };
+    infobyte::build(&ball, &cells(Some(Tolerance::Voxels(0.2))), &path).unwrap();
+    mapped.push(fs::read(&path).unwrap());
+    let organs =
+        Voxels::from_fn(Dims::new(9, 8, 7).unwrap(), |p| u16::try_from(p[0] / 3 + p[1] / 4).unwrap());
+    let options = BuildOptions {
+        surface: SurfaceKind::Skin,
+        labels: Some(LabelChoice::All),
+        ..BuildOptions::default()
+    };
+    infobyte::build(&organs, &options, &path).unwrap();
     mapped.push(fs::read(&path).unwrap());
     for bytes in mapped {
         fs::write(&path, &bytes).unwrap();

@@ -9,13 +9,17 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use infobyte::budget::{Budget, MemoryCap};
-use infobyte::builder::{BuildOptions, Silent, Threshold, build_volume};
+use infobyte::builder::{BuildOptions, LabelChoice, Silent, Threshold, build_volume};
 use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::discovery::Catalogue;
 use infobyte::export::ExportForm;
-use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
+use infobyte::format::{
+    Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, SurfaceKind, align_up,
+};
 use infobyte::geom::{Dims, VoxelIndex};
 use infobyte::jobs::export::{ExportRequest, export};
+use infobyte::jobs::names::read_label_names;
+use infobyte::jobs::parts::{Plan, merge};
 use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::scene::{SceneRequest, read_scene, render_scene};
 use infobyte::jobs::{measure, pack, render};
@@ -62,7 +66,7 @@ macro_rules! targets {
     ($($name:ident: $run:expr),* $(,)?) => { [$(Target { name: stringify!($name), run: $run }),*] };
 }
 
-pub(crate) const TARGETS: [Target; 27] = targets! {
+pub(crate) const TARGETS: [Target; 33] = targets! {
     oct: |bytes| model(bytes),
     packed: |bytes| archive(bytes),
     dicom: |bytes| volume("case.dcm", bytes, MAX_BUILT),
@@ -93,6 +97,12 @@ pub(crate) const TARGETS: [Target; 27] = targets! {
     gltf: |bytes| mesh("case.gltf", bytes),
     threemf: |bytes| mesh("case.3mf", bytes),
     scene: |bytes| scene(bytes),
+    zarr: |bytes| zarr(bytes),
+    part: |bytes| part(bytes),
+    labels: |bytes| labels(bytes),
+    names: |bytes| names(bytes),
+    mtl: |bytes| looks(bytes, b"no picture"),
+    texture: |bytes| looks(b"newmtl m\nmap_Kd case.img\n", bytes),
 };
 
 /// A folder in memory, if the system has one.
@@ -120,7 +130,10 @@ fn options() -> BuildOptions {
 
 /// Finds, opens, unrolls and reads the volumes of a file, and builds those of up to `built` voxels.
 fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
-    let path = put(name, bytes);
+    volumes_at(put(name, bytes), built)
+}
+
+fn volumes_at(path: PathBuf, built: u64) -> bool {
     let catalogue = match Catalogue::survey(&[path], &OpenOptions::default(), folder()) {
         Ok(catalogue) => catalogue,
         Err(refused) => return told(&refused.to_string()),
@@ -135,6 +148,138 @@ fn volume(name: &str, bytes: &[u8], built: u64) -> bool {
         }
     }
     any
+}
+
+/// A chunked array of version 2 or 3, or an image of one level. The first byte chooses, two more are the length of the
+/// metadata, and what follows that is a chunk.
+fn zarr(bytes: &[u8]) -> bool {
+    let Some(([kind, low, high], rest)) = bytes.split_first_chunk::<3>() else { return false };
+    let (metadata, chunk) = rest.split_at(rest.len().min(u16::from_le_bytes([*low, *high]).into()));
+    let array = folder().join("case.zarr");
+    let _ = fs::remove_dir_all(&array);
+    let write = |name: &str, bytes: &[u8]| {
+        let path = array.join(name);
+        fs::create_dir_all(path.parent().unwrap()).unwrap();
+        fs::write(path, bytes).unwrap();
+    };
+    let level = ZARR_LEVELS[usize::from(kind & 1)].as_bytes();
+    match kind & 3 {
+        0 => write(".zarray", metadata),
+        1 => write("zarr.json", metadata),
+        2 => {
+            write(".zgroup", b"{\"zarr_format\":2}");
+            write(".zattrs", metadata);
+            write("0/.zarray", level);
+        }
+        _ => {
+            write("zarr.json", metadata);
+            write("0/zarr.json", level);
+        }
+    }
+    let within = if kind & 2 == 0 { "" } else { "0/" };
+    for name in if kind & 1 == 0 { ["0.0.0", "1.0.0", "0.1.0"] } else { ["c/0/0/0", "c/1/0/0", "c/0/1/0"] } {
+        write(&format!("{within}{name}"), chunk);
+    }
+    volumes_at(array, MAX_BUILT)
+}
+
+/// The level of an image of each version: 2 x 3 x 4 bytes.
+const ZARR_LEVELS: [&str; 2] = [
+    r#"{"zarr_format":2,"shape":[2,3,4],"chunks":[2,3,4],"dtype":"|u1","compressor":null,"fill_value":0,"order":"C","filters":null}"#,
+    r#"{"zarr_format":3,"node_type":"array","shape":[2,3,4],"data_type":"uint8","fill_value":0,"chunk_grid":{"name":"regular","configuration":{"chunk_shape":[2,3,4]}},"chunk_key_encoding":{"name":"default"},"codecs":[{"name":"bytes"}]}"#,
+];
+
+/// The first part of a plan that says of itself what the part does; the checksums are made right before.
+fn part(bytes: &[u8]) -> bool {
+    let mut bytes = bytes.to_vec();
+    seal_part(&mut bytes);
+    let Some(head) = bytes.get(12..64) else { return false };
+    let digest: String = head[..32].iter().map(|byte| format!("{byte:02x}")).collect();
+    let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
+    let (parts, dims) = (word(36), [word(40), word(44), word(48)]);
+    let text = format!(
+        r#"{{"program":"p","digest":"{digest}","dims":{dims:?},"parts":{parts},"folder":"/","command":[]}}"#
+    );
+    let plan = match Plan::read(&put("plan.json", text.as_bytes())) {
+        Ok(plan) => plan,
+        Err(refused) => return told(&refused.to_string()),
+    };
+    let path = plan.part_path(0).unwrap();
+    fs::write(&path, &bytes).unwrap();
+    let merged = merge(&plan, &folder().join("merged.oct"), &Silent);
+    fs::remove_file(path).unwrap();
+    match merged {
+        Ok(_) => true,
+        Err(refused) => told(&refused.to_string()),
+    }
+}
+
+/// Gives a part the checksums and lengths that its contents ask for, as far as it has a tail.
+fn seal_part(bytes: &mut [u8]) {
+    let number = |bytes: &[u8], at: usize| {
+        let at = bytes.get(at..at + 8).and_then(|b| b.try_into().ok()).map(u64::from_le_bytes);
+        at.and_then(|at| usize::try_from(at).ok())
+    };
+    let Some(tail) = bytes.len().checked_sub(24).filter(|tail| *tail >= 64) else { return };
+    let head = u32::from_le_bytes([bytes[8], bytes[9], bytes[10], bytes[11]]) as usize;
+    if (64..tail).contains(&head) {
+        let crc = crc32c::crc32c(&bytes[..head - 4]).to_le_bytes();
+        bytes[head - 4..head].copy_from_slice(&crc);
+    }
+    let Some(footer) = number(bytes, tail).filter(|footer| *footer <= tail) else { return };
+    let entries: Vec<usize> = (footer..tail).step_by(56).filter(|at| at + 56 <= tail).collect();
+    for (entry, next) in entries.iter().zip(entries.iter().skip(1).map(Some).chain([None])) {
+        let begin = number(bytes, entry + 8);
+        let end = next.map_or(Some(footer), |next| number(bytes, next + 8));
+        if let (Some(begin), Some(end)) = (begin, end)
+            && let Some(record) = bytes.get(begin..end)
+        {
+            let crc = crc32c::crc32c(record).to_le_bytes();
+            bytes[entry + 16..entry + 20].copy_from_slice(&crc);
+        }
+    }
+    let crc = crc32c::crc32c(&bytes[footer..tail]).to_le_bytes();
+    bytes[tail + 16..tail + 20].copy_from_slice(&crc);
+    bytes[tail + 20..].copy_from_slice(b"PEND");
+}
+
+/// A volume of labels from its sides and its numbers, built with labels, packed and shown.
+fn labels(bytes: &[u8]) -> bool {
+    let Some(([x, y, z, wide], numbers)) = bytes.split_first_chunk::<4>() else { return false };
+    let sides = [x, y, z].map(|side| 1 + u32::from(*side) % 24);
+    let Some(dims) = Dims::new(sides[0], sides[1], sides[2]).filter(|_| !numbers.is_empty()) else {
+        return false;
+    };
+    let at = |p: [u32; 3]| numbers[(p[0] + sides[0] * (p[1] + sides[1] * p[2])) as usize % numbers.len()];
+    let volume = Voxels::from_fn(dims, |p| u16::from(at(p)) << (wide % 9));
+    let options = BuildOptions { labels: Some(LabelChoice::All), surface: SurfaceKind::Skin, ..options() };
+    let path = folder().join("labels.oct");
+    match build_volume(&volume, &options, &path, &Silent) {
+        Ok(_) => model(&fs::read(&path).unwrap()) || panic!("what is built is not sound"),
+        Err(refused) => told(&refused.to_string()),
+    }
+}
+
+/// A table of names of labels, by every suffix that matters.
+fn names(bytes: &[u8]) -> bool {
+    let mut any = false;
+    for name in ["case.txt", "case.ctbl"] {
+        match read_label_names(&put(name, bytes)) {
+            Ok(_) => any = true,
+            Err(refused) => any |= told(&refused.to_string()),
+        }
+    }
+    any
+}
+
+/// A pyramid whose looks are in a library and whose texture is in an image.
+fn looks(library: &[u8], image: &[u8]) -> bool {
+    const BODY: &str = "mtllib case.mtl\nusemtl m\nv 0 0 0\nv 9 0 0\nv 0 9 0\nv 0 0 9\nvt 0 0\nvt 1 0\nvt 0 1\n\
+                        f 1/1 3/2 2/3\nf 1/1 2/2 4/3\nf 1/1 4/2 3/3\nf 2/1 3/2 4/3\n";
+    put("case.mtl", library);
+    put("case.img", image);
+    let channels = Channels::from([Channel::Normal, Channel::Color]);
+    built_mesh("looks.obj", BODY.as_bytes(), &BuildOptions { channels, ..options() })
 }
 
 /// Most models, lights and bounces of a scene that is shown: more take longer than a case may.
@@ -207,6 +352,10 @@ fn read(mut source: Box<dyn VolumeSource>, built: u64) -> bool {
 
 /// Reads a mesh and builds it in a small grid.
 fn mesh(name: &str, bytes: &[u8]) -> bool {
+    built_mesh(name, bytes, &options())
+}
+
+fn built_mesh(name: &str, bytes: &[u8], options: &BuildOptions) -> bool {
     let path = put(name, bytes);
     let how = MeshOptions {
         grid: GridChoice::Side { voxels: 12, margin: 1 },
@@ -216,7 +365,7 @@ fn mesh(name: &str, bytes: &[u8]) -> bool {
         follow_links: false,
     };
     let output = folder().join("mesh.oct");
-    match build_mesh(&[path], &how, &options(), &output, &Silent) {
+    match build_mesh(&[path], &how, options, &output, &Silent) {
         Ok(_) => {
             verify(&fs::File::open(&output).unwrap()).expect("what is built is sound");
             true
@@ -407,7 +556,7 @@ fn seal(bytes: &mut [u8]) {
 type Stated = (u32, u32, u16, u16);
 
 /// Takes a codestream for the pixels of a DICOM image that states the same size; the first byte chooses among
-/// what DICOM states beside.
+/// what DICOM states as well.
 fn codec(bytes: &[u8], syntaxes: &[&str], stated: fn(&[u8]) -> Option<Stated>) -> bool {
     let Some((choice, stream)) = bytes.split_first() else { return false };
     let (columns, rows, samples, precision) = stated(stream)

@@ -63,7 +63,7 @@ fn results(out: &Path) -> BTreeMap<String, Vec<u8>> {
     for name in names(out) {
         let bytes = fs::read(out.join(&name)).unwrap();
         let bytes = match name.as_str() {
-            "index.html" | "report.csv" | ".oct-key" => continue,
+            "index.html" | "report.csv" | "report.js" | ".oct-key" => continue,
             _ if name.ends_with(".json") => {
                 let mut value: Value = serde_json::from_slice(&bytes).unwrap();
                 without_times(&mut value);
@@ -301,6 +301,14 @@ fn lists_and_pages_say_what_is_there() {
     let _ = oct(&["batch", &text(&flat), "--out", &text(&out), "--iso", "1"]);
     let page = fs::read_to_string(out.join("index.html")).unwrap();
     assert!(page.contains("Files are named in report.csv") && !page.contains(&text(&flat)), "{page}");
+    // At home the page has their files and reasons from a script that lies next to it.
+    assert!(page.contains("<script src=\"report.js\"></script>"), "{page}");
+    let home = fs::read_to_string(out.join("report.js")).unwrap();
+    assert!(home.starts_with("// This file names files and folders"), "{home}");
+    for name in &names {
+        let row = home.lines().find(|line| line.contains(&format!("[\"{name}\",")));
+        assert!(row.is_some_and(|row| row.contains(&text(&flat)) && row.contains("same position")), "{home}");
+    }
     let sheet = fs::read_to_string(out.join("report.csv")).unwrap();
     assert!(sheet.lines().any(|line| line.contains(names[0]) && line.contains(&text(&flat))), "{sheet}");
 }
@@ -361,7 +369,7 @@ fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
     }
     let (code, report) = batch(&top, &out, &[]);
     assert_eq!((code, counts(&report)), (8, [0, 0, 1]), "{report}");
-    assert_eq!(names(&out), [".oct-key", "index.html", "report.csv", "report.json"]);
+    assert_eq!(names(&out), [".oct-key", "index.html", "report.csv", "report.js", "report.json"]);
 }
 
 #[test]

@@ -638,6 +638,12 @@ fn an_option_that_changes_nothing_is_refused() {
         2,
         &["--keep-thin is for meshes, and the input is a tree"],
     );
+    stage.refused(
+        &tree,
+        &["--grid", "9", "--gradient", "sobel"],
+        2,
+        &["holds no volume", "leave out --gradient"],
+    );
     let mesh = stage.file("m.glb", &containers::glb(&json!({}), &[]));
     stage.refused(&mesh, &["--grid", "9", "--unit", "cm"], 2, &["--unit is for files without a unit"]);
     stage.refused(&mesh, &["--grid", "9", "--gradient", "sobel"], 2, &["--gradient is for volumes"]);

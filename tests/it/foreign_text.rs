@@ -139,7 +139,7 @@ fn reports_of_a_batch_hold_nothing_that_acts() {
         "--keep-names",
     ]);
     sound(&run, 8);
-    for name in ["report.json", "report.csv", "index.html"] {
+    for name in ["report.json", "report.csv", "report.js", "index.html"] {
         let text = fs::read_to_string(out.path().join(name)).unwrap();
         assert!(!text.contains(acts), "{name}: {:?}", text.chars().find(|c| acts(*c)));
         assert!(!text.lines().any(|line| line.starts_with("oct: forged")), "{name}");

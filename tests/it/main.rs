@@ -51,6 +51,7 @@ mod picture_memory;
 mod picture_normals;
 mod prelude;
 mod privacy;
+mod real_files;
 mod report;
 mod scene_command;
 mod scene_pictures;

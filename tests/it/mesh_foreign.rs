@@ -562,3 +562,42 @@ fn a_random_body_gives_the_same_model_in_every_format() {
         }
     }
 }
+
+/// Skin voxels and their normals.
+fn skin_of(model: &[u8]) -> BTreeMap<[u32; 3], [f64; 3]> {
+    let model = Model::from_bytes(model).unwrap();
+    model.voxels().map(|found| (found.voxel, found.normal.unwrap())).collect()
+}
+
+#[test]
+fn a_mirrored_or_turned_body_gives_a_mirrored_or_turned_model() {
+    const SIDE: u32 = 40;
+    let folder = tempfile::tempdir().unwrap();
+    for seed in 0..2 * u64::from(long()) {
+        let body = random_body(&mut Random(seed));
+        let build = |body: &Body| {
+            skin_of(&build_on(folder.path(), "a.stl", &body.stl(), exact_grid([SIDE; 3])).unwrap().0)
+        };
+        let plain = build(&body);
+        for symmetry in Symmetry::all().skip(1).step_by(5) {
+            let side = i64::from(SIDE) * meshes::STEPS;
+            let turned = body.vertices.iter().map(|v| {
+                std::array::from_fn(|k| {
+                    let c = v[symmetry.from[k]];
+                    if symmetry.mirror[k] { side - c } else { c }
+                })
+            });
+            let turned = Body { vertices: turned.collect(), faces: body.faces.clone() };
+            let found = build(&if symmetry.is_odd() { turned.reversed() } else { turned });
+            assert_eq!(found.len(), plain.len(), "seed {seed}: {symmetry:?}");
+            let mut alike = 0;
+            for (voxel, normal) in &plain {
+                let own = found.get(&symmetry.cell(*voxel, SIDE));
+                let own = own.unwrap_or_else(|| panic!("seed {seed}: {symmetry:?}, {voxel:?}"));
+                alike += usize::from(dot(*own, symmetry.vector(*normal)) > 0.999);
+            }
+            // Where two triangles are equally near, either may be the nearest.
+            assert!(alike * 100 >= plain.len() * 95, "seed {seed}: {symmetry:?}: {alike} of {}", plain.len());
+        }
+    }
+}

@@ -12,7 +12,7 @@ pub(super) const START_BYTES: usize = 12;
 /// Digest, number, count, dims, surface, means, channels.
 const FIXED_BYTES: usize = START_BYTES + 32 + 4 + 4 + 12 + 3;
 /// No head is longer.
-const MOST_BYTES: usize = FIXED_BYTES + 2 * u8::MAX as usize + 4 + METADATA_LIMIT + 4;
+const MAX_BYTES: usize = FIXED_BYTES + 2 * u8::MAX as usize + 4 + METADATA_LIMIT + 4;
 pub(super) const TAIL_BYTES: usize = 24;
 const END: [u8; 4] = *b"PEND";
 
@@ -32,7 +32,7 @@ pub(super) struct Head {
 pub(super) fn head_bytes(start: &[u8; START_BYTES]) -> Option<usize> {
     let (magic, length) = start.split_first_chunk::<8>()?;
     let length = u32::from_le_bytes(length.try_into().ok()?) as usize;
-    (*magic == MAGIC && (FIXED_BYTES..=MOST_BYTES).contains(&length)).then_some(length)
+    (*magic == MAGIC && (FIXED_BYTES..=MAX_BYTES).contains(&length)).then_some(length)
 }
 
 pub(super) fn write(
@@ -59,7 +59,7 @@ pub(super) fn write(
     #[expect(clippy::cast_possible_truncation, reason = "below METADATA_LIMIT")]
     head.extend((metadata.len() as u32).to_le_bytes());
     head.extend(metadata);
-    #[expect(clippy::cast_possible_truncation, reason = "below MOST_BYTES")]
+    #[expect(clippy::cast_possible_truncation, reason = "below MAX_BYTES")]
     let length = (head.len() + 4) as u32;
     head[8..START_BYTES].copy_from_slice(&length.to_le_bytes());
     let crc = crc32c::crc32c(&head);

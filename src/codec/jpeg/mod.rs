@@ -16,7 +16,7 @@
 //!
 //! A damaged image gives an error, never invented pixels: data that run out, or do not, at the last pixel;
 //! codes that no table has; restart markers that do not come in turn; scans out of order. A missing end
-//! marker is no damage once every sample is there, and what follows it is not read.
+//! marker is not damage once every sample is there, and what follows it is not read.
 
 mod bits;
 mod bytes;

@@ -242,7 +242,7 @@ impl Header {
     }
 }
 
-/// Refuses the colour transforms of one vendor, which are no part of the standard.
+/// Refuses the colour transforms of one vendor, which are not part of the standard.
 fn colour_transform(stream: &mut Stream<'_>) -> Result<(), CodecError> {
     let mut segment = Segment::begin(stream, SegmentKind::ApplicationData)?;
     if segment.left == 5 && segment.number(4)? == u32::from_be_bytes(*b"mrfx") {

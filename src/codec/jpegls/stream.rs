@@ -8,7 +8,7 @@ use crate::codec::bytes::Bytes;
 
 /// A codestream that is read front to back through a small buffer.
 ///
-/// Coded data pass a window of 64 bits. After a byte 0xFF the encoder put one zero bit that is no data, so
+/// Coded data pass a window of 64 bits. After a byte 0xFF the encoder put one zero bit that is not data, so
 /// that 0xFF with a byte of 0x80 and more is a marker and nothing else (T.87 section A.1); the window never
 /// reads past it.
 pub(super) struct Stream<'a> {

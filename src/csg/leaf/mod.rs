@@ -6,6 +6,7 @@
 //! | `curved` | ellipsoid, cylinder, cone, torus under any affine | intervals; where they leave doubt, whole numbers |
 //! | `body` | triangles | crossings of rows, as of meshes |
 //! | `extent` | boxes of voxels around leaves, beyond which they are not asked | |
+//! | `nested` | leaves that lie within others in a box | |
 //!
 //! A leaf is placed once: corners, middles and axes are rounded to the lattice of 2^-12 voxel (radii along with the
 //! axes). From then on a voxel is inside if its middle is, decided in whole numbers for that placed solid; only a
@@ -17,6 +18,7 @@ mod cross;
 mod curved;
 mod extent;
 mod make;
+mod nested;
 mod plain;
 
 use super::place::centre;
@@ -27,6 +29,7 @@ pub(super) use body::Body;
 pub(super) use curved::{Curved, Round};
 pub(super) use extent::Extent;
 pub(super) use make::{along_axes, place, round};
+pub(super) use nested::Nested;
 pub(super) use plain::{Ball, Block, Half};
 
 /// A placed leaf.

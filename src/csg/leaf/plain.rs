@@ -67,10 +67,15 @@ impl Ball {
         }
     }
 
+    /// By how much the square of a point's distance from the middle is larger than that of the radius.
+    #[inline]
+    pub(super) fn beyond(&self, p: [i64; 3]) -> i64 {
+        (0..3).map(|k| (p[k] - i64::from(self.middle[k])).pow(2)).sum::<i64>() - self.squared()
+    }
+
     #[inline]
     pub(super) fn contains(&self, p: [i64; 3]) -> bool {
-        let away: i64 = (0..3).map(|k| (p[k] - i64::from(self.middle[k])).pow(2)).sum();
-        match away.cmp(&self.squared()) {
+        match self.beyond(p).cmp(&0) {
             Ordering::Less => true,
             Ordering::Equal => leads_in(self.outwards(p)),
             Ordering::Greater => false,

@@ -287,7 +287,7 @@ impl Rooms {
 /// Counts, in two bytes for every open block; faults are left to the parser.
 ///
 /// # Errors
-/// A token that is none; the text cannot be read.
+/// A malformed token; the text cannot be read.
 pub(in crate::csg) fn count(input: &mut dyn BufRead) -> Result<TextCounts, Stop> {
     let (mut lexer, mut counts) = (Lexer::new(input), TextCounts::default());
     let mut open: Vec<Open> = vec![0];

@@ -227,7 +227,7 @@ fn polyhedron(of: &Arguments) -> Result<Shape, CsgFault> {
     Ok(Shape::Faces(faces))
 }
 
-/// Memory that a shape takes that is made of lists of points, beside the lists; and what is held to make it.
+/// Memory that a shape takes that is made of lists of points, without the lists; and what is held to make it.
 pub(super) fn made_bytes(of: &Arguments) -> u64 {
     let rows = |name, place| match of.list(name, place) {
         Ok(Some(list)) => (list.numbers.len() as u64, list.ends.len() as u64),

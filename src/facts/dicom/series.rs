@@ -124,7 +124,7 @@ pub(crate) struct MissingSlices {
     pub places: usize,
 }
 
-/// Images of a series that are no part of a volume.
+/// Images of a series that do not belong to a volume.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct SetApart {
     /// How many.

@@ -17,7 +17,7 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 /// Memory: a name for each model of this run, and a line.
 ///
 /// # Errors
-/// The journal cannot be read or written. A report that cannot be read tells of nothing.
+/// The journal cannot be read or written. A report that cannot be read is ignored.
 pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::Result<()> {
     let Ok(report) = open_file(&out.join("report.json")) else { return Ok(()) };
     let mut known = HashSet::new();

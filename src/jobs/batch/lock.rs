@@ -2,7 +2,7 @@
 //!
 //! The system gives the lock back when the process ends, however it ends. The file is removed by a batch that
 //! ends by itself; a killed one leaves it, and the next batch takes it over. Only its owner removes it, while it
-//! holds the lock, and whoever gets a lock makes sure that it is on the file that has the name: two batches
+//! holds the lock, and each process that gets a lock makes sure that it is on the file that has the name: two batches
 //! never hold a lock each, one of them on a file that is gone.
 
 use std::fs::{self, File, TryLockError};

@@ -16,7 +16,7 @@
 //! | `options` | what was asked for, as a number and for people |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
-//! | `page` | `index.html`, the contact sheet |
+//! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
 
 mod claims;
 mod earlier;
@@ -268,7 +268,7 @@ fn named_left_out(catalogue: &Catalogue) -> Result<Vec<LeftOutFile>, Error> {
     Ok(named)
 }
 
-/// Reserves what is held beside the builds of so many jobs, if there is enough left for builds of use.
+/// Reserves what is held in addition to the builds of so many jobs, if there is enough left for builds of use.
 fn reserve_jobs(
     budget: &Budget,
     catalogue: &Catalogue,
@@ -280,7 +280,7 @@ fn reserve_jobs(
     Ok(held)
 }
 
-/// Reserves what is held beside the builds of so many jobs: code, what each takes to open and to watch, and what
+/// Reserves what is held in addition to the builds of so many jobs: code, what each takes to open and to watch, and what
 /// stays open.
 fn reserve_beside(
     budget: &Budget,
@@ -292,7 +292,7 @@ fn reserve_beside(
     budget.reserve(code + JOB_OVERHEAD * jobs as u64 + opening_bytes(catalogue, openable, jobs))
 }
 
-/// What the items that can be opened within `openable` bytes take beside their builds: the largest one while it
+/// What the items that can be opened within `openable` bytes take in addition to their builds: the largest one while it
 /// is opened, and what stays of the largest ones while they are worked on.
 fn opening_bytes(catalogue: &Catalogue, openable: u64, jobs: usize) -> u64 {
     let mut largest = vec![0; jobs];
@@ -339,8 +339,8 @@ struct Run<'a> {
     watcher: &'a dyn Watcher,
     /// What the builds of all jobs may hold; each waits until what it needs is free.
     builds: Budget,
-    /// What is held beside the builds of as many jobs as were asked for, without a limit: with more memory more
-    /// jobs fit, which take more beside their builds.
+    /// What is held in addition to the builds of as many jobs as were asked for, without a limit: with more memory more
+    /// jobs fit, which take more in addition to their builds.
     with_all_jobs: Budget,
     /// Memory of a job that needs no more.
     share: u64,
@@ -691,7 +691,7 @@ impl Run<'_> {
         Ok((grant.bytes(), job.build(subject, String::new(), started)))
     }
 
-    /// What is asked for of a subject. What is asked for of the volumes beside it does not stand in the way of a mesh or
+    /// What is asked for of a subject. What is asked for of volumes next to it does not stand in the way of a mesh or
     /// a tree.
     fn options_for(&self, subject: &Subject) -> BuildOptions {
         let asked = BuildOptions {

@@ -1,7 +1,8 @@
 //! `index.html`: a contact sheet of the thumbnails, one file that needs nothing else.
 //!
 //! It travels: volumes are called by their ids, and no sentence about an input is in it, as these may name files.
-//! Files and folders are named only where that was asked for.
+//! Files and folders are named only where that was asked for, or while `report.js` lies next to the page: that file
+//! stays at home, as the other reports do.
 
 use std::io::{self, Write};
 use std::path::Path;
@@ -10,12 +11,12 @@ use base64::engine::general_purpose::STANDARD;
 use base64::write::EncoderWriter;
 
 use super::record::{Cause, Item, Journal, Status};
-use super::report::{BatchReport, LeftOutCount, status};
+use super::report::{BatchReport, LeftOutCount, NOTICE, status};
 use crate::budget::Bytes;
 use crate::jobs::info::boxes;
 use crate::platform::open_file;
 use crate::source::BurnedIn;
-use crate::text::html;
+use crate::text::{self, html};
 
 /// Thumbnails up to this many are part of the page; larger batches refer to the files beside it, or the page
 /// could not be opened any more.
@@ -47,8 +48,14 @@ const q=document.getElementById("q"),f=document.getElementById("f"),all=[...docu
 function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
 for(const a of all)a.style.display=a.hidden?"none":""}
 q.addEventListener("input",sift);f.addEventListener("change",sift);
+if(typeof report!="undefined"){const at=new Map(report.map(r=>[r[0],r]));
+for(const a of document.querySelectorAll("main.list article")){const r=at.get(a.querySelector("h3").textContent);if(!r)continue;
+a.querySelector(".file").textContent=r[1];if(r[2])a.querySelector(".why").textContent=r[2]}}
 </script>
 "#;
+
+/// What the page shows only at home.
+pub(super) const HOME: &str = "report.js";
 
 /// Writes the page; one thumbnail at a time is in memory.
 pub(super) fn write(
@@ -90,7 +97,7 @@ pub(super) fn write(
     for (ended, head) in [
         (
             Status::Failed,
-            "<h2 id=\"failed\">Not converted</h2><p class=\"sum\" style=\"margin:0 28px 8px\">Files are named in report.csv, which stays at home, in the line of the same name.</p>",
+            "<h2 id=\"failed\">Not converted</h2><p class=\"sum\" style=\"margin:0 28px 8px\">Files are named in report.csv, in the line of the same name, and here while report.js lies next to this page. Both stay at home.</p>",
         ),
         (Status::Skipped, "<h2>Left alone</h2>"),
     ] {
@@ -119,8 +126,21 @@ pub(super) fn write(
         }
         w.write_all(b"</table>\n")?;
     }
+    writeln!(w, "<script src=\"{HOME}\"></script>")?;
     w.write_all(FILTER.as_bytes())?;
     w.write_all(b"</body></html>\n")
+}
+
+/// Writes `report.js`: of each volume without a model its name, its file or folder, and the reason.
+pub(super) fn write_home(journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
+    write!(w, "// This file {NOTICE}.\nconst report = [\n")?;
+    journal.for_each(&mut |item| {
+        if item.model.is_some() {
+            return Ok(());
+        }
+        writeln!(w, "{},", text::json(&(&item.name, &item.input, &item.reason)))
+    })?;
+    w.write_all(b"];\n")
 }
 
 /// What a volume is, and where it lies, if that may be told.
@@ -159,7 +179,7 @@ fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Re
         Bytes(item.input_bytes)
     )?;
     let why = item.cause.as_ref().map(why).unwrap_or_default();
-    write!(w, "<p class=\"why\">{}</p>", html(&why))?;
+    write!(w, "<p class=\"in file\"></p><p class=\"why\">{}</p>", html(&why))?;
     w.write_all(b"</div></article>\n")
 }
 

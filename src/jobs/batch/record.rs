@@ -29,7 +29,7 @@ pub enum Status {
     Kept,
 }
 
-/// Why there is no model, in a word that names nothing.
+/// Why there is no model, in a word without names.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -66,7 +66,7 @@ impl Cause {
     }
 }
 
-/// One volume of a batch, as reported. It tells where the volume lies, and stays with whoever has that.
+/// One volume of a batch, as reported. It tells where the volume lies, and stays with the volume's owner.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Item {
@@ -265,7 +265,7 @@ impl Record {
     }
 }
 
-/// The items of this run, in a nameless file; 32 bytes of memory for each.
+/// The items of this run, in an unnamed file; 32 bytes of memory for each.
 #[derive(Debug)]
 pub(super) struct Journal {
     file: File,

@@ -215,6 +215,7 @@ impl BatchReport {
                 .iter()
                 .try_for_each(|file| w.write_all(left_out_line(&file.path, &file.reason).as_bytes()))
         })?;
+        write_whole(&out.join(page::HOME), |w| page::write_home(journal, w))?;
         write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))
     }
 

@@ -35,7 +35,7 @@ impl<'a> Follow<'a> {
         self.changed.notify_all();
     }
 
-    /// Nothing more will be: whoever waits is told so.
+    /// Nothing more will be: waiting readers stop.
     pub(super) fn stop(&self) {
         self.written.lock().unwrap_or_else(PoisonError::into_inner).stopped = true;
         self.changed.notify_all();

@@ -103,7 +103,7 @@ pub(super) fn each_group<G: GroupCoder>(
             let (done, result) = mpsc::channel();
             scope.spawn(move |_| {
                 worker.work(direction);
-                // Nobody waits for it after an error.
+                // After an error there is no reader to wait for it.
                 let _ = done.send(worker);
             });
             result

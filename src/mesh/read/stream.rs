@@ -133,7 +133,7 @@ pub(super) struct Words<'a> {
     word: [u8; WORD],
     length: usize,
     ended: bool,
-    /// Do lines end in CR alone, so that an LF behind one is no part of it?
+    /// Do lines end in CR alone, so that an LF behind one does not belong to it?
     pub(super) cr_alone: bool,
     /// Does `#` begin a comment?
     pub(super) comments: bool,

@@ -139,8 +139,7 @@ impl<L: Lanes> Beam<L> {
         let longest = range.iter().fold(0.0_f64, |m, r| m.max(r.1).max(-r.0));
         // Of every ray some component is at least this long.
         let shortest = range.iter().fold(0.0_f64, |m, r| m.max(r.0).max(-r.1));
-        let mut mirror = 0;
-        let mut still = [false; 3];
+        let (mut mirror, mut still) = (0, [false; 3]);
         for a in 0..3 {
             if range[a].1 < -SURELY_MOVES * longest {
                 mirror |= 1 << a;

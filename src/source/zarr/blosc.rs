@@ -13,8 +13,8 @@ const HEADER: u64 = 16;
 const DECODER: u64 = 256 << 10;
 
 /// Fewest bytes of a part of a block that is packed on its own, and most parts.
-const LEAST_PART: usize = 128;
-const MOST_PARTS: usize = 16;
+const MIN_PART: usize = 128;
+const MAX_PARTS: usize = 16;
 
 /// What packs the parts of a block.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -136,8 +136,8 @@ impl Header {
             let is_last = size < self.block;
             let is_split = self.split
                 && !is_last
-                && self.sample <= MOST_PARTS
-                && self.block / self.sample >= LEAST_PART
+                && self.sample <= MAX_PARTS
+                && self.block / self.sample >= MIN_PART
                 && self.block.is_multiple_of(self.sample);
             let parts = if is_split { self.sample } else { 1 };
             let mut at = start;
@@ -180,7 +180,7 @@ impl Header {
     fn unshuffled<'a>(&self, shuffled: &'a [u8], plain: &'a mut [u8]) -> &'a [u8] {
         let size = self.sample;
         let count = shuffled.len() / size;
-        // Bits of what is no multiple of eight samples stay as they are.
+        // Bits of samples beyond the last multiple of eight stay as they are.
         if self.bits_shuffled && count > 0 && count.is_multiple_of(8) {
             unshuffle_bits(shuffled, plain, size);
         } else if self.shuffled && !self.bits_shuffled && size > 1 && count > 0 {

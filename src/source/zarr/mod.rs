@@ -66,7 +66,7 @@ pub(crate) fn is_of_group(path: &Path) -> bool {
         && metadata(path).is_ok_and(|found| found.is_some_and(|what| what.get("node_type").is_some()))
 }
 
-/// The content of a file of metadata; `None` if it is no JSON.
+/// The content of a file of metadata; `None` if it is not JSON.
 fn metadata(path: &Path) -> Result<Option<Value>> {
     let failed = |cause| unreadable(path, cause);
     let bytes = fs::metadata(path).map_err(failed)?.len();

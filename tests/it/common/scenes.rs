@@ -129,6 +129,13 @@ impl Symmetry {
             .flat_map(|from| (0..8).map(move |m| Self { from, mirror: [m & 1 == 1, m & 2 == 2, m & 4 == 4] }))
     }
 
+    /// Does it make left hands of right ones?
+    pub fn is_odd(self) -> bool {
+        let swaps = (0..3).filter(|i| self.from[*i] > self.from[(i + 1) % 3]).count();
+        let mirrors = self.mirror.iter().filter(|mirror| **mirror).count();
+        (swaps + mirrors) % 2 == 0
+    }
+
     pub fn cell(self, cell: [u32; 3], side: u32) -> [u32; 3] {
         std::array::from_fn(|i| {
             let c = cell[self.from[i]];

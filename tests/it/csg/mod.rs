@@ -286,6 +286,51 @@ fn random_trees_are_built_as_they_are_defined() {
     assert!(seen > 10_000, "{seen}");
 }
 
+#[test]
+fn a_mirrored_or_turned_tree_gives_a_mirrored_or_turned_model() {
+    const SIDE: u32 = 56;
+    let mut random = Random(9);
+    let mut seen = 0;
+    for round in 0..8 {
+        let plain = any_tree(&mut random, 3);
+        let folder = tempfile::tempdir().unwrap();
+        let file = folder.path().join("a.oct");
+        let built = |tree| build_to(tree, &exact([SIDE; 3]), &options(16, 2), &file).map(|_| skin_at(&file));
+        // Some hold nothing.
+        let Ok(wanted) = built(plain.tree()) else { continue };
+        for symmetry in Symmetry::all().skip(1).step_by(5) {
+            let (mut tree, root) = plain.tree();
+            let mut rows = [[0.0; 4]; 3];
+            for (k, row) in rows.iter_mut().enumerate() {
+                row[symmetry.from[k]] = if symmetry.mirror[k] { -1.0 } else { 1.0 };
+                row[3] = if symmetry.mirror[k] { f64::from(SIDE) } else { 0.0 };
+            }
+            let root = tree.placed(Affine { rows }, root);
+            let found = built((tree, root)).unwrap();
+            assert_eq!(found.len(), wanted.len(), "round {round}: {symmetry:?}");
+            let mut alike = 0;
+            for (voxel, normal) in &wanted {
+                let own = found.get(&symmetry.cell(*voxel, SIDE));
+                let own = own.unwrap_or_else(|| panic!("round {round}: {symmetry:?}, {voxel:?}"));
+                alike += usize::from(dot(*own, symmetry.vector(*normal)) > 0.999);
+            }
+            assert!(
+                alike * 100 >= wanted.len() * 99,
+                "round {round}: {symmetry:?}: {alike} of {}",
+                wanted.len()
+            );
+            seen += wanted.len();
+        }
+    }
+    assert!(seen > 50_000, "{seen}");
+}
+
+/// Skin voxels of a file, and their normals.
+fn skin_at(file: &Path) -> BTreeMap<[u32; 3], [f64; 3]> {
+    let model = Model::open(file).unwrap();
+    model.voxels().map(|found| (found.voxel, found.normal.unwrap())).collect()
+}
+
 const BALLS: &str = "sphere(r = 14.2); multmatrix([[1,0,0,9],[0,1,0,4],[0,0,1,1],[0,0,0,1]]) { sphere(r = 10.7); }
     multmatrix([[1,0,0,-3],[0,1,0.2,14],[0,0,1,1],[0,0,0,1]]) { cylinder(h = 25, r1 = 9, r2 = 4, center = true); }";
 

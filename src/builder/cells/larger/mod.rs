@@ -154,7 +154,7 @@ fn crossed_edges(sides: u8) -> u64 {
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum State {
     Empty,
-    /// Some of what is below is no part of a leaf as large as this.
+    /// Some of what is below does not belong to a leaf as large as this.
     Inner,
     /// With the corners inside, as bits.
     Leaf(Leaf, u8),

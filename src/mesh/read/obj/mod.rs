@@ -47,8 +47,6 @@ struct Spools {
     normals: Spool,
     colors: Spool,
     colored: bool,
-    /// Do corners name places and normals?
-    named: [bool; 2],
 }
 
 impl Spools {
@@ -59,7 +57,6 @@ impl Spools {
             normals: Spool::new(scratch)?,
             colors: Spool::new(scratch)?,
             colored: false,
-            named: [false; 2],
         })
     }
 
@@ -93,8 +90,9 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     let mut materials = Materials::new(path, limits);
     let mut material = NO_MATERIAL;
     let mut parts = Parts::default();
-    let mut faces = 0;
-    let mut understood = false;
+    let (mut faces, mut understood) = (0, false);
+    // Places and normals that faces name, and places that there are.
+    let (mut named, mut places) = ([false; 2], 0_u64);
     loop {
         match words.next()? {
             Token::End => break,
@@ -113,9 +111,15 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
                 }
                 understood = true;
             }
-            (b"vt", Some(spools)) => {
-                let ([u, v, ..], _) = line_numbers(&mut words)?;
-                spools.places.vertex([u, v, 0.0])?;
+            (b"vt", spools) => {
+                places += 1;
+                match spools {
+                    Some(spools) => {
+                        let ([u, v, ..], _) = line_numbers(&mut words)?;
+                        spools.places.vertex([u, v, 0.0])?;
+                    }
+                    None => words.skip_line()?,
+                }
             }
             (b"vn", Some(spools)) => {
                 let ([x, y, z, _], _) = line_numbers(&mut words)?;
@@ -129,7 +133,8 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
             (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
             (b"f", spools) => {
                 parts.face(triangles.count);
-                face(&mut words, vertices.count, faces, material, &mut triangles, spools.as_mut())?;
+                let corners = [vertices.count, faces];
+                face(&mut words, corners, material, &mut triangles, spools.as_mut(), &mut named)?;
                 faces += 1;
             }
             _ => words.skip_line()?,
@@ -138,10 +143,8 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     if !understood {
         return Err(MeshFault::Unknown.into());
     }
-    let missing = spools.as_ref().map_or([false; 2], |spools| {
-        let [places, normals] = spools.named;
-        [limits.colors && places && spools.places.count == 0, normals && spools.normals.count == 0]
-    });
+    let no_normals = spools.as_ref().is_some_and(|spools| spools.normals.count == 0);
+    let missing = [named[0] && places == 0, named[1] && no_normals];
     let carried = spools.map(Spools::finish).transpose()?;
     let mut summary = materials.summary();
     let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
@@ -220,11 +223,11 @@ impl LookReader<'_> {
 
 fn face(
     words: &mut Words<'_>,
-    vertices: u64,
-    number: u64,
+    [vertices, number]: [u64; 2],
     material: u32,
     triangles: &mut Spool,
     mut spools: Option<&mut Spools>,
+    [places_named, normals_named]: &mut [bool; 2],
 ) -> Result<(), Stop> {
     let (mut fan, mut of_places, mut of_normals) = (Fan::new(), Fan::new(), Fan::new());
     let mut continued = false;
@@ -240,7 +243,10 @@ fn face(
                 if let Some(t) = triangle {
                     triangles.numbers(t)?;
                 }
-                let Some(spools) = spools.as_mut() else { continue };
+                let Some(spools) = spools.as_mut() else {
+                    *places_named |= parts.next().is_some_and(|word| !word.is_empty());
+                    continue;
+                };
                 let mut other = |count: u64, named: &mut bool| {
                     let at = part(parts.next(), count, number).map_err(|()| words.wrong())?;
                     *named |= !matches!(at, Ok(None));
@@ -249,7 +255,6 @@ fn face(
                         at.or_else(|stop| if count == 0 { Ok(None) } else { Err(stop) })?.unwrap_or(NONE),
                     )
                 };
-                let [places_named, normals_named] = &mut spools.named;
                 let places = of_places.next(other(spools.places.count, places_named)?);
                 let normals = of_normals.next(other(spools.normals.count, normals_named)?);
                 if let (Some(p), Some(n), Some(t)) = (places, normals, triangle) {
