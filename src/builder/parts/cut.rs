@@ -79,8 +79,12 @@ impl PartId {
 
     /// Its file in the folder of a job: the name says what it is made of.
     pub(crate) fn path(&self, folder: &Path) -> PathBuf {
+        self.named(folder, &format!("{:04}", self.number))
+    }
+
+    pub(super) fn named(&self, folder: &Path, what: &str) -> PathBuf {
         let digest: String = self.digest[..12].iter().map(|byte| format!("{byte:02x}")).collect();
-        folder.join(format!("{digest}-{:04}.part", self.number))
+        folder.join(format!("{digest}-{what}.part"))
     }
 }
 

@@ -26,6 +26,7 @@
 //! | `write` | the last pass over a part |
 //! | `read` | parts, opened and checked |
 //! | `join` | the model of all parts |
+//! | `stage` | what is found of the whole volume, share by share, before the parts |
 //! | `fault` | why parts are refused |
 
 mod cut;
@@ -34,6 +35,7 @@ mod head;
 mod join;
 mod read;
 mod record;
+pub(crate) mod stage;
 mod write;
 
 pub(crate) use cut::{Cuts, PartId};
