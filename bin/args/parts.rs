@@ -30,7 +30,7 @@ pub(crate) struct PartArgs {
     /// Number of the part, from 0
     #[arg(value_name = "K")]
     pub(crate) number: u32,
-    /// Do this stage for the share of the part: extremes or histogram, as the plan says
+    /// Do this stage for the share of the part: extremes, histogram or occupancy, as the plan says
     #[arg(long, value_name = "STAGE")]
     pub(crate) stage: Option<Stage>,
     /// Peak resident memory of the whole process; that of the plan by default

@@ -112,6 +112,13 @@ impl Blocks {
         Self { next: AtomicU64::new(bound(number)), end: bound(number + 1), ..self }
     }
 
+    /// Those of some slices.
+    pub(super) fn of_slices(self, slices: Range<u32>) -> Self {
+        let [across, down] = self.across_and_down();
+        let first = |z: u32| across * down * u64::from(z);
+        Self { next: AtomicU64::new(first(slices.start)), end: first(slices.end), ..self }
+    }
+
     /// Columns and rows of the largest block.
     pub(super) fn size(&self) -> [usize; 2] {
         [self.cols as usize, self.rows as usize]

@@ -285,6 +285,7 @@ pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
     if let Some(first) = missing.first() {
         let threshold = input.own_threshold(&mut opened, first, &folder)?;
         let options = BuildOptions { threshold, ..input.options() };
+        input.own_cleaning(&mut opened, first, &folder, &options)?;
         input.build(&mut opened, &options, &folder, &missing)?;
     }
     drop(opened);

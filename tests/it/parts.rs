@@ -14,7 +14,7 @@ fn waves(path: &Path, dims: [u32; 3], scalar: ScalarType, seed: u64) {
             for x in 0..dims[0] {
                 let [a, b, c] = [x, y, z].map(f64::from);
                 let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
-                let salt = if random.below(500) == 0 { 20.0 } else { 0.0 };
+                let salt = [20.0, -20.0].get(random.below(500) as usize).copied().unwrap_or(0.0);
                 let value = if z < 140 && y > 140 { 0.0 } else { 40.0 + wave * 12.0 + salt };
                 volume::encode(scalar, value, &mut bytes);
             }
@@ -171,10 +171,107 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
         let whole = job.whole();
         let plan = job.plan(count);
         let wide = ["extremes", "histogram"];
-        let stages: &[&str] = if scalar.bytes() > 2 { &wide } else { &wide[1..] };
+        // Means of blocks are wide, whatever they are of.
+        let is_wide = scalar.bytes() > 2 || options.contains(&"--downsample");
+        let stages: &[&str] = if is_wide { &wide } else { &wide[1..] };
         assert_eq!(plan["stages"], json!(stages));
         assert!(job.all(&plan) == whole, "{options:?} {scalar:?} in {count} parts");
     }
+}
+
+#[test]
+fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_cuts() {
+    use ScalarType::{F32, I8, I16, I32, U8, U16};
+    let mut random = Random(29);
+    for round in 0..14 * long() {
+        let mut pick = |words: &[&str]| words[random.below(words.len() as u64) as usize].to_owned();
+        let groups = [
+            pick(&["--surface skin", "--surface cells", "--surface skin --connectivity 6 --gradient auto"]),
+            pick(&["", "--iso 40", "--range 30..48", "--otsu"]),
+            pick(&["", "--roi 2..50,5..180,20..260", "--downsample 2"]),
+            pick(&["", "--close 1", "--close 2"]),
+            pick(&["", "--fill-cavities"]),
+            pick(&["", "--keep-largest 1", "--keep-largest 7", "--drop-below 40", "--drop-below 0.1%"]),
+            pick(&["", "--component-connectivity 6"]),
+            pick(&["", "--lod off", "--channels none"]),
+        ];
+        let joined = groups.join(" ");
+        let is_cleaned = ["--fill", "--keep", "--drop"].iter().any(|word| joined.contains(word));
+        // What says nothing about what is built is refused.
+        let words = joined.split_whitespace().filter(|word| !word.is_empty());
+        let mut words: Vec<&str> = words.collect();
+        if !is_cleaned && let Some(at) = words.iter().position(|word| *word == "--component-connectivity") {
+            words.drain(at..at + 2);
+        }
+        if joined.contains("cells")
+            && let Some(at) = words.iter().position(|word| *word == "--channels")
+        {
+            words.drain(at..at + 2);
+        }
+        let scalar = [U8, I8, U16, I16, I32, F32][random.below(6) as usize];
+        let side = |from: u64, random: &mut Random| u32::try_from(from + random.below(60)).unwrap();
+        let dims = [side(55, &mut random), side(185, &mut random), side(265, &mut random)];
+        let job = Job::new(dims, scalar, &words);
+        let count = [1, 2, 3, 5, 9][random.below(5) as usize];
+        let output = text(&job.path("one.oct"));
+        let whole = job.run(&["build"], &["-o", &output, "--json"]);
+        assert_eq!(whole.code, 0, "round {round}: {words:?} {scalar:?} {dims:?}");
+        let joined = job.all(&job.plan(count));
+        assert!(
+            joined == fs::read(&output).unwrap(),
+            "round {round}: {words:?} {scalar:?} {dims:?} in {count}"
+        );
+        let resumed = text(&job.path("resumed.oct"));
+        job.run(&["build"], &["-o", &resumed, "--resume", "--json"]).json();
+        assert!(
+            fs::read(&resumed).unwrap() == joined,
+            "round {round}: {words:?} {scalar:?} {dims:?} resumed"
+        );
+    }
+}
+
+#[test]
+fn a_damaged_occupancy_is_refused_by_the_parts_that_read_its_slices() {
+    let options = ["--surface", "skin", "--iso", "40", "--keep-largest", "1", "--fill-cavities"];
+    let job = Job::new([30, 40, 400], ScalarType::U8, &options);
+    let whole = job.whole();
+    assert_eq!(job.plan(3)["stages"], json!(["occupancy"]));
+    job.part(0, &[]).refused(3, &["'occupancy' is not done"]);
+    for number in 0..3 {
+        assert_eq!(job.part(number, &["--stage", "occupancy"]).json()["was_there"], false);
+        assert_eq!(job.part(number, &["--stage", "occupancy"]).json()["was_there"], true);
+    }
+    let plan = text(&job.path("job/plan.json"));
+    let merge = || oct(&["merge", &plan, "--stage", "occupancy", "--json"]);
+    let file = |ends: &str| {
+        let name = job.parts().into_iter().find(|name| name.ends_with(ends)).unwrap();
+        job.path("job").join(name)
+    };
+    let damage = |path: &Path, place: usize| {
+        let mut bytes = fs::read(path).unwrap();
+        bytes[place] ^= 4;
+        fs::write(path, bytes).unwrap();
+    };
+    let share = file("occupancy-0001.part");
+    damage(&share, 777);
+    merge().refused(3, &["occupancy-0001.part", "damaged"]);
+    assert_eq!(job.part(1, &["--stage", "occupancy"]).json()["was_there"], false);
+    let report = merge().json();
+    assert!(
+        report["components"].as_u64() > Some(100) && report["voxels_added"].as_u64() > Some(0),
+        "{report}"
+    );
+    // A byte of the first slices: only the first part reads them.
+    let cleaned = file("occupancy.part");
+    damage(&cleaned, 100);
+    job.part(0, &[]).refused(3, &["occupancy.part", "damaged"]);
+    for number in 1..3 {
+        job.part(number, &[]).json();
+    }
+    merge().json();
+    job.part(0, &[]).json();
+    job.merge().json();
+    assert!(fs::read(job.path("all.oct")).unwrap() == whole);
 }
 
 #[test]
@@ -196,7 +293,7 @@ fn padding_and_labels_are_recognised_by_all_parts_together() {
     // Of labels in boxes, some of which only one part sees.
     let labels = of(&|x, y, z| if (x / 9 + y / 11) % 2 == 0 { ((x / 9 + z / 50) % 7) as i16 } else { 0 });
     for (bytes, word) in [(padded, "-3024"), (labels, "label")] {
-        let job = Job::new(dims, ScalarType::I16, &[]);
+        let job = Job::new(dims, ScalarType::I16, &["--surface", "cells"]);
         fs::write(job.path("v.raw"), bytes).unwrap();
         let whole = job.whole();
         let plan = job.plan(6);
@@ -215,7 +312,7 @@ fn stages_that_are_missing_damaged_or_of_no_use_are_refused_by_name() {
     job.part(0, &[]).refused(3, &["'histogram' is not done", "--stage histogram", "oct merge"]);
     job.part(0, &["--stage", "histogram"]).refused(3, &["'extremes' is not done"]);
     job.part(3, &["--stage", "extremes"]).refused(2, &["no part 3"]);
-    job.part(0, &["--stage", "otsu"]).refused(2, &["--stage", "extremes and histogram"]);
+    job.part(0, &["--stage", "otsu"]).refused(2, &["--stage", "extremes, histogram and occupancy"]);
     job.part(1, &["--stage", "extremes"]).json();
     merge("extremes").refused(3, &["2 of 3 parts missing", "0, 2"]);
     for number in 0..3 {
@@ -267,10 +364,10 @@ fn parts_of_meshes_and_of_trees_join_into_the_file_of_one_build() {
     )
     .unwrap();
     let table: [(&str, &[&str], u32); 5] = [
-        ("v.stl", &["--grid", "300"], 3),
+        ("v.stl", &["--grid", "300", "--surface", "cells"], 3),
         ("v.stl", &["--grid", "300", "--surface", "skin"], 7),
         ("v.stl", &["--grid", "200", "--surface", "skin", "--keep-thin", "--connectivity", "6"], 4),
-        ("a.csg", &["--grid", "300"], 5),
+        ("a.csg", &["--grid", "300", "--surface", "cells"], 5),
         ("a.csg", &["--grid", "280", "--surface", "skin", "--lod", "off"], 64),
     ];
     for (input, options, count) in table {
@@ -300,14 +397,10 @@ fn parts_of_meshes_and_of_trees_join_into_the_file_of_one_build() {
 fn what_parts_cannot_know_is_refused_by_name() {
     let job = Job::new([20, 20, 20], ScalarType::F32, &[]);
     let out = text(&job.path("job"));
-    let table: [(&[&str], &str); 8] = [
+    let table: [(&[&str], &str); 4] = [
         (&["--iso", "40", "--visible-from", "outside"], "--visible-from"),
         (&["--iso", "40", "--error", "0.1"], "--error"),
         (&["--iso", "40", "--channels", "normal,value"], "'value'"),
-        (&["--iso", "40", "--keep-largest", "1"], "keep-largest 1"),
-        (&["--iso", "40", "--drop-below", "5%"], "drop-below 5%"),
-        (&["--iso", "40", "--fill-cavities"], "fill-cavities"),
-        (&["--iso", "40", "--close", "1"], "close 1"),
         (&["--labels", "all"], "--labels"),
     ];
     for (options, word) in table {

@@ -42,7 +42,7 @@ pub(crate) enum PartFault {
     )]
     StageMissing { stage: Stage },
     #[error("has no stage '{stage}': {}", stages(.of))]
-    NoSuchStage { stage: Stage, of: &'static [Stage] },
+    NoSuchStage { stage: Stage, of: Vec<Stage> },
     #[error("no voxel of any part is inside; choose another {ISO} or {RANGE}, and plan again")]
     NothingInside,
     #[error("cannot be read ({0})")]
@@ -66,10 +66,6 @@ pub(crate) enum NotInParts {
         "{LABELS} cannot be used in parts yet, as the table of labels is of all of them; build the model at once"
     )]
     Labels,
-    #[error(
-        "cleaning ({operations}) cannot be done in parts yet, as components cross the cuts; leave it out"
-    )]
-    Cleaning { operations: String },
 }
 
 /// Some numbers, and how many follow.

@@ -2,7 +2,8 @@
 //! for each share and one for all of them, which holds what the shares add up to.
 //!
 //! ```text
-//! extremes (samples of more than 16 bits) --> histogram --> the threshold of Otsu's method --> parts
+//! extremes (samples of more than 16 bits) --> histogram --> the threshold of Otsu's method --+--> parts
+//!                                                                    occupancy --> cleaning --+
 //! ```
 //!
 //! A file, little-endian: magic, digest of the plan, stage, number and count of the shares, the words of the finding, the
@@ -29,7 +30,7 @@ use crate::volume::ScalarType;
 const MAGIC: [u8; 8] = *b"\x89OSTAGE\n";
 /// Number of the file of all shares.
 const WHOLE: u32 = u32::MAX;
-const HEAD_BYTES: usize = 8 + 32 + 4 + 4 + 4;
+pub(super) const HEAD_BYTES: usize = 8 + 32 + 4 + 4 + 4;
 /// No file is longer.
 const MAX_BYTES: u64 = (HEAD_BYTES + 8 * (64 + 2 * BINS) + 4) as u64;
 
@@ -40,6 +41,8 @@ pub enum Stage {
     Extremes,
     /// The counts of all samples, from which the threshold follows.
     Histogram,
+    /// One bit a voxel, which cleaning works on.
+    Occupancy,
 }
 
 impl Stage {
@@ -53,6 +56,7 @@ impl Stage {
         match self {
             Self::Extremes => "extremes",
             Self::Histogram => "histogram",
+            Self::Occupancy => "occupancy",
         }
     }
 
@@ -77,8 +81,9 @@ impl FromStr for Stage {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let known = [Self::Extremes, Self::Histogram].into_iter().find(|stage| stage.name() == text);
-        known.ok_or_else(|| format!("'{text}' is not a stage; they are extremes and histogram"))
+        let known =
+            [Self::Extremes, Self::Histogram, Self::Occupancy].into_iter().find(|stage| stage.name() == text);
+        known.ok_or_else(|| format!("'{text}' is not a stage; they are extremes, histogram and occupancy"))
     }
 }
 
@@ -158,7 +163,7 @@ pub(crate) fn find(
     let share = Share { number: part.number, of: part.cuts.parts };
     Ok(match stage {
         Stage::Extremes => Finding::Extremes(chooser.extremes_of(share)?),
-        Stage::Histogram => Finding::Tally(chooser.tally_of(share, extremes)?),
+        _ => Finding::Tally(chooser.tally_of(share, extremes)?),
     })
 }
 
@@ -204,7 +209,7 @@ pub(crate) fn join(
     }
 }
 
-fn head(stage: Stage, part: &PartId, is_whole: bool) -> [u8; HEAD_BYTES] {
+pub(super) fn head(stage: Stage, part: &PartId, is_whole: bool) -> [u8; HEAD_BYTES] {
     let mut head = [0; HEAD_BYTES];
     head[..8].copy_from_slice(&MAGIC);
     head[8..40].copy_from_slice(&part.digest);

@@ -10,7 +10,7 @@ use crate::budget::MemoryCap;
 use crate::builder::parts::stage::Stage;
 use crate::builder::parts::{NotInParts, PartFault, PartId};
 use crate::builder::{self, BuildError, BuildFault, BuildOptions, Threshold, cell_dims};
-use crate::clean::CleanOptions;
+use crate::clean::Cleaned;
 use crate::error::Error;
 use crate::format::{Channel, SurfaceKind};
 use crate::geom::Dims;
@@ -42,7 +42,7 @@ pub(super) struct Opened {
     /// The files that a solid is made of.
     pub(super) files: Vec<PathBuf>,
     /// What comes before the parts.
-    pub(super) stages: &'static [Stage],
+    pub(super) stages: Vec<Stage>,
 }
 
 impl Opened {
@@ -62,15 +62,13 @@ impl PartsInput<'_> {
 
     /// What a part of a model cannot know.
     fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<NotInParts> {
-        let BuildJob { clean, options, .. } = self.job;
-        let cleaning = CleanOptions { roi: None, downsample: None, preset: None, ..clean.clone() };
+        let BuildJob { options, .. } = self.job;
         let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
         let found = [
             (options.labels.is_some(), NotInParts::Labels),
             (!options.visible_from.is_empty(), NotInParts::Sight),
             (options.joins(), NotInParts::Leaves),
             (wide && options.channels.contains(Channel::Value), NotInParts::WideValues),
-            (!cleaning.is_empty(), NotInParts::Cleaning { operations: cleaning.operations().join(", ") }),
         ];
         found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
     }
@@ -96,7 +94,7 @@ impl PartsInput<'_> {
                 Some((dims, files)) => (dims, files.iter().map(PathBuf::from).collect()),
                 None => self.outline(&subject)?,
             };
-            return Ok(Opened { subject, dims, files, stages: &[] });
+            return Ok(Opened { subject, dims, files, stages: Vec::new() });
         };
         if let Some(what) = self.unsupported(Some(&**volume)) {
             return refuse(what);
@@ -110,7 +108,8 @@ impl PartsInput<'_> {
             })?,
         };
         let by_otsu = self.threshold() == Threshold::Otsu;
-        let stages = if by_otsu { Stage::of_otsu(info.scalar) } else { &[] };
+        let mut stages = if by_otsu { Stage::of_otsu(info.scalar).to_vec() } else { Vec::new() };
+        stages.extend(self.job.clean.works_on_bits().then_some(Stage::Occupancy));
         Ok(Opened { subject, dims, files: Vec::new(), stages })
     }
 
@@ -183,13 +182,18 @@ impl PartsInput<'_> {
     ) -> Result<u64, Error> {
         let Some(first) = ids.first() else { return Ok(0) };
         self.prepare(opened, &first.path(folder))?;
+        let bits = self.cleaned_bits(opened, ids, folder)?;
         let progress = self.job.progress;
         let each = |build: &mut dyn FnMut(&PartId, &Path) -> Result<builder::BuildReport, BuildError>| {
             ids.iter().try_fold(0, |voxels, id| Ok(voxels + build(id, &id.path(folder))?.skin_voxels))
         };
         Ok(match &opened.subject {
             Subject::Volume(volume) => {
-                each(&mut |id, path| builder::build_volume_part(&**volume, options, path, id, progress))?
+                let clean = self.job.clean;
+                let cleaned =
+                    bits.map(|bits| clean.cleaned(&**volume, options, bits, progress)).transpose()?;
+                let source = cleaned.as_ref().map_or(&**volume, Cleaned::source);
+                each(&mut |id, path| builder::build_volume_part(source, options, path, id, progress))?
             }
             solid => {
                 self.job

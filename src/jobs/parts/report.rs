@@ -145,6 +145,12 @@ pub struct StageReport {
     pub parts: u32,
     /// The least value that is inside, if this stage decides that.
     pub threshold: Option<f64>,
+    /// Voxels that closing and filling added, if this stage cleans.
+    pub voxels_added: Option<u64>,
+    /// Voxels of dropped components.
+    pub voxels_removed: Option<u64>,
+    /// Components found; 0 when they were not asked for.
+    pub components: Option<u64>,
     /// Sentences about the values: padding, labels.
     pub warnings: Vec<String>,
     /// Peak resident memory of the process.
@@ -159,6 +165,9 @@ impl StageReport {
         let mut text = format!("{}: {} of {} parts", shown(&self.output), self.stage, self.parts);
         if let Some(threshold) = self.threshold {
             let _ = write!(text, "; inside are values from {} up", Short(threshold));
+        }
+        if let (Some(added), Some(removed)) = (self.voxels_added, self.voxels_removed) {
+            let _ = write!(text, "; cleaned: {added} voxels added, {removed} removed");
         }
         text.push('\n');
         for warning in &self.warnings {
