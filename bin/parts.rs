@@ -31,17 +31,20 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
 }
 
 /// The build of a plan, as it was asked for.
-fn planned(plan: &Plan) -> Option<BuildArgs> {
+fn planned(plan: &Plan) -> Result<BuildArgs, Failure> {
     let (words, folder) = plan.command();
     let line = ["oct", "plan"].into_iter().chain(words.iter().map(String::as_str));
     let Ok(Cli { command: Command::Plan(PlanArgs { mut build, .. }) }) = Cli::try_parse_from(line) else {
-        return None;
+        return Err(plan.not_of_this_program().into());
     };
     for path in &mut build.input {
         *path = folder.join(&path);
     }
     build.scratch = None;
-    Some(build)
+    if build.input.iter().any(|path| is_dash(path)) {
+        return Err(Dash::Search.into());
+    }
+    Ok(build)
 }
 
 fn input<'a>(build: &'a Build, output: &'a Path, bars: &'a Bars) -> PartsInput<'a> {
@@ -52,17 +55,18 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
     let plan = Plan::read(&args.plan)?;
     let output = plan.part_path(args.number)?;
-    let mut planned = planned(&plan).ok_or_else(|| plan.not_of_this_program())?;
+    let mut planned = planned(&plan)?;
     planned.memory = args.memory.unwrap_or(planned.memory);
     planned.threads.threads = args.threads.threads.or(planned.threads.threads);
     planned.scratch.clone_from(&args.scratch);
-    if planned.input.iter().any(|path| is_dash(path)) {
-        return Err(Dash::Search.into());
-    }
     let build = Build::of(&planned)?;
     infobyte::jobs::give_back();
     let bars = Bars::new(args.quiet || args.json);
-    let report = parts::part(&plan, args.number, &input(&build, &output, &bars));
+    let input = input(&build, &output, &bars);
+    let report = match args.stage {
+        None => parts::part(&plan, args.number, &input),
+        Some(stage) => parts::part_stage(&plan, stage, args.number, &input),
+    };
     bars.finish();
     let report = report?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
@@ -84,11 +88,18 @@ pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
 
 pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.plan.as_path()], Dash::AmongFiles)?;
-    refuse_dash([args.output.as_path()], Dash::Model)?;
-    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
-    let plan = Plan::read(&args.plan)?;
     let bars = Bars::new(args.quiet || args.json);
-    let report = parts::merge(&plan, &args.output, &bars);
+    if let Some(stage) = args.stage {
+        let plan = Plan::read(&args.plan)?;
+        let build = Build::of(&planned(&plan)?)?;
+        let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
+        return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);
+    }
+    let output = args.output.as_deref().unwrap_or(Path::new(""));
+    refuse_dash([output], Dash::Model)?;
+    check_suffixes([output], Written::Model, args.force)?;
+    let plan = Plan::read(&args.plan)?;
+    let report = parts::merge(&plan, output, &bars);
     bars.finish();
     let report = report?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use infobyte::budget::parse_size;
-use infobyte::jobs::parts::MAX_PARTS;
+use infobyte::jobs::parts::{MAX_PARTS, Stage};
 
 use super::{BuildArgs, ThreadArgs};
 
@@ -30,6 +30,9 @@ pub(crate) struct PartArgs {
     /// Number of the part, from 0
     #[arg(value_name = "K")]
     pub(crate) number: u32,
+    /// Do this stage for the share of the part: extremes, histogram or occupancy, as the plan says
+    #[arg(long, value_name = "STAGE")]
+    pub(crate) stage: Option<Stage>,
     /// Peak resident memory of the whole process; that of the plan by default
     #[arg(long, value_name = "SIZE", value_parser = parse_size)]
     pub(crate) memory: Option<u64>,
@@ -51,9 +54,12 @@ pub(crate) struct MergeArgs {
     /// The plan
     #[arg(value_name = "JOB/plan.json")]
     pub(crate) plan: PathBuf,
+    /// Add up what this stage found in all parts, in place of joining them
+    #[arg(long, value_name = "STAGE", conflicts_with = "output")]
+    pub(crate) stage: Option<Stage>,
     /// The model to write
-    #[arg(short, long, value_name = "MODEL.oct")]
-    pub(crate) output: PathBuf,
+    #[arg(short, long, value_name = "MODEL.oct", required_unless_present = "stage")]
+    pub(crate) output: Option<PathBuf>,
     /// Write it even if its name says that it is another kind of file
     #[arg(long)]
     pub(crate) force: bool,

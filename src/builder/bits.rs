@@ -29,6 +29,30 @@ impl BitVolume {
         Ok(Self { file, folder: folder.to_path_buf(), dims, row_words })
     }
 
+    /// Bits that lie in a file from its start on.
+    pub(crate) fn over(file: File, folder: &Path, dims: Dims) -> Self {
+        Self { file, folder: folder.to_path_buf(), dims, row_words: dims.nx().div_ceil(64) as usize }
+    }
+
+    /// Writes all bits of another one from slice `first` on, both of which have slices of one size.
+    ///
+    /// # Errors
+    /// A file fails.
+    pub(crate) fn take(&self, other: &Self, first: u32) -> Result<(), BuildError> {
+        const STEP: usize = 8 << 10;
+        let mut words = vec![0; STEP.max(self.row_words) / self.row_words * self.row_words];
+        let at_once = (words.len() / self.row_words) as u64;
+        let mut row = 0;
+        while row < other.rows() {
+            let rows = at_once.min(other.rows() - row);
+            let words = &mut words[..usize::try_from(rows).unwrap_or(0) * self.row_words];
+            other.read(row, 0, words).map_err(|cause| other.failed(cause))?;
+            self.write(self.row(0, first) + row, 0, words)?;
+            row += rows;
+        }
+        Ok(())
+    }
+
     pub(crate) fn dims(&self) -> Dims {
         self.dims
     }

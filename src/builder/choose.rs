@@ -1,7 +1,8 @@
 //! The choice of what is inside: a selection as given, or by Otsu's method from a streamed histogram.
 
 use super::error::{BuildError, Criterion};
-use super::histogram::Kind;
+use super::histogram::{Bins, Kind, Split, Tally};
+use super::parallel::Share;
 use super::range::{Ordered, SampleRange, highest_below};
 use super::report::BuildNote;
 use super::{Progress, Threshold, histogram};
@@ -10,6 +11,21 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::BuildFault;
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{ScalarType, VolumeSource};
+
+/// An expression for the type of the samples of a volume.
+macro_rules! by_type {
+    ($scalar:expr, $t:ident => $body:expr) => {
+        by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
+    };
+    ($scalar:expr, $t:ident => $body:expr, $($kind:ident $type:ty),*) => {
+        match $scalar {
+            $(ScalarType::$kind => {
+                type $t = $type;
+                $body
+            })*
+        }
+    };
+}
 
 /// Chooses what is inside, as [`super::build_volume`] does; [`Threshold::Chosen`] hands the result on to it.
 ///
@@ -37,16 +53,7 @@ pub(crate) fn choose_noted(
     progress: &dyn Progress,
 ) -> Result<(Selection, Option<BuildNote>), BuildError> {
     let chooser = Chooser { source, memory, threads, progress };
-    Ok(match source.info().scalar {
-        ScalarType::U8 => chooser.choose::<u8>(threshold)?.noted(),
-        ScalarType::I8 => chooser.choose::<i8>(threshold)?.noted(),
-        ScalarType::U16 => chooser.choose::<u16>(threshold)?.noted(),
-        ScalarType::I16 => chooser.choose::<i16>(threshold)?.noted(),
-        ScalarType::U32 => chooser.choose::<u32>(threshold)?.noted(),
-        ScalarType::I32 => chooser.choose::<i32>(threshold)?.noted(),
-        ScalarType::F32 => chooser.choose::<f32>(threshold)?.noted(),
-        ScalarType::F64 => chooser.choose::<f64>(threshold)?.noted(),
-    })
+    by_type!(source.info().scalar, T => chooser.choose::<T>(threshold).map(Chosen::noted))
 }
 
 /// What is inside.
@@ -65,12 +72,13 @@ impl<T> Chosen<T> {
     }
 }
 
+/// A volume, and the means to look at its values.
 #[derive(Clone, Copy)]
-pub(super) struct Chooser<'a> {
-    pub(super) source: &'a dyn VolumeSource,
-    pub(super) memory: MemoryCap,
-    pub(super) threads: usize,
-    pub(super) progress: &'a dyn Progress,
+pub(crate) struct Chooser<'a> {
+    pub(crate) source: &'a dyn VolumeSource,
+    pub(crate) memory: MemoryCap,
+    pub(crate) threads: usize,
+    pub(crate) progress: &'a dyn Progress,
 }
 
 impl Chooser<'_> {
@@ -90,24 +98,9 @@ impl Chooser<'_> {
                     return Err(self.empty::<T>(Criterion::Split));
                 };
                 self.progress.advance(1);
-                // On a falling scale the samples below the split are the high values, and the split itself is
-                // not one of them.
-                let lowest = if rescale.slope > 0.0 { split.at } else { highest_below::<T>(split.at) };
-                let by_otsu = Selection { kind: SelectionKind::Otsu, lo: rescale.apply(lowest), hi: open };
-                match split.kind {
-                    // Numbers that are scaled are measured.
-                    Kind::Labels { count, first }
-                        if rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0 =>
-                    {
-                        note = Some(BuildNote::Labels { count });
-                        Selection { kind: SelectionKind::Iso, lo: first, hi: open }
-                    }
-                    Kind::Padded { value } => {
-                        note = Some(BuildNote::Padding { value: rescale.apply(value) });
-                        by_otsu
-                    }
-                    _ => by_otsu,
-                }
+                let by_otsu;
+                (by_otsu, note) = self.of_split::<T>(split);
+                by_otsu
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
@@ -117,6 +110,62 @@ impl Chooser<'_> {
             Some(range) => Ok(Chosen { selection, range, note }),
             None => Err(self.empty::<T>(Criterion::Within(selection))),
         }
+    }
+
+    /// What a histogram says, in physical units.
+    fn of_split<T: Ordered>(&self, split: Split) -> (Selection, Option<BuildNote>) {
+        let rescale = self.source.info().rescale;
+        // On a falling scale the samples below the split are the high values, and the split itself is
+        // not one of them.
+        let lowest = if rescale.slope > 0.0 { split.at } else { highest_below::<T>(split.at) };
+        let selected = |kind, lo| Selection { kind, lo, hi: f64::INFINITY };
+        let by_otsu = selected(SelectionKind::Otsu, rescale.apply(lowest));
+        match split.kind {
+            // Numbers that are scaled are measured.
+            Kind::Labels { count, first } if rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0 => {
+                (selected(SelectionKind::Iso, first), Some(BuildNote::Labels { count }))
+            }
+            Kind::Padded { value } => (by_otsu, Some(BuildNote::Padding { value: rescale.apply(value) })),
+            _ => (by_otsu, None),
+        }
+    }
+
+    /// The extremes of a share of the volume, as wide samples need them.
+    ///
+    /// # Errors
+    /// The volume cannot be read, or the memory is too small.
+    pub(crate) fn extremes_of(&self, share: Share) -> Result<Option<(f64, f64)>, BuildError> {
+        let (threads, _memory) = self.reserve_histogram()?;
+        let Self { source, progress, .. } = *self;
+        by_type!(source.info().scalar, T => histogram::extremes::<T>(source, share, threads, progress))
+    }
+
+    /// The histogram of a share of the volume; `extremes` are those of all of it.
+    ///
+    /// # Errors
+    /// As [`Self::extremes_of`].
+    pub(crate) fn tally_of(&self, share: Share, extremes: Option<(f64, f64)>) -> Result<Tally, BuildError> {
+        let (threads, _memory) = self.reserve_histogram()?;
+        let Self { source, progress, .. } = *self;
+        let scalar = source.info().scalar;
+        let bins = Bins::new(scalar, extremes);
+        by_type!(scalar, T => Tally::take::<T>(source, share, bins, threads, progress))
+    }
+
+    /// What is inside by the histogram of the whole volume.
+    ///
+    /// # Errors
+    /// All values are alike.
+    pub(crate) fn choose_by(
+        &self,
+        tally: Tally,
+        extremes: Option<(f64, f64)>,
+    ) -> Result<(Selection, Option<BuildNote>), BuildError> {
+        let scalar = self.source.info().scalar;
+        let bins = Bins::new(scalar, extremes);
+        let seen = extremes.or_else(|| tally.ends(bins));
+        let Some(split) = tally.split(bins) else { return Err(self.nothing(Criterion::Split, seen)) };
+        Ok(by_type!(scalar, T => self.of_split::<T>(split)))
     }
 
     /// Threads, as many as their histograms fit the budget, and their memory. Room for one worker of the scan is
@@ -157,18 +206,21 @@ impl Chooser<'_> {
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
     pub(super) fn empty<T: Ordered>(&self, sought: Criterion) -> BuildError {
+        let seen = self.reserve_histogram().and_then(|(threads, _memory)| {
+            histogram::extremes::<T>(self.source, Share::ALL, threads, self.progress)
+        });
+        seen.map_or_else(|error| error, |seen| self.nothing(sought, seen))
+    }
+
+    fn nothing(&self, sought: Criterion, seen: Option<(f64, f64)>) -> BuildError {
         let info = self.source.info();
         let name = info.description.name.clone();
-        let seen = self
-            .reserve_histogram()
-            .and_then(|(threads, _memory)| histogram::extremes::<T>(self.source, threads, self.progress));
-        match seen {
-            Err(e) => e,
-            Ok(None) => BuildError::from(BuildFault::NoNumbers { name }),
-            Ok(Some((a, b))) => {
+        BuildError::from(match seen {
+            None => BuildFault::NoNumbers { name },
+            Some((a, b)) => {
                 let (a, b) = (info.rescale.apply(a), info.rescale.apply(b));
-                BuildError::from(BuildFault::EmptyResult { name, sought, min: a.min(b), max: a.max(b) })
+                BuildFault::EmptyResult { name, sought, min: a.min(b), max: a.max(b) }
             }
-        }
+        })
     }
 }

@@ -2,7 +2,9 @@
 
 use std::path::Path;
 
-use super::{BuildError, BuildOptions, BuildReport, Progress, Solid, build_solid};
+use super::job::build_part;
+use super::parts::PartId;
+use super::{BuildError, BuildOptions, BuildReport, Progress, Solid};
 use crate::budget::MemoryCap;
 
 /// A solid that was made of files, and what that took.
@@ -16,14 +18,15 @@ pub(crate) struct FileSolid<'a> {
 }
 
 impl FileSolid<'_> {
-    /// Builds its model.
+    /// Builds its model, or a part of that.
     ///
     /// # Errors
-    /// As [`build_solid`].
+    /// As [`super::build_solid`].
     pub(crate) fn build(
         &self,
         options: &BuildOptions,
         output: &Path,
+        part: Option<&PartId>,
         progress: &dyn Progress,
     ) -> Result<BuildReport, BuildError> {
         // In a share the memory of the solid is counted here only.
@@ -34,7 +37,8 @@ impl FileSolid<'_> {
             whole @ MemoryCap::Process(_) => (whole, 0),
         };
         let options = BuildOptions { memory, ..options.clone() };
-        let mut report = build_solid(&*self.solid, &options, output, progress).map_err(|e| e.beside(held))?;
+        let mut report =
+            build_part(&*self.solid, &options, output, part, progress).map_err(|e| e.beside(held))?;
         report.scratch_bytes += self.scratch_bytes;
         report.seconds.scan += self.making_s;
         report.seconds.read += self.reading_s;

@@ -9,7 +9,7 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::BuildError;
-use super::parallel::{Blocks, run_workers};
+use super::parallel::{Blocks, Share, run_workers};
 use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
 use crate::geom::Dims;
@@ -31,15 +31,17 @@ pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 // The smallest plan is enough for a threshold that is still to be found, too.
 const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
 
-/// Smallest and largest sample that is a finite number, or `None` if there is none.
+/// Smallest and largest sample of a share of the volume that is a finite number, or `None` if there is none.
 pub(super) fn extremes<T: Ordered>(
     source: &dyn VolumeSource,
+    share: Share,
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Option<(f64, f64)>, BuildError> {
     let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
     for_each_part::<T, _>(
         source,
+        share,
         (threads, EXTREMES_READ_BYTES),
         progress,
         &|| (f64::INFINITY, f64::NEG_INFINITY),
@@ -89,6 +91,39 @@ pub(super) enum Kind {
     },
 }
 
+/// Are the extremes of the samples needed before they can be counted? Types of 8 and 16 bits are counted exactly.
+pub(super) fn needs_extremes(scalar: ScalarType) -> bool {
+    scalar.bytes() > 2
+}
+
+/// Where the bins of a histogram lie, in samples.
+#[derive(Clone, Copy)]
+pub(super) enum Bins {
+    /// From `low` on, each `width` wide.
+    From { low: f64, width: f64 },
+    /// Values so close that no bin can tell them apart: the largest is the upper class.
+    TooClose { max: f64 },
+    /// All values are alike, or none is a number.
+    Alike,
+}
+
+impl Bins {
+    /// The bins for samples of a type with these extremes, which wide types need.
+    pub(super) fn new(scalar: ScalarType, extremes: Option<(f64, f64)>) -> Self {
+        let exact = |low: f64| Self::From { low, width: 1.0 };
+        match (scalar, extremes) {
+            (ScalarType::U8 | ScalarType::U16, _) => exact(0.0),
+            (ScalarType::I8, _) => exact(-128.0),
+            (ScalarType::I16, _) => exact(-32768.0),
+            (_, Some((min, max))) if max > min => {
+                let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
+                if width.is_normal() { Self::From { low: min, width } } else { Self::TooClose { max } }
+            }
+            _ => Self::Alike,
+        }
+    }
+}
+
 /// Otsu's threshold, with what is known of the volume; `None` when all values are alike (or none is a number).
 ///
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
@@ -99,76 +134,134 @@ pub(super) fn otsu<T: Ordered>(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Option<Split>, BuildError> {
-    let exact = |low: f64| (low, 1.0);
-    let (low, width) = match T::TYPE {
-        ScalarType::U8 | ScalarType::U16 => exact(0.0),
-        ScalarType::I8 => exact(-128.0),
-        ScalarType::I16 => exact(-32768.0),
-        _ => match extremes::<T>(source, threads, progress)? {
-            Some((min, max)) if max > min => {
-                let width = max / (BINS - 1) as f64 - min / (BINS - 1) as f64;
-                if !width.is_normal() {
-                    // Values so close that no bin can tell them apart: the largest is the upper class.
-                    return Ok(Some(Split { at: max, kind: Kind::Values }));
-                }
-                (min, width)
-            }
-            _ => return Ok(None),
-        },
+    let seen = match needs_extremes(T::TYPE) {
+        true => extremes::<T>(source, Share::ALL, threads, progress)?,
+        false => None,
     };
-    let counts: Vec<AtomicU64> = (0..BINS).map(|_| AtomicU64::new(0)).collect();
-    let spill = |local: &mut Vec<u32>| {
-        for (sum, n) in counts.iter().zip(local.iter_mut()).filter(|(_, n)| **n > 0) {
-            sum.fetch_add(u64::from(std::mem::take(n)), Ordering::Relaxed);
-        }
-    };
-    let dims = source.info().dims;
-    // A picture that a device has taken holds no labels, however few its greys are.
-    let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
-    let start = Evidence::new(may_be_map, outside_samples(dims));
-    let evidence = Mutex::new(start);
-    for_each_part::<T, _>(
-        source,
-        (threads, READ_BYTES),
-        progress,
-        &|| (vec![0_u32; BINS], 0_u64, start),
-        &|(local, seen, evidence), part, samples| {
-            evidence.add_edges(samples, local);
-            evidence.add_outside(dims, part, samples);
-            *seen += samples.len() as u64;
-            if *seen > u64::from(u32::MAX) {
-                spill(local);
-                *seen = samples.len() as u64;
+    let bins = Bins::new(T::TYPE, seen);
+    Ok(Tally::take::<T>(source, Share::ALL, bins, threads, progress)?.split(bins))
+}
+
+/// The samples of a share of a volume, counted. Tallies of all shares add up to that of the whole, whatever the shares.
+#[derive(Debug)]
+pub(crate) struct Tally {
+    counts: Vec<u64>,
+    evidence: Evidence,
+}
+
+impl Tally {
+    /// Counts the samples of a share; none, if there are no bins.
+    pub(super) fn take<T: Ordered>(
+        source: &dyn VolumeSource,
+        share: Share,
+        bins: Bins,
+        threads: usize,
+        progress: &dyn Progress,
+    ) -> Result<Self, BuildError> {
+        let Bins::From { low, width } = bins else { return Ok(Self::default()) };
+        let counts: Vec<AtomicU64> = (0..BINS).map(|_| AtomicU64::new(0)).collect();
+        let spill = |local: &mut Vec<u32>| {
+            for (sum, n) in counts.iter().zip(local.iter_mut()).filter(|(_, n)| **n > 0) {
+                sum.fetch_add(u64::from(std::mem::take(n)), Ordering::Relaxed);
             }
-            for sample in samples {
-                let v = sample.to_f64();
-                if v.is_finite() {
-                    #[expect(
-                        clippy::cast_possible_truncation,
-                        clippy::cast_sign_loss,
-                        reason = "clamped below"
-                    )]
-                    let bin = (v / width - low / width) as usize;
-                    local[bin.min(BINS - 1)] += 1;
+        };
+        let dims = source.info().dims;
+        // A picture that a device has taken holds no labels, however few its greys are.
+        let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
+        let start = Evidence::new(may_be_map, outside_samples(dims));
+        let evidence = Mutex::new(start);
+        for_each_part::<T, _>(
+            source,
+            share,
+            (threads, READ_BYTES),
+            progress,
+            &|| (vec![0_u32; BINS], 0_u64, start),
+            &|(local, seen, evidence), part, samples| {
+                evidence.add_edges(samples, local);
+                evidence.add_outside(dims, part, samples);
+                *seen += samples.len() as u64;
+                if *seen > u64::from(u32::MAX) {
+                    spill(local);
+                    *seen = samples.len() as u64;
                 }
-            }
-        },
-        &|(mut local, _, own)| {
-            spill(&mut local);
-            evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&own);
-        },
-    )?;
-    let mut counts: Vec<u64> = counts.into_iter().map(AtomicU64::into_inner).collect();
-    let evidence = evidence.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
-    let value = |bin: usize| low + bin as f64 * width;
-    let mut kind = Kind::Values;
-    if let Some(count) = evidence.labels(&counts) {
-        kind = Kind::Labels { count, first: evidence.first };
-    } else if let Some(bin) = evidence.padding(&counts, &value) {
-        kind = Kind::Padded { value: value(bin) };
-        counts[bin] = 0;
+                for sample in samples {
+                    let v = sample.to_f64();
+                    if v.is_finite() {
+                        #[expect(
+                            clippy::cast_possible_truncation,
+                            clippy::cast_sign_loss,
+                            reason = "clamped below"
+                        )]
+                        let bin = (v / width - low / width) as usize;
+                        local[bin.min(BINS - 1)] += 1;
+                    }
+                }
+            },
+            &|(mut local, _, own)| {
+                spill(&mut local);
+                evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&own);
+            },
+        )?;
+        Ok(Self {
+            counts: counts.into_iter().map(AtomicU64::into_inner).collect(),
+            evidence: evidence.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner),
+        })
     }
-    Ok(best_split(&counts).map(|bin| Split { at: value(bin), kind }))
+
+    /// Adds what was counted of another share.
+    pub(super) fn join(&mut self, other: &Self) {
+        self.counts.iter_mut().zip(&other.counts).for_each(|(sum, n)| *sum += n);
+        self.evidence.join(&other.evidence);
+    }
+
+    /// The least and the greatest value that was counted.
+    pub(super) fn ends(&self, bins: Bins) -> Option<(f64, f64)> {
+        let Bins::From { low, width } = bins else { return None };
+        let at = |bin: usize| low + bin as f64 * width;
+        let is_there = |n: &u64| *n > 0;
+        Some((at(self.counts.iter().position(is_there)?), at(self.counts.iter().rposition(is_there)?)))
+    }
+
+    /// The threshold of all that was counted in these bins.
+    pub(super) fn split(mut self, bins: Bins) -> Option<Split> {
+        let (low, width) = match bins {
+            Bins::From { low, width } => (low, width),
+            Bins::TooClose { max } => return Some(Split { at: max, kind: Kind::Values }),
+            Bins::Alike => return None,
+        };
+        let value = |bin: usize| low + bin as f64 * width;
+        let mut kind = Kind::Values;
+        if let Some(count) = self.evidence.labels(&self.counts) {
+            kind = Kind::Labels { count, first: self.evidence.first };
+        } else if let Some(bin) = self.evidence.padding(&self.counts, &value) {
+            kind = Kind::Padded { value: value(bin) };
+            self.counts[bin] = 0;
+        }
+        best_split(&self.counts).map(|bin| Split { at: value(bin), kind })
+    }
+
+    /// As words for a file: the evidence, then bin and count of every bin that is not empty.
+    pub(crate) fn words(&self) -> impl Iterator<Item = u64> {
+        let counted = (0_u64..).zip(&self.counts).filter(|(_, n)| **n > 0).flat_map(|(bin, n)| [bin, *n]);
+        self.evidence.words().into_iter().chain(counted)
+    }
+
+    /// The tally of such words, if they are one.
+    pub(crate) fn parse(words: &[u64]) -> Option<Self> {
+        let (evidence, counted) = words.split_first_chunk()?;
+        let mut tally = Self { evidence: Evidence::parse(evidence), ..Self::default() };
+        let (pairs, rest) = counted.as_chunks();
+        for [bin, n] in pairs {
+            *tally.counts.get_mut(usize::try_from(*bin).ok()?)? = *n;
+        }
+        rest.is_empty().then_some(tally)
+    }
+}
+
+impl Default for Tally {
+    fn default() -> Self {
+        Self { counts: vec![0; BINS], evidence: Evidence::new(true, 1) }
+    }
 }
 
 /// A value at an end of the range, and how often it is there.
@@ -296,6 +389,38 @@ impl Evidence {
         self.differ += other.differ;
         self.jumps += other.jumps;
         self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
+    }
+
+    fn words(&self) -> [u64; 13] {
+        let Self { least, most, nearest, .. } = *self;
+        let [least_count, most_count, nearest_count] = [least, most, nearest].map(|end| end.count);
+        let [least, most, nearest] = [least, most, nearest].map(|end| end.value.to_bits());
+        let ends = [least, least_count, most, most_count, nearest, nearest_count];
+        let may_be = [u64::from(self.may_be_map), u64::from(self.may_be_padded)];
+        let counts = [self.outside, self.first.to_bits(), self.alike, self.differ, self.jumps];
+        let mut words = [0; 13];
+        words.iter_mut().zip(may_be.into_iter().chain(ends).chain(counts)).for_each(|(word, of)| *word = of);
+        words
+    }
+
+    fn parse(words: &[u64; 13]) -> Self {
+        let [map, padded, rest @ ..] = *words;
+        let [least, least_count, most, most_count, nearest, nearest_count, counts @ ..] = rest;
+        let [outside, first, alike, differ, jumps] = counts;
+        let end = |value, count| End { value: f64::from_bits(value), count };
+        Self {
+            may_be_map: map != 0,
+            may_be_padded: padded != 0,
+            outside,
+            least: end(least, least_count),
+            most: end(most, most_count),
+            nearest: end(nearest, nearest_count),
+            first: f64::from_bits(first),
+            alike,
+            differ,
+            jumps,
+            ..Self::new(true, 0)
+        }
     }
 
     /// Neighbours along rows; a row's last sample counts as that of the next one's first. `counted` is what was counted
@@ -443,16 +568,17 @@ fn best_split(counts: &[u64]) -> Option<usize> {
     (best > 0.0).then(|| first + (last - first).div_ceil(2))
 }
 
-/// Feeds every sample of the volume to workers, some rows at a time; each worker's state is joined last.
+/// Feeds every sample of a share of the volume to workers, some rows at a time; each worker's state is joined last.
 fn for_each_part<T: Ordered, L>(
     source: &dyn VolumeSource,
+    share: Share,
     (threads, read_bytes): (usize, usize),
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
     work: &(dyn Fn(&mut L, &Part, &[T]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
-    let blocks = Blocks::new(source.info().dims, read_bytes / size_of::<T>());
+    let blocks = Blocks::new(source.info().dims, read_bytes / size_of::<T>()).of(share);
     run_workers(threads, progress, &|stop| {
         let mut local = start();
         let mut buffer = vec![T::zeroed(); blocks.size().iter().product()];

@@ -12,7 +12,7 @@ use super::error::BuildError;
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{Census, Layout, StoredChannels};
 use super::merge::{self, Merge, Target};
-use super::parts::{PartId, PartWriter};
+use super::parts::{PartFault, PartId, PartWriter};
 use super::plan::{ColumnPlan, PlanRequest};
 use super::reduce::{self, Reduce};
 use super::skin::{Connectivity, SkinRule};
@@ -41,11 +41,29 @@ pub fn build_solid(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
+    build_part(solid, options, output, None, progress)
+}
+
+/// Builds the model of a solid, or a part of that: the records of the bricks of its box.
+///
+/// # Errors
+/// As [`build_solid`]; the part is one of another grid.
+pub(super) fn build_part(
+    solid: &dyn Solid,
+    options: &BuildOptions,
+    output: &Path,
+    part: Option<&PartId>,
+    progress: &dyn Progress,
+) -> Result<BuildReport, BuildError> {
     let options = &options.for_surface(solid.surface());
     options.check_bits(false, || solid.name())?;
     let spacing_mm = solid.metadata(&ScanSummary::default()).spacing_mm;
     options.check_error(spacing_mm, || solid.name())?;
-    let job = Job { options, output, progress, part: None };
+    if part.is_some_and(|part| part.cuts.dims != solid.dims()) {
+        let fault = BuildFault::Part { path: output.to_path_buf(), fault: PartFault::OtherPlan };
+        return Err(fault.into());
+    }
+    let job = Job { options, output, progress, part };
     // What can be refused at once is refused before a file is made.
     drop(job.plan_solid(solid)?);
     let files = job.open_files(solid.dims())?;

@@ -75,8 +75,8 @@ mod volume;
 mod walk;
 
 pub(crate) use bits::{BitVolume, scratch_error};
-pub(crate) use choose::choose_noted;
 pub use choose::choose_selection;
+pub(crate) use choose::{Chooser, choose_noted};
 pub use error::BuildError;
 pub(crate) use error::BuildFault;
 pub use estimator::Gradient;
@@ -107,7 +107,6 @@ use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 use cells::{AROUND_CELL, cell_form};
 pub(crate) use cells::{CellEdge, CellEdges, cell_dims};
-use choose::Chooser;
 use gradient::NormalRule;
 use item::ChannelForm;
 use job::{Job, channel_forms};

@@ -1,6 +1,8 @@
 //! The range test of a whole volume, for stages that work on bits before the scan: one bit a voxel, and
 //! samples moved to the side of the threshold that the bits say.
 
+use std::ops::Range;
+
 use super::classify::classify;
 use super::error::BuildError;
 use super::parallel::{Blocks, run_workers};
@@ -121,7 +123,7 @@ impl<T: Ordered> RangeTest for TypedTest<T> {
 /// Takes rows of bits: slice, first row, first word of each row, words of a row, and the words row by row.
 pub(crate) type BlockSink<'a> = dyn Fn(u32, u32, usize, usize, &[u64]) -> Result<(), BuildError> + Sync + 'a;
 
-/// Reads the volume once, some rows at a time on several threads, and hands the bits of every block to `sink`
+/// Reads slices of the volume once, some rows at a time on several threads, and hands the bits of every block to `sink`
 /// in any order. A block starts at a column that is a multiple of 64.
 ///
 /// # Errors
@@ -131,10 +133,11 @@ pub(crate) fn for_each_block(
     test: &dyn RangeTest,
     threads: usize,
     progress: &dyn Progress,
+    slices: Range<u32>,
     sink: &BlockSink<'_>,
 ) -> Result<(), BuildError> {
     let sample_bytes = source.info().scalar.bytes();
-    let blocks = Blocks::new(source.info().dims, READ_BYTES / sample_bytes);
+    let blocks = Blocks::new(source.info().dims, READ_BYTES / sample_bytes).of_slices(slices);
     let [cols, rows] = blocks.size();
     run_workers(threads, progress, &|stop| {
         // Words, so that the samples are aligned for every type.

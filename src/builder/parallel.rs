@@ -71,12 +71,25 @@ fn run(threads: usize, progress: &dyn Progress, ready: &dyn Fn(), work: &Work<'_
     if stopped.into_inner() { Err(BuildFault::Stopped.into()) } else { Ok(()) }
 }
 
-/// The blocks in which a volume is read once: some rows of one slice each, for whichever worker asks next.
+/// Share `number` of `of` shares of the blocks of a volume.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Share {
+    pub(crate) number: u32,
+    pub(crate) of: u32,
+}
+
+impl Share {
+    pub(super) const ALL: Self = Self { number: 0, of: 1 };
+}
+
+/// The blocks in which a volume, or a share of it, is read once: some rows of one slice each, for whichever worker asks
+/// next. A share has the same blocks as the whole.
 pub(super) struct Blocks {
     dims: Dims,
     cols: u32,
     rows: u32,
     next: AtomicU64,
+    end: u64,
 }
 
 impl Blocks {
@@ -84,7 +97,26 @@ impl Blocks {
     pub(super) fn new(dims: Dims, samples: usize) -> Self {
         let most = u32::try_from(samples).unwrap_or(u32::MAX);
         let cols = dims.nx().min(most);
-        Self { dims, cols, rows: dims.ny().min((most / cols).max(1)), next: AtomicU64::new(0) }
+        let blocks =
+            Self { dims, cols, rows: dims.ny().min((most / cols).max(1)), next: AtomicU64::new(0), end: 0 };
+        let [across, down] = blocks.across_and_down();
+        Self { end: across * down * u64::from(dims.nz()), ..blocks }
+    }
+
+    /// A share of them.
+    pub(super) fn of(self, Share { number, of }: Share) -> Self {
+        let bound = |number: u32| {
+            self.end / u64::from(of) * u64::from(number)
+                + self.end % u64::from(of) * u64::from(number) / u64::from(of)
+        };
+        Self { next: AtomicU64::new(bound(number)), end: bound(number + 1), ..self }
+    }
+
+    /// Those of some slices.
+    pub(super) fn of_slices(self, slices: Range<u32>) -> Self {
+        let [across, down] = self.across_and_down();
+        let first = |z: u32| across * down * u64::from(z);
+        Self { next: AtomicU64::new(first(slices.start)), end: first(slices.end), ..self }
     }
 
     /// Columns and rows of the largest block.
@@ -92,15 +124,19 @@ impl Blocks {
         [self.cols as usize, self.rows as usize]
     }
 
+    /// Blocks across and down a slice.
+    fn across_and_down(&self) -> [u64; 2] {
+        [(self.dims.nx(), self.cols), (self.dims.ny(), self.rows)]
+            .map(|(side, part)| side.div_ceil(part).into())
+    }
+
     /// Columns, rows and slice of the next block.
     #[expect(clippy::cast_possible_truncation, reason = "each index is below a side of the volume")]
     pub(super) fn next(&self) -> Option<(Range<u32>, Range<u32>, u32)> {
         let (cols, rows) = (self.cols, self.rows);
-        let parts = |side: u32, part: u32| u64::from(side.div_ceil(part));
-        let (across, down) = (parts(self.dims.nx(), cols), parts(self.dims.ny(), rows));
-        let at = self.next.fetch_add(1, Ordering::Relaxed);
-        let (x, y) = ((at % across) as u32, (at / across % down) as u32);
-        let z = u32::try_from(at / across / down).ok().filter(|z| *z < self.dims.nz())?;
+        let [across, down] = self.across_and_down();
+        let at = Some(self.next.fetch_add(1, Ordering::Relaxed)).filter(|at| *at < self.end)?;
+        let (x, y, z) = ((at % across) as u32, (at / across % down) as u32, (at / across / down) as u32);
         let columns = x * cols..((x + 1) * cols).min(self.dims.nx());
         Some((columns, y * rows..((y + 1) * rows).min(self.dims.ny()), z))
     }

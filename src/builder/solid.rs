@@ -12,6 +12,7 @@
 //! is never asked for bits, so a solid that knows its boxes is built at the cost of its surface.
 
 use std::ops::Range;
+use std::path::Path;
 use std::time::Duration;
 
 use super::error::BuildError;
@@ -156,6 +157,9 @@ pub trait Solid: Sync {
     fn labels(&self) -> Result<Vec<Label>, BuildError> {
         Ok(Vec::new())
     }
+
+    /// Every file that the solid is made of.
+    fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
 
     /// Is what the solid is made of still what it was? Asked before the model is given its name.
     ///

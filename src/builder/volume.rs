@@ -9,6 +9,8 @@
 //! whatever the volume holds.
 #![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
 
+use std::path::Path;
+
 use super::choose::Chooser;
 use super::error::{BuildError, Criterion};
 use super::estimator::Gradient;
@@ -123,6 +125,10 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         Box::new(VolumeWorker::new(self, tile))
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.source.for_each_file(each);
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

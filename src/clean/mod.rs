@@ -119,7 +119,7 @@ pub struct ExtraPasses {
 
 impl CleanOptions {
     /// Is there anything to do on the occupancy?
-    fn works_on_bits(&self) -> bool {
+    pub(crate) fn works_on_bits(&self) -> bool {
         self.close > 0 || self.fill_cavities || self.drops()
     }
 
@@ -267,15 +267,84 @@ impl CleanOptions {
         output: &Path,
         progress: &dyn Progress,
     ) -> Result<Option<Cleaned<'a>>, CleanError> {
-        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
-            return Err(CleanFault::Options { close: self.close, keep_largest: self.keep_largest }.into());
-        }
+        self.check()?;
         if !self.works_on_bits() {
             return Ok(None);
         }
-        let job =
-            CleanJob { clean: self, source, options, scratch: options.scratch_folder(output), progress };
-        job.run().map(Some)
+        self.job(source, options, output, progress).run().map(Some)
+    }
+
+    fn job<'c, 'a>(
+        &'c self,
+        source: &'a dyn VolumeSource,
+        options: &'c BuildOptions,
+        output: &Path,
+        progress: &'c dyn Progress,
+    ) -> CleanJob<'c, 'a> {
+        CleanJob { clean: self, source, options, scratch: options.scratch_folder(output), progress }
+    }
+
+    /// The occupancy of some slices of a prepared volume into `bits`, which begin with them.
+    ///
+    /// # Errors
+    /// As [`Self::clean`].
+    pub(crate) fn occupancy_of(
+        &self,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        slices: Range<u32>,
+        bits: &BitVolume,
+        progress: &dyn Progress,
+    ) -> Result<(), CleanError> {
+        self.check()?;
+        let job = self.job(source, options, Path::new(""), progress);
+        job.check_budget()?;
+        job.test_range(bits, &*job.choose()?.1, slices).map(drop).map_err(Into::into)
+    }
+
+    /// Cleans the occupancy of a whole volume; with the scratch files beside `output`.
+    ///
+    /// # Errors
+    /// As [`Self::clean`].
+    pub(crate) fn clean_bits(
+        &self,
+        source: &dyn VolumeSource,
+        options: &BuildOptions,
+        fill: &dyn Fn(&BitVolume) -> Result<(), CleanError>,
+        output: &Path,
+        progress: &dyn Progress,
+    ) -> Result<(BitVolume, CleanReport), CleanError> {
+        self.check()?;
+        let job = self.job(source, options, output, progress);
+        job.check_budget()?;
+        let bits = BitVolume::create(&job.scratch, source.info().dims)?;
+        fill(&bits)?;
+        let mut report = CleanReport { voxels: 1, passes: self.extra_passes(), ..CleanReport::default() };
+        let bits = job.work(bits, &mut report)?;
+        Ok((bits, report))
+    }
+
+    /// A volume with the occupancy that cleaning has given; the threshold of the options has been chosen.
+    ///
+    /// # Errors
+    /// No sample can lie within it.
+    pub(crate) fn cleaned<'a>(
+        &self,
+        source: &'a dyn VolumeSource,
+        options: &BuildOptions,
+        bits: BitVolume,
+        progress: &dyn Progress,
+    ) -> Result<Cleaned<'a>, CleanError> {
+        let job = self.job(source, options, Path::new(""), progress);
+        let (selection, test, _) = job.choose()?;
+        Ok(job.masked(selection, test, bits, CleanReport::default()))
+    }
+
+    fn check(&self) -> Result<(), CleanError> {
+        if self.close > 2 || self.keep_largest.is_some_and(|n| n == 0 || n > MAX_LARGEST) {
+            return Err(CleanFault::Options { close: self.close, keep_largest: self.keep_largest }.into());
+        }
+        Ok(())
     }
 }
 
@@ -348,15 +417,31 @@ impl<'a> CleanJob<'_, 'a> {
         let started = Instant::now();
         self.check_budget()?;
         let info = self.source.info();
+        let (selection, test, note) = self.choose()?;
+        let mut report = CleanReport { passes: self.clean.extra_passes(), note, ..CleanReport::default() };
+        let bits = BitVolume::create(&self.scratch, info.dims)?;
+        report.voxels = self.test_range(&bits, &*test, 0..info.dims.nz())?;
+        let bits = self.work(bits, &mut report)?;
+        report.seconds = started.elapsed().as_secs_f64();
+        Ok(self.masked(selection, test, bits, report))
+    }
+
+    /// The threshold, and its test.
+    #[expect(clippy::type_complexity, reason = "named by its parts")]
+    fn choose(&self) -> Result<(Selection, Box<dyn builder::RangeTest>, Option<BuildNote>), CleanError> {
+        let info = self.source.info();
         let BuildOptions { threshold, memory, threads, .. } = *self.options;
         let (selection, note) = choose_noted(self.source, threshold, memory, threads, self.progress)?;
-        let Some(test) = range_test(info.scalar, &selection, info.rescale) else {
-            return Err(CleanFault::NoSample { selection }.into());
-        };
-        let mut report = CleanReport { passes: self.clean.extra_passes(), note, ..CleanReport::default() };
-        let mut bits = BitVolume::create(&self.scratch, info.dims)?;
+        match range_test(info.scalar, &selection, info.rescale) {
+            Some(test) => Ok((selection, test, note)),
+            None => Err(CleanFault::NoSample { selection }.into()),
+        }
+    }
+
+    /// Cleans the occupancy, of which `report` says how many voxels are inside.
+    fn work(&self, mut bits: BitVolume, report: &mut CleanReport) -> Result<BitVolume, CleanError> {
+        let info = self.source.info();
         report.scratch_bytes = bits.bytes();
-        report.voxels = self.test_range(&bits, &*test)?;
         // A volume without any voxel inside is refused by the builder, with the values that there are.
         if report.voxels > 0 {
             if self.clean.close > 0 {
@@ -374,13 +459,22 @@ impl<'a> CleanJob<'_, 'a> {
                 report.voxels_added += task.label()?.decide(&Component::touches_border)?.changed;
             }
             if self.clean.drops() {
-                self.drop_components(&bits, &mut report)?;
+                self.drop_components(&bits, report)?;
             }
         }
-        let mut described = info.clone();
+        Ok(bits)
+    }
+
+    fn masked(
+        &self,
+        selection: Selection,
+        test: Box<dyn builder::RangeTest>,
+        bits: BitVolume,
+        report: CleanReport,
+    ) -> Cleaned<'a> {
+        let mut described = self.source.info().clone();
         described.description.treatments.push(Treatment::Cleaned(self.clean.bit_operations()));
-        report.seconds = started.elapsed().as_secs_f64();
-        Ok(Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report })
+        Cleaned { masked: Masked::new(self.source, described, test, bits), selection, report }
     }
 
     /// Is there room for cleaning, and for the build after it?
@@ -413,17 +507,23 @@ impl<'a> CleanJob<'_, 'a> {
         })
     }
 
-    /// The range test of the whole volume; returns how many voxels are inside.
-    fn test_range(&self, bits: &BitVolume, test: &dyn builder::RangeTest) -> Result<u64, BuildError> {
+    /// The range test of slices of the volume; returns how many voxels are inside.
+    fn test_range(
+        &self,
+        bits: &BitVolume,
+        test: &dyn builder::RangeTest,
+        slices: Range<u32>,
+    ) -> Result<u64, BuildError> {
         let each = builder::occupancy_worker_bytes(self.source);
         let (threads, _memory) =
             self.budget().reserve_workers(each, self.options.threads).map_err(|e| self.too_small(e))?;
         let inside = AtomicU64::new(0);
         self.progress.stage("range test", u64::from(bits.dims().nz()));
-        for_each_block(self.source, test, threads, self.progress, &|z, y, first, per_row, words| {
+        let from = slices.start;
+        for_each_block(self.source, test, threads, self.progress, slices, &|z, y, first, per_row, words| {
             let set: u64 = words.iter().map(|w| u64::from(w.count_ones())).sum();
             inside.fetch_add(set, Ordering::Relaxed);
-            let row = bits.row(y, z);
+            let row = bits.row(y, z - from);
             if per_row == bits.row_words {
                 return bits.write(row, 0, words);
             }

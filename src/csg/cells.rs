@@ -4,6 +4,8 @@
 //! inside gives the crossing, and the first of the tree where two are crossed at one place. So neither boxes nor what
 //! is left of programs in them change a cell.
 
+use std::path::Path;
+
 use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
@@ -41,6 +43,10 @@ impl Solid for CsgCells<'_> {
 
     fn name(&self) -> String {
         self.tree.name()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.tree.for_each_file(each);
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

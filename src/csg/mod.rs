@@ -107,9 +107,26 @@ pub fn build_csg(
     output: &Path,
     progress: &dyn Progress,
 ) -> Result<CsgReport, BuildError> {
+    let scratch = options.scratch_folder(output);
+    let then = |made: &FileSolid<'_>| made.build(options, output, None, progress);
+    let (build, facts) = with_tree(input, csg, options, scratch, progress, then)?;
+    Ok(CsgReport { build, facts })
+}
+
+/// Makes the solid of a tree, and hands it on; what is known of the tree.
+///
+/// # Errors
+/// As [`build_csg`].
+pub(crate) fn with_tree<T>(
+    input: CsgInput<'_>,
+    csg: &CsgOptions,
+    options: &BuildOptions,
+    scratch: PathBuf,
+    progress: &dyn Progress,
+    then: impl FnOnce(&FileSolid<'_>) -> Result<T, BuildError>,
+) -> Result<(T, CsgFacts), BuildError> {
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
-    let scratch = options.scratch_folder(output);
     let (name, volumes) = (&name, &volumes);
     let peak = Cell::new(0);
     let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress, peak };
@@ -122,7 +139,7 @@ pub fn build_csg(
     let solid = solid_of(tree_solid, name, options)?;
     let making_s = started.elapsed().as_secs_f64();
     let made = FileSolid { solid, held_bytes, scratch_bytes: 0, reading_s: 0.0, making_s };
-    Ok(CsgReport { build: made.build(options, output, progress)?, facts })
+    Ok((then(&made)?, facts))
 }
 
 /// The solid whose model is built: that of skin voxels, or of cells.

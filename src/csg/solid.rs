@@ -8,7 +8,7 @@
 //! The rest of a program in a box decides the cost of the box. Programs of boxes have so many steps at most, and
 //! wait in a store of fixed size; where that is full, the program of a larger box is used, with the same result.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use super::describe::Description;
 use super::leaf::{Extent, Leaf, Nested, Rows};
@@ -150,6 +150,11 @@ impl Solid for CsgSolid<'_> {
 
     fn name(&self) -> String {
         self.name.clone()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.text.iter().for_each(|(path, _)| each(path));
+        self.sampled.iter().for_each(|leaf| leaf.solid.for_each_file(each));
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

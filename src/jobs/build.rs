@@ -20,14 +20,16 @@ use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::BuildFault;
-use crate::builder::{self, BuildError, BuildOptions, BuildReport, Gradient, Progress, Threshold};
+use crate::builder::{
+    self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold,
+};
 use crate::clean::{CleanOptions, CleanReport};
-use crate::csg::{CsgInput, CsgOptions, Shape, Tree, build_csg, check_links, least_cap, read_tree};
+use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, least_cap, read_tree, with_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
-use crate::mesh::{GridChoice, MeshOptions, build_mesh, has_colors, least_share, usual_channels};
+use crate::mesh::{GridChoice, MeshOptions, has_colors, least_share, usual_channels, with_mesh};
 use crate::platform::{give_back, open_file};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
@@ -180,6 +182,9 @@ fn hints(
     bone.into_iter().chain(uneven).map(|hint| hint.to_string()).collect()
 }
 
+/// What a solid is made into.
+type UseSolid<'a, T> = dyn FnMut(&FileSolid<'_>, &BuildOptions) -> Result<T, BuildError> + 'a;
+
 /// Gives memory back, but within an interpreter, which keeps the pages of its libraries.
 fn give_back_within(cap: MemoryCap) {
     if cfg!(not(feature = "python")) || matches!(cap, MemoryCap::Process(_)) {
@@ -235,8 +240,7 @@ impl BuildJob<'_> {
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let Built { report, cleaned, warnings, hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
-            Subject::Mesh(paths) => self.mesh(&paths)?,
-            Subject::Tree(path) => self.tree(&path)?,
+            solid => self.solid(&solid)?,
         };
         // Otherwise the report of the model runs with the last stage's code still resident.
         self.give_back();
@@ -303,7 +307,33 @@ impl BuildJob<'_> {
         }
     }
 
-    fn mesh(&self, inputs: &[PathBuf]) -> Result<Built, Error> {
+    fn solid(&self, subject: &Subject) -> Result<Built, Error> {
+        let (report, warnings) = self.with_solid(subject, &mut |made, options| {
+            made.build(options, self.output, None, self.progress)
+        })?;
+        Ok(Built { report, cleaned: None, warnings, hints: Vec::new() })
+    }
+
+    /// Makes the solid of a mesh or a tree, and hands it on; with what is told of it.
+    ///
+    /// # Errors
+    /// As [`build_mesh`](crate::mesh::build_mesh) and [`build_csg`](crate::csg::build_csg).
+    pub(super) fn with_solid<T>(
+        &self,
+        subject: &Subject,
+        then: &mut UseSolid<'_, T>,
+    ) -> Result<(T, Vec<String>), Error> {
+        match subject {
+            Subject::Mesh(paths) => self.mesh(paths, then),
+            Subject::Tree(path) => self.tree(path, then),
+            Subject::Volume(volume) => {
+                let path = PathBuf::from(&volume.info().description.name);
+                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into())
+            }
+        }
+    }
+
+    fn mesh<T>(&self, inputs: &[PathBuf], then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
         let Some(mesh) = self.grid.mesh() else {
             let path = inputs.first().cloned().unwrap_or_default();
             return Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into());
@@ -316,15 +346,15 @@ impl BuildJob<'_> {
         let may_lose = self.options.volume_surface() == SurfaceKind::Cells && self.grid.keep_colors;
         let loses = may_lose && has_colors(inputs, &mesh, &skin, self.output, self.progress);
         let options = if loses { &skin } else { self.options };
-        let made = build_mesh(inputs, &mesh, options, self.output, self.progress)?;
-        let notes = made.notes.iter().map(ToString::to_string);
-        let warnings = std::iter::once(made.facts.to_string()).chain(notes).collect();
-        Ok(Built { report: made.build, cleaned: None, warnings, hints: Vec::new() })
+        let scratch = options.scratch_folder(self.output);
+        let (done, facts, notes) = with_mesh(inputs, &mesh, options, scratch, self.progress, then)?;
+        let notes = notes.iter().map(ToString::to_string);
+        Ok((done, std::iter::once(facts.to_string()).chain(notes).collect()))
     }
 
-    fn tree(&self, path: &Path) -> Result<Built, Error> {
+    fn tree<T>(&self, path: &Path, then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
         let dry = Budget::dry(self.options.memory);
-        self.tree_within(path).map_err(|error| match error {
+        self.tree_within(path, then).map_err(|error| match error {
             Error::Build(error) if error.minimum_bytes().is_some() => {
                 let least = least_cap(path, &self.grid.tree(), self.options, &dry);
                 Error::Build(error.with_minimum(least))
@@ -333,7 +363,7 @@ impl BuildJob<'_> {
         })
     }
 
-    fn tree_within(&self, path: &Path) -> Result<Built, Error> {
+    fn tree_within<T>(&self, path: &Path, then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
         let (tree, root) = read_tree(path, self.options.memory)?;
         if !self.grid.follow_links {
             check_links(&tree, path)?;
@@ -345,9 +375,10 @@ impl BuildJob<'_> {
         self.give_back();
         let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();
         let input = CsgInput { tree, root, name: path.to_path_buf(), volumes };
-        let made = build_csg(input, &self.grid.tree(), self.options, self.output, self.progress)?;
-        let warnings = vec![made.facts.to_string()];
-        Ok(Built { report: made.build, cleaned: None, warnings, hints: Vec::new() })
+        let (options, scratch) = (self.options, self.options.scratch_folder(self.output));
+        let then = |made: &FileSolid<'_>| then(made, options);
+        let (done, facts) = with_tree(input, &self.grid.tree(), options, scratch, self.progress, then)?;
+        Ok((done, vec![facts.to_string()]))
     }
 
     /// Opens the volumes that leaves of a tree name, each once, ready to be read.

@@ -3,31 +3,34 @@
 //! The plan is a file of JSON; every part is a file beside it whose name says what it is made of, so that a part that is
 //! there and sound is not built again. Nothing here runs anything on another machine.
 
+mod input;
+mod report;
+mod staged;
+
+pub use input::PartsInput;
+pub use report::{MergeReport, PartReport, PlanReport, StageReport};
+pub use staged::{merge_stage, part_stage};
+
 use std::fmt::Write;
 use std::io::Write as _;
 use std::path::{Path, PathBuf};
-use std::time::{Instant, UNIX_EPOCH};
+use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
-use sha2::{Digest, Sha256};
 
-use super::build::{BuildJob, prepare};
+use super::build::BuildJob;
 use crate::atomic::AtomicFile;
-use crate::budget::{Bytes, MemoryCap, peak_rss_bytes};
-use crate::builder::parts::{Cuts, Joined, NotInParts, PartFault, PartFile, PartId, join};
-use crate::builder::{self, BuildError, BuildFault, BuildOptions, Progress, Threshold, cell_dims};
-use crate::clean::CleanOptions;
+pub use crate::builder::parts::stage::Stage;
+use crate::builder::parts::{Cuts, PartFault, PartFile, PartId, join};
+use crate::builder::{BuildError, BuildFault, BuildOptions, Progress};
 use crate::error::Error;
-use crate::format::{Channel, SurfaceKind};
 use crate::geom::Dims;
-use crate::source::{OpenOptions, SubjectKind};
-use crate::text::{data, shown};
-use crate::volume::{Preparation, VolumeSource};
+use crate::text::data;
+use crate::volume::Preparation;
+use input::Opened;
 
 /// Most parts of a plan.
 pub const MAX_PARTS: u32 = 4096;
-/// Version of the layout of parts and of what their digest is made of.
-const VERSION: &str = "infobyte parts 1";
 /// No plan is longer.
 const MAX_PLAN_BYTES: u64 = 1 << 20;
 
@@ -45,6 +48,9 @@ struct PlanFile {
     parts: u32,
     /// Folder that the paths in `command` start from.
     folder: String,
+    /// Files that a mesh or a tree of solids is made of.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    files: Vec<String>,
     /// Inputs and options of the build, as words of a command line.
     command: Vec<String>,
 }
@@ -99,6 +105,15 @@ impl Plan {
         }
     }
 
+    /// The input, if it is the one that was planned for.
+    fn open(&self, input: &PartsInput<'_>) -> Result<Opened, Error> {
+        let opened = input.open(Some((self.dims, &self.file.files)))?;
+        if opened.dims != self.dims || input.digest(&opened, self.file.parts) != self.digest {
+            return Err(refused(&self.path, PartFault::OtherPlan));
+        }
+        Ok(opened)
+    }
+
     fn cuts(&self) -> Cuts {
         Cuts { dims: self.dims, parts: self.file.parts }
     }
@@ -142,123 +157,6 @@ fn parse_hex(text: &str) -> Option<[u8; 32]> {
     Some(bytes)
 }
 
-/// What is built, as one build is asked for.
-#[derive(Clone, Copy)]
-pub struct PartsInput<'a> {
-    /// What lies at the inputs.
-    pub kind: SubjectKind,
-    /// The files and folders.
-    pub inputs: &'a [PathBuf],
-    /// How they are opened.
-    pub how: &'a OpenOptions,
-    /// How they are built. [`BuildJob::output`] is not used.
-    pub job: BuildJob<'a>,
-}
-
-impl PartsInput<'_> {
-    /// What a part of a model cannot know.
-    fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<NotInParts> {
-        let BuildJob { clean, options, .. } = self.job;
-        let threshold = clean.preset.map_or(options.threshold, |preset| preset.threshold());
-        let cleaning = CleanOptions { roi: None, downsample: None, preset: None, ..clean.clone() };
-        let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
-        let found = [
-            (options.labels.is_some(), NotInParts::Labels),
-            (self.kind != SubjectKind::Volume, NotInParts::Solid),
-            (matches!(threshold, Threshold::Otsu | Threshold::Chosen(_)), NotInParts::Otsu),
-            (!options.visible_from.is_empty(), NotInParts::Sight),
-            (options.joins(), NotInParts::Leaves),
-            (wide && options.channels.contains(Channel::Value), NotInParts::WideValues),
-            (!cleaning.is_empty(), NotInParts::Cleaning { operations: cleaning.operations().join(", ") }),
-        ];
-        found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
-    }
-
-    /// The options of a part, with the threshold of its preset.
-    fn options(&self) -> BuildOptions {
-        let BuildJob { clean, options, .. } = self.job;
-        let threshold = clean.preset.map_or(options.threshold, |preset| preset.threshold());
-        BuildOptions { threshold, ..options.clone() }
-    }
-
-    /// Opens and reshapes the volume.
-    fn open(&self) -> Result<Box<dyn VolumeSource>, Error> {
-        let refuse = |what| {
-            let path = self.inputs.first().cloned().unwrap_or_default();
-            refused(&path, PartFault::Unsupported(what))
-        };
-        if let Some(what) = self.unsupported(None) {
-            return Err(refuse(what));
-        }
-        let subject = self.job.reshape(self.job.open(self.kind, self.inputs, self.how)?)?;
-        let volume = subject.into_volume().ok_or_else(|| refuse(NotInParts::Solid))?;
-        self.unsupported(Some(&*volume)).map_or(Ok(volume), |what| Err(refuse(what)))
-    }
-
-    /// Size of the model's grid, and the digest of everything that decides its bytes: program, options, and of every file
-    /// of the input its name, length and time of change.
-    fn digest(&self, source: &dyn VolumeSource, parts: u32) -> Result<(Dims, [u8; 32]), Error> {
-        let BuildJob { clean, options, .. } = self.job;
-        let surface = options.volume_surface();
-        let info = source.info();
-        let dims = match surface {
-            SurfaceKind::Skin => info.dims,
-            SurfaceKind::Cells => cell_dims(info.dims).ok_or_else(|| {
-                let name = info.description.name.clone();
-                Error::Build(BuildError::from(BuildFault::NoRoomForCells { name }))
-            })?,
-        };
-        // What changes time and memory only is the same for all.
-        let what = BuildOptions {
-            memory: MemoryCap::Share(0),
-            threads: 0,
-            scratch: None,
-            surface,
-            ..options.clone()
-        };
-        let how = OpenOptions { opening_bytes: None, skip: None, ..self.how.clone() };
-        let mut hash = Sha256::new();
-        let mut take = |text: &str| {
-            hash.update((text.len() as u64).to_le_bytes());
-            hash.update(text);
-        };
-        take(VERSION);
-        take(env!("CARGO_PKG_VERSION"));
-        take(&format!("{what:?} {clean:?} {how:?} {:?} {dims:?} {parts}", self.kind));
-        take(&format!("{:?} {:?} {:?}", info.scalar, info.affine, info.rescale));
-        let mut file = |path: &Path| {
-            let state = std::fs::metadata(path).ok().filter(|meta| meta.is_file()).map(|meta| {
-                let changed = meta.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
-                (meta.len(), changed)
-            });
-            take(&format!("{:?} {state:?}", path.file_name()));
-        };
-        self.inputs.iter().for_each(|path| file(path));
-        source.for_each_file(&mut file);
-        Ok((dims, hash.finalize().into()))
-    }
-}
-
-/// A plan that was written.
-#[derive(Clone, Debug, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct PlanReport {
-    /// File of the plan.
-    pub plan: String,
-    /// Parts of the plan, numbered from 0.
-    pub parts: u32,
-    /// Parts that hold no voxel, because there are more parts than boxes of 128 voxels along z and y.
-    pub empty_parts: u32,
-    /// Size of the model's grid along x, y, z.
-    pub grid_dims: [u32; 3],
-    /// SHA-256, in hex digits, of everything that decides the bytes of the model.
-    pub digest: String,
-    /// Bytes of samples that one part reads at most, those beyond its box included.
-    pub part_bytes: u64,
-    /// Sentences about the input: assumptions, parts left out, oddities.
-    pub warnings: Vec<String>,
-}
-
 /// Plans a model in `parts` parts into the folder `out`, which is made if it is not there; `command` and `folder` are kept
 /// for those who build them.
 ///
@@ -271,8 +169,10 @@ pub fn plan(
     command: Vec<String>,
     folder: &str,
 ) -> Result<PlanReport, Error> {
-    let source = input.open()?;
-    let (dims, digest) = input.digest(&*source, parts)?;
+    let opened = input.open(None)?;
+    let (dims, digest) = (opened.dims, input.digest(&opened, parts));
+    let text =
+        |path: &PathBuf| path.to_str().map(str::to_owned).ok_or_else(|| refused(path, PartFault::NotText));
     let cuts = Cuts { dims, parts };
     let regions = (0..parts).map(|number| cuts.region(number));
     let (mut empty_parts, mut most) = (0, 0);
@@ -293,24 +193,29 @@ pub fn plan(
         dims: dims.to_array(),
         parts,
         folder: folder.to_owned(),
+        files: opened.files.iter().map(text).collect::<Result<_, _>>()?,
         command,
     };
     let path = out.join("plan.json");
     write_plan(&file, out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
-    let mut warnings = crate::facts::sentences(&source.info().notes);
-    let needs = source.preparation();
-    if needs != Preparation::default() && !needs.on_demand {
-        warnings.push(
-            "the input can only be read from front to back: every part unrolls all of it first; store it uncompressed if there are many parts".into(),
-        );
+    let mut warnings = Vec::new();
+    if let Some(volume) = opened.volume() {
+        warnings.extend(crate::facts::sentences(&volume.info().notes));
+        let needs = volume.preparation();
+        if needs != Preparation::default() && !needs.on_demand {
+            warnings.push(
+                "the input can only be read from front to back: every part unrolls all of it first; store it uncompressed if there are many parts".into(),
+            );
+        }
     }
     Ok(PlanReport {
         plan: data(&path),
         parts,
+        stages: opened.stages.iter().map(|stage| stage.name()).collect(),
         empty_parts,
         grid_dims: file.dims,
         digest: file.digest,
-        part_bytes: most * source.info().scalar.bytes() as u64,
+        part_bytes: opened.volume().map_or(0, |volume| most * volume.info().scalar.bytes() as u64),
         warnings,
     })
 }
@@ -323,83 +228,23 @@ fn write_plan(file: &PlanFile, out: &Path, path: &Path) -> std::io::Result<()> {
     atomic.commit()
 }
 
-impl PlanReport {
-    /// For people.
-    pub fn text(&self) -> String {
-        let [x, y, z] = self.grid_dims;
-        let empty = if self.empty_parts > 0 {
-            format!(" ({} of them empty: fewer would do)", self.empty_parts)
-        } else {
-            String::new()
-        };
-        let mut text = format!(
-            "{}: {} parts, numbered from 0{empty}, of a grid of {x}x{y}x{z}; a part reads up to {}\n",
-            shown(&self.plan),
-            self.parts,
-            Bytes(self.part_bytes)
-        );
-        for warning in &self.warnings {
-            let _ = writeln!(text, "  note: {}", shown(warning));
-        }
-        text
-    }
-}
-
-/// A part that is there.
-#[derive(Clone, Debug, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct PartReport {
-    /// File of the plan.
-    pub plan: String,
-    /// Number of the part, from 0.
-    pub part: u32,
-    /// Output as named on the command line.
-    pub output: String,
-    /// True if the part was there before and is sound, so that nothing was built.
-    pub was_there: bool,
-    /// Skin voxels of the part; null if it was there before.
-    pub part_voxels: Option<u64>,
-    /// Size of the file that was written or read.
-    pub bytes: u64,
-    /// Peak resident memory of the process.
-    pub peak_rss_bytes: u64,
-    /// Seconds from start to end.
-    pub wall_s: f64,
-}
-
 /// Builds a part of a plan, unless it is there and sound; a damaged one is replaced.
 ///
 /// # Errors
 /// The input is not what was planned for, it cannot be read, or the disk fails; a part appears whole or not at all.
 pub fn part(plan: &Plan, number: u32, input: &PartsInput<'_>) -> Result<PartReport, Error> {
     let started = Instant::now();
-    let id = plan.part(number)?;
-    let BuildJob { clean, progress, .. } = input.job;
-    let mut source = input.open()?;
-    if input.digest(&*source, plan.file.parts)? != (plan.dims, plan.digest) {
-        return Err(refused(&plan.path, PartFault::OtherPlan));
-    }
-    let path = id.path(plan.folder());
-    let was_there = is_there(&id, plan.folder(), progress)?;
+    let (id, folder) = (plan.part(number)?, plan.folder());
+    let mut opened = plan.open(input)?;
+    let was_there = is_there(&id, folder, input.job.progress)?;
     let mut part_voxels = None;
     if !was_there {
-        let options = input.options();
-        prepare(&mut *source, clean, &options, &path, progress)?;
-        input.job.give_back();
-        let built = builder::build_volume_part(&*source, &options, &path, &id, progress)?;
-        part_voxels = Some(built.skin_voxels);
+        let threshold = input.threshold_of(&opened, &id, folder)?;
+        let options = BuildOptions { threshold, ..input.options() };
+        part_voxels = Some(input.build(&mut opened, &options, folder, &[id])?);
     }
-    let bytes = std::fs::metadata(&path).map_or(0, |meta| meta.len());
-    Ok(PartReport {
-        plan: data(&plan.path),
-        part: number,
-        output: data(&path),
-        was_there,
-        part_voxels,
-        bytes,
-        peak_rss_bytes: peak_rss_bytes(),
-        wall_s: started.elapsed().as_secs_f64(),
-    })
+    let surface = input.job.options.volume_surface();
+    Ok(PartReport::new(plan, number, &id.path(folder), started).with_voxels(part_voxels, surface))
 }
 
 /// Is a part there, whole and sound? What is damaged is built again; what cannot be read is not replaced.
@@ -419,32 +264,31 @@ fn is_there(id: &PartId, folder: &Path, progress: &dyn Progress) -> Result<bool,
 /// As [`part`] and [`merge`]; the parts that are done stay.
 pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
     let started = Instant::now();
-    let BuildJob { clean, progress, output, .. } = input.job;
-    let mut source = input.open()?;
+    let BuildJob { progress, output, .. } = input.job;
+    let mut opened = input.open(None)?;
     // Cells have one layer more than samples.
-    let parts = (source.info().dims.nz() + 1).div_ceil(128).min(MAX_PARTS);
-    let (dims, digest) = input.digest(&*source, parts)?;
-    let cuts = Cuts { dims, parts };
+    let parts = (opened.dims.nz() + 1).div_ceil(128).min(MAX_PARTS);
+    let digest = input.digest(&opened, parts);
+    let cuts = Cuts { dims: opened.dims, parts };
     let mut folder = output.as_os_str().to_owned();
     folder.push(".parts");
     let folder = PathBuf::from(folder);
     let failed = |cause| Error::Output { path: folder.clone(), cause };
     std::fs::create_dir_all(&folder).map_err(failed)?;
-    let options = input.options();
-    let mut is_ready = false;
+    let mut missing = Vec::new();
     for number in 0..parts {
         let id = PartId { digest, number, cuts };
-        if is_there(&id, &folder, progress)? {
-            continue;
+        if !is_there(&id, &folder, progress)? {
+            missing.push(id);
         }
-        let path = id.path(&folder);
-        if !is_ready {
-            prepare(&mut *source, clean, &options, &path, progress)?;
-            input.job.give_back();
-            is_ready = true;
-        }
-        builder::build_volume_part(&*source, &options, &path, &id, progress)?;
     }
+    if let Some(first) = missing.first() {
+        let threshold = input.own_threshold(&mut opened, first, &folder)?;
+        let options = BuildOptions { threshold, ..input.options() };
+        input.own_cleaning(&mut opened, first, &folder, &options)?;
+        input.build(&mut opened, &options, &folder, &missing)?;
+    }
+    drop(opened);
     let joined = join(digest, cuts, &folder, output, progress)?;
     // Parts of builds with other options, too; what else lies there stays, and so does the folder then.
     for entry in std::fs::read_dir(&folder).map_err(failed)?.flatten() {
@@ -454,45 +298,6 @@ pub fn resume(input: &PartsInput<'_>) -> Result<MergeReport, Error> {
     }
     let _ = std::fs::remove_dir(&folder);
     Ok(MergeReport::of(&joined, (&folder, output), parts, started))
-}
-
-impl PartReport {
-    /// For people.
-    pub fn text(&self) -> String {
-        let done = match self.part_voxels {
-            Some(voxels) => format!("{voxels} skin voxels or cells in {:.2} s", self.wall_s),
-            None => "was there, and is sound".into(),
-        };
-        format!("{}: part {}, {}, {done}\n", shown(&self.output), self.part, Bytes(self.bytes))
-    }
-}
-
-/// A model that was joined.
-#[derive(Clone, Debug, Serialize)]
-#[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct MergeReport {
-    /// File of the plan.
-    pub plan: String,
-    /// Output as named on the command line.
-    pub output: String,
-    /// Parts of the plan, numbered from 0.
-    pub parts: u32,
-    /// Skin voxels of the model.
-    pub skin_voxels: u64,
-    /// Nodes of the octree, one infobyte each.
-    pub nodes: u64,
-    /// Size of the file that was written or read.
-    pub bytes: u64,
-    /// Seconds of census and joining.
-    pub join_s: f64,
-    /// Seconds of rank directory and checksums.
-    pub seal_s: f64,
-    /// Seconds of syncing and renaming.
-    pub commit_s: f64,
-    /// Peak resident memory of the process.
-    pub peak_rss_bytes: u64,
-    /// Seconds from start to end.
-    pub wall_s: f64,
 }
 
 /// Joins all parts of a plan into the model that one build makes.
@@ -505,36 +310,4 @@ pub fn merge(plan: &Plan, output: &Path, progress: &dyn Progress) -> Result<Merg
     let started = Instant::now();
     let joined = join(plan.digest, plan.cuts(), plan.folder(), output, progress)?;
     Ok(MergeReport::of(&joined, (&plan.path, output), plan.file.parts, started))
-}
-
-impl MergeReport {
-    fn of(joined: &Joined, (plan, output): (&Path, &Path), parts: u32, started: Instant) -> Self {
-        Self {
-            plan: data(plan),
-            output: data(output),
-            parts,
-            skin_voxels: joined.voxels,
-            nodes: joined.nodes,
-            bytes: joined.file_bytes,
-            join_s: joined.seconds.merge,
-            seal_s: joined.seconds.seal,
-            commit_s: joined.seconds.commit,
-            peak_rss_bytes: peak_rss_bytes(),
-            wall_s: started.elapsed().as_secs_f64(),
-        }
-    }
-
-    /// For people.
-    pub fn text(&self) -> String {
-        format!(
-            "{}: {} parts joined, {} skin voxels or cells, {} nodes, {} in {:.2} s; peak resident memory {}\n",
-            shown(&self.output),
-            self.parts,
-            self.skin_voxels,
-            self.nodes,
-            Bytes(self.bytes),
-            self.wall_s,
-            Bytes(self.peak_rss_bytes)
-        )
-    }
 }

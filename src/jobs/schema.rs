@@ -19,7 +19,7 @@ use super::export::ExportReport;
 use super::info::InfoReport;
 use super::intersect::IntersectReport;
 use super::pack::PackReport;
-use super::parts::{MergeReport, PartReport, PlanReport};
+use super::parts::{MergeReport, PartReport, PlanReport, StageReport};
 use super::picture::PictureReport;
 use super::render::RenderReport;
 use super::report::Report;
@@ -50,6 +50,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("plan", "`oct plan --json`", schema::<PlanReport>()),
         ("part", "`oct part --json`", schema::<PartReport>()),
         ("merge", "`oct merge --json`", schema::<MergeReport>()),
+        ("merge-stage", "`oct merge --stage STAGE --json`", schema::<StageReport>()),
         ("pack", "`oct pack --json`, `oct unpack --json` and `oct strip --json`", schema::<PackReport>()),
         ("export", "`oct export --json`", schema::<ExportReport>()),
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),

@@ -9,6 +9,8 @@
     reason = "coordinates are below 2^17 voxels, and places are known within 2^-16 voxel"
 )]
 
+use std::path::Path;
+
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::solid::{MeshSolid, MeshWorker};
 use crate::builder::{
@@ -45,6 +47,10 @@ impl Solid for MeshCells {
 
     fn name(&self) -> String {
         self.mesh.name()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.mesh.for_each_file(each);
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

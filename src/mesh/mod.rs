@@ -59,6 +59,7 @@ use std::sync::Arc;
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
+use crate::builder::FileSolid;
 use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Tile};
 use crate::facts::SourceError;
 pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
@@ -142,14 +143,31 @@ pub fn build_mesh(
     progress: &dyn Progress,
 ) -> Result<MeshReport, BuildError> {
     let scratch = options.scratch_folder(output);
+    let (build, facts, notes) = with_mesh(inputs, mesh, options, scratch, progress, |made, options| {
+        made.build(options, output, None, progress)
+    })?;
+    Ok(MeshReport { build, facts, notes })
+}
+
+/// Makes the solid of meshes, and hands it on, with the options that fit it; what is known of the meshes.
+///
+/// # Errors
+/// As [`build_mesh`].
+pub(crate) fn with_mesh<T>(
+    inputs: &[PathBuf],
+    mesh: &MeshOptions,
+    options: &BuildOptions,
+    scratch: PathBuf,
+    progress: &dyn Progress,
+    then: impl FnOnce(&FileSolid<'_>, &BuildOptions) -> Result<T, BuildError>,
+) -> Result<(T, MeshFacts, Vec<MeshNote>), BuildError> {
     let front = Front { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() };
     let (made, channels, facts, mut notes) = front.made()?;
     // Memory of reading goes back before the build takes its own.
     give_back();
-    let options = BuildOptions { channels, ..options.clone() };
-    let build = made.build(&options, output, progress)?;
+    let done = then(&made, &BuildOptions { channels, ..options.clone() })?;
     notes.extend(front.short());
-    Ok(MeshReport { build, facts, notes })
+    Ok((done, facts, notes))
 }
 
 /// Has a mesh colours that would be stored? Its files are opened for it, not read, but for OBJ; what cannot be opened has

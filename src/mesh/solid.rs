@@ -17,7 +17,7 @@
 )]
 
 use std::ops::Range;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::bins::{BEYOND, BinTriangle, Bins, BlockBuffers, Record, held, numbered};
@@ -118,6 +118,10 @@ impl Solid for MeshSolid {
             return BuildFault::NothingInsideOpen { name }.into();
         }
         BuildFault::NothingInside { name }.into()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.inputs.iter().for_each(|(path, _)| each(path));
     }
 
     /// Files are gone through several times, and what one pass found is taken for true in the next.

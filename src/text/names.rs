@@ -75,6 +75,7 @@ names! {
     SKIN = "skin_only",
     SKIP = "skip",
     SPACING = "spacing_mm",
+    STAGE = "jobs::parts::Stage",
     SURFACE = "surface",
     THREADS = "threads",
     THUMBNAILS_OF_ALL = "thumbnails_of_all",

@@ -14,7 +14,7 @@ fn waves(path: &Path, dims: [u32; 3], scalar: ScalarType, seed: u64) {
             for x in 0..dims[0] {
                 let [a, b, c] = [x, y, z].map(f64::from);
                 let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
-                let salt = if random.below(500) == 0 { 20.0 } else { 0.0 };
+                let salt = [20.0, -20.0].get(random.below(500) as usize).copied().unwrap_or(0.0);
                 let value = if z < 140 && y > 140 { 0.0 } else { 40.0 + wave * 12.0 + salt };
                 volume::encode(scalar, value, &mut bytes);
             }
@@ -70,6 +70,26 @@ impl Job {
     fn merge(&self) -> Run {
         let (plan, output) = (text(&self.path("job/plan.json")), text(&self.path("all.oct")));
         oct(&["merge", &plan, "-o", &output, "--json"])
+    }
+
+    /// All stages and parts of a plan, within means that differ, and the merged bytes.
+    fn all(&self, plan: &Value) -> Vec<u8> {
+        let count = u32::try_from(plan["parts"].as_u64().unwrap()).unwrap();
+        let means: [&[&str]; 2] = [&["--memory", "16MiB", "--threads", "1"], &["--threads", "3"]];
+        for stage in plan["stages"].as_array().unwrap() {
+            let stage = ["--stage", stage.as_str().unwrap()];
+            for (number, means) in (0..count).rev().zip(means.iter().cycle()) {
+                let report = self.part(number, &[&stage[..], *means].concat()).json();
+                assert_eq!((&report["was_there"], &report["stage"]), (&json!(false), &json!(stage[1])));
+            }
+            let plan = text(&self.path("job/plan.json"));
+            oct(&["merge", &plan, stage[0], stage[1], "--json"]).json();
+        }
+        for (number, means) in (0..count).zip(means.iter().cycle()) {
+            self.part(number, means).json();
+        }
+        self.merge().json();
+        fs::read(self.path("all.oct")).unwrap()
     }
 
     /// Names of the parts that are there.
@@ -130,19 +150,257 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
 }
 
 #[test]
+fn the_threshold_of_all_parts_is_that_of_one_build() {
+    use ScalarType::{F32, F64, I8, I16, I32, U8, U16};
+    let skin = ["--surface", "skin"];
+    let half = ["--surface", "skin", "--downsample", "2"];
+    let cut = ["--surface", "cells", "--roi", "3..80,0..190,10..290"];
+    let table: [(&[&str], ScalarType, u32); 9] = [
+        (&skin, U8, 1),
+        (&skin, I8, 3),
+        (&cut, U16, 5),
+        (&skin, I16, 40),
+        (&half, U8, 7),
+        (&skin, I32, 3),
+        (&skin, F32, 4),
+        (&half, F32, 2),
+        (&["--surface", "cells"], F64, 300),
+    ];
+    for (options, scalar, count) in table {
+        let job = Job::new([90, 200, 300], scalar, options);
+        let whole = job.whole();
+        let plan = job.plan(count);
+        let wide = ["extremes", "histogram"];
+        // Means of blocks are wide, whatever they are of.
+        let is_wide = scalar.bytes() > 2 || options.contains(&"--downsample");
+        let stages: &[&str] = if is_wide { &wide } else { &wide[1..] };
+        assert_eq!(plan["stages"], json!(stages));
+        assert!(job.all(&plan) == whole, "{options:?} {scalar:?} in {count} parts");
+    }
+}
+
+#[test]
+fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_cuts() {
+    use ScalarType::{F32, I8, I16, I32, U8, U16};
+    let mut random = Random(29);
+    for round in 0..14 * long() {
+        let mut pick = |words: &[&str]| words[random.below(words.len() as u64) as usize].to_owned();
+        let groups = [
+            pick(&["--surface skin", "--surface cells", "--surface skin --connectivity 6 --gradient auto"]),
+            pick(&["", "--iso 40", "--range 30..48", "--otsu"]),
+            pick(&["", "--roi 2..50,5..180,20..260", "--downsample 2"]),
+            pick(&["", "--close 1", "--close 2"]),
+            pick(&["", "--fill-cavities"]),
+            pick(&["", "--keep-largest 1", "--keep-largest 7", "--drop-below 40", "--drop-below 0.1%"]),
+            pick(&["", "--component-connectivity 6"]),
+            pick(&["", "--lod off", "--channels none"]),
+        ];
+        let joined = groups.join(" ");
+        let is_cleaned = ["--fill", "--keep", "--drop"].iter().any(|word| joined.contains(word));
+        // What says nothing about what is built is refused.
+        let words = joined.split_whitespace().filter(|word| !word.is_empty());
+        let mut words: Vec<&str> = words.collect();
+        if !is_cleaned && let Some(at) = words.iter().position(|word| *word == "--component-connectivity") {
+            words.drain(at..at + 2);
+        }
+        if joined.contains("cells")
+            && let Some(at) = words.iter().position(|word| *word == "--channels")
+        {
+            words.drain(at..at + 2);
+        }
+        let scalar = [U8, I8, U16, I16, I32, F32][random.below(6) as usize];
+        let side = |from: u64, random: &mut Random| u32::try_from(from + random.below(60)).unwrap();
+        let dims = [side(55, &mut random), side(185, &mut random), side(265, &mut random)];
+        let job = Job::new(dims, scalar, &words);
+        let count = [1, 2, 3, 5, 9][random.below(5) as usize];
+        let output = text(&job.path("one.oct"));
+        let whole = job.run(&["build"], &["-o", &output, "--json"]);
+        assert_eq!(whole.code, 0, "round {round}: {words:?} {scalar:?} {dims:?}");
+        let joined = job.all(&job.plan(count));
+        assert!(
+            joined == fs::read(&output).unwrap(),
+            "round {round}: {words:?} {scalar:?} {dims:?} in {count}"
+        );
+        let resumed = text(&job.path("resumed.oct"));
+        job.run(&["build"], &["-o", &resumed, "--resume", "--json"]).json();
+        assert!(
+            fs::read(&resumed).unwrap() == joined,
+            "round {round}: {words:?} {scalar:?} {dims:?} resumed"
+        );
+    }
+}
+
+#[test]
+fn a_damaged_occupancy_is_refused_by_the_parts_that_read_its_slices() {
+    let options = ["--surface", "skin", "--iso", "40", "--keep-largest", "1", "--fill-cavities"];
+    let job = Job::new([30, 40, 400], ScalarType::U8, &options);
+    let whole = job.whole();
+    assert_eq!(job.plan(3)["stages"], json!(["occupancy"]));
+    job.part(0, &[]).refused(3, &["'occupancy' is not done"]);
+    for number in 0..3 {
+        assert_eq!(job.part(number, &["--stage", "occupancy"]).json()["was_there"], false);
+        assert_eq!(job.part(number, &["--stage", "occupancy"]).json()["was_there"], true);
+    }
+    let plan = text(&job.path("job/plan.json"));
+    let merge = || oct(&["merge", &plan, "--stage", "occupancy", "--json"]);
+    let file = |ends: &str| {
+        let name = job.parts().into_iter().find(|name| name.ends_with(ends)).unwrap();
+        job.path("job").join(name)
+    };
+    let damage = |path: &Path, place: usize| {
+        let mut bytes = fs::read(path).unwrap();
+        bytes[place] ^= 4;
+        fs::write(path, bytes).unwrap();
+    };
+    let share = file("occupancy-0001.part");
+    damage(&share, 777);
+    merge().refused(3, &["occupancy-0001.part", "damaged"]);
+    assert_eq!(job.part(1, &["--stage", "occupancy"]).json()["was_there"], false);
+    let report = merge().json();
+    assert!(
+        report["components"].as_u64() > Some(100) && report["voxels_added"].as_u64() > Some(0),
+        "{report}"
+    );
+    // A byte of the first slices: only the first part reads them.
+    let cleaned = file("occupancy.part");
+    damage(&cleaned, 100);
+    job.part(0, &[]).refused(3, &["occupancy.part", "damaged"]);
+    for number in 1..3 {
+        job.part(number, &[]).json();
+    }
+    merge().json();
+    job.part(0, &[]).json();
+    job.merge().json();
+    assert!(fs::read(job.path("all.oct")).unwrap() == whole);
+}
+
+#[test]
+fn padding_and_labels_are_recognised_by_all_parts_together() {
+    let dims = [70_u32, 80, 260];
+    let round = |x: u32, y: u32| {
+        (f64::from(x) - 34.5).powi(2) / 1190.0 + (f64::from(y) - 39.5).powi(2) / 1560.0 < 1.0
+    };
+    let of = |value: &dyn Fn(u32, u32, u32) -> i16| {
+        let mut bytes = Vec::new();
+        for at in 0..dims.iter().product::<u32>() {
+            let (x, y, z) = (at % dims[0], at / dims[0] % dims[1], at / dims[0] / dims[1]);
+            bytes.extend(value(x, y, z).to_le_bytes());
+        }
+        bytes
+    };
+    let wave = |x, y, z| ((x * 7 + y * 3 + z) % 400) as i16 + if x / 20 == 1 { 900 } else { 0 };
+    let padded = of(&|x, y, z| if round(x, y) { wave(x, y, z) } else { -3024 });
+    // Of labels in boxes, some of which only one part sees.
+    let labels = of(&|x, y, z| if (x / 9 + y / 11) % 2 == 0 { ((x / 9 + z / 50) % 7) as i16 } else { 0 });
+    for (bytes, word) in [(padded, "-3024"), (labels, "label")] {
+        let job = Job::new(dims, ScalarType::I16, &["--surface", "cells"]);
+        fs::write(job.path("v.raw"), bytes).unwrap();
+        let whole = job.whole();
+        let plan = job.plan(6);
+        assert!(job.all(&plan) == whole, "{word}");
+        let merge = oct(&["merge", &text(&job.path("job/plan.json")), "--stage", "histogram", "--json"]);
+        assert!(merge.json()["warnings"].to_string().contains(word), "{word}");
+    }
+}
+
+#[test]
+fn stages_that_are_missing_damaged_or_of_no_use_are_refused_by_name() {
+    let job = Job::new([40, 50, 300], ScalarType::F32, &["--surface", "skin"]);
+    job.plan(3);
+    let plan = text(&job.path("job/plan.json"));
+    let merge = |stage: &str| oct(&["merge", &plan, "--stage", stage, "--json"]);
+    job.part(0, &[]).refused(3, &["'histogram' is not done", "--stage histogram", "oct merge"]);
+    job.part(0, &["--stage", "histogram"]).refused(3, &["'extremes' is not done"]);
+    job.part(3, &["--stage", "extremes"]).refused(2, &["no part 3"]);
+    job.part(0, &["--stage", "otsu"]).refused(2, &["--stage", "extremes, histogram and occupancy"]);
+    job.part(1, &["--stage", "extremes"]).json();
+    merge("extremes").refused(3, &["2 of 3 parts missing", "0, 2"]);
+    for number in 0..3 {
+        assert_eq!(job.part(number, &["--stage", "extremes"]).json()["was_there"], number == 1);
+    }
+    let name = job.parts().into_iter().find(|name| name.contains("extremes-0001")).unwrap();
+    let path = job.path("job").join(&name);
+    let sound = fs::read(&path).unwrap();
+    for place in 0..sound.len() {
+        let mut bytes = sound.clone();
+        bytes[place] ^= 1 << (place % 8);
+        fs::write(&path, &bytes).unwrap();
+        merge("extremes").refused(3, &[&name, "damaged"]);
+        fs::write(&path, &sound[..place]).unwrap();
+        merge("extremes").refused(3, &[&name, "damaged"]);
+    }
+    // What is damaged is found again.
+    assert_eq!(job.part(1, &["--stage", "extremes"]).json()["was_there"], false);
+    assert!(fs::read(&path).unwrap() == sound);
+    merge("extremes").json();
+    job.part(0, &[]).refused(3, &["'histogram' is not done"]);
+
+    let given = Job::new([30, 30, 30], ScalarType::U8, &["--iso", "40"]);
+    assert_eq!(given.plan(2)["stages"], json!([]));
+    given.part(0, &["--stage", "histogram"]).refused(2, &["no stage 'histogram'", "at once"]);
+    // All values are alike.
+    let flat = Job::new([30, 30, 30], ScalarType::U8, &[]);
+    fs::write(flat.path("v.raw"), vec![7; 27_000]).unwrap();
+    flat.plan(2);
+    for number in 0..2 {
+        flat.part(number, &["--stage", "histogram"]).json();
+    }
+    let plan = text(&flat.path("job/plan.json"));
+    oct(&["merge", &plan, "--stage", "histogram"]).refused(3, &["v.raw", "Otsu", "7"]);
+}
+
+#[test]
+fn parts_of_meshes_and_of_trees_join_into_the_file_of_one_build() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let waves_at = at("v.raw");
+    waves(Path::new(&waves_at), [40, 50, 60], ScalarType::U8, 3);
+    let dims = ["--dims", "40x50x60", "--dtype", "u8", "--iso", "40"];
+    oct(&[&["build", &waves_at, "-o", &at("v.oct"), "--json"], &dims[..]].concat()).json();
+    assert_eq!(oct(&["export", &at("v.oct"), "-o", &at("v.stl")]).code, 0);
+    fs::write(
+        at("a.csg"),
+        "difference() { sphere(r = 20, $fn = 40); cube([30, 9, 50], center = true); mesh(\"v.stl\"); }",
+    )
+    .unwrap();
+    let table: [(&str, &[&str], u32); 5] = [
+        ("v.stl", &["--grid", "300", "--surface", "cells"], 3),
+        ("v.stl", &["--grid", "300", "--surface", "skin"], 7),
+        ("v.stl", &["--grid", "200", "--surface", "skin", "--keep-thin", "--connectivity", "6"], 4),
+        ("a.csg", &["--grid", "300", "--surface", "cells"], 5),
+        ("a.csg", &["--grid", "280", "--surface", "skin", "--lod", "off"], 64),
+    ];
+    for (input, options, count) in table {
+        let (input, one, all, out) = (at(input), at("one.oct"), at("all.oct"), at("job"));
+        oct(&[&["build", &input, "-o", &one, "--json"], options].concat()).json();
+        let count = count.to_string();
+        oct(&[&["plan", &input, "--out", &out, "--parts", &count, "--json"], options].concat()).json();
+        let plan = at("job/plan.json");
+        for number in 0..count.parse::<u32>().unwrap() {
+            let threads = (1 + number % 3).to_string();
+            oct(&["part", &plan, &number.to_string(), "--threads", &threads, "--json"]).json();
+        }
+        oct(&["merge", &plan, "-o", &all, "--json"]).json();
+        assert!(fs::read(&all).unwrap() == fs::read(&one).unwrap(), "{input} {options:?} in {count} parts");
+        fs::remove_dir_all(&out).unwrap();
+        oct(&[&["build", &input, "-o", &all, "--resume", "--json"], options].concat()).json();
+        assert!(fs::read(&all).unwrap() == fs::read(&one).unwrap(), "{input} {options:?} resumed");
+    }
+    // A file that the tree names belongs to the input.
+    oct(&["plan", &at("a.csg"), "--out", &at("job"), "--parts", "2", "--grid", "40", "--json"]).json();
+    let stl = File::options().append(true).open(at("v.stl")).unwrap();
+    stl.set_modified(std::time::SystemTime::UNIX_EPOCH + Duration::from_secs(1)).unwrap();
+    oct(&["part", &at("job/plan.json"), "0"]).refused(3, &["plan.json", "oct plan"]);
+}
+
+#[test]
 fn what_parts_cannot_know_is_refused_by_name() {
     let job = Job::new([20, 20, 20], ScalarType::F32, &[]);
     let out = text(&job.path("job"));
-    let table: [(&[&str], &str); 10] = [
-        (&[], "Otsu"),
-        (&["--otsu"], "--iso"),
+    let table: [(&[&str], &str); 4] = [
         (&["--iso", "40", "--visible-from", "outside"], "--visible-from"),
         (&["--iso", "40", "--error", "0.1"], "--error"),
         (&["--iso", "40", "--channels", "normal,value"], "'value'"),
-        (&["--iso", "40", "--keep-largest", "1"], "keep-largest 1"),
-        (&["--iso", "40", "--drop-below", "5%"], "drop-below 5%"),
-        (&["--iso", "40", "--fill-cavities"], "fill-cavities"),
-        (&["--iso", "40", "--close", "1"], "close 1"),
         (&["--labels", "all"], "--labels"),
     ];
     for (options, word) in table {
@@ -150,10 +408,6 @@ fn what_parts_cannot_know_is_refused_by_name() {
         job.run(&["plan"], &last).refused(2, &[word, "v.raw"]);
         assert!(!Path::new(&out).exists(), "{options:?} left something");
     }
-    let tree = job.path("a.csg");
-    fs::write(&tree, "sphere(5);").unwrap();
-    let run = oct(&["plan", &text(&tree), "--grid", "32", "--out", &out, "--parts", "3"]);
-    run.refused(2, &["a.csg", "trees of solids"]);
     // Of plans themselves.
     job.run(&["plan"], &["--iso", "40", "--out", &out, "--parts", "0"]).refused(2, &["--parts"]);
     let options = ["--iso", "40", "--out", &out, "--parts", "3", "--json"];
@@ -324,9 +578,11 @@ fn a_build_that_is_killed_goes_on_from_its_parts() {
         assert!(fs::read(&output).unwrap() == whole);
         assert_eq!(names(job.folder.path()), ["all.oct", "one.oct", "v.raw"]);
     }
-    let job = Job::new([30, 30, 30], ScalarType::U8, &["--otsu"]);
-    job.run(&["build"], &["-o", &text(&job.path("a.oct")), "--resume"]).refused(2, &["--iso"]);
-    assert_eq!(names(job.folder.path()), ["v.raw"]);
+    let job = Job::new([30, 30, 200], ScalarType::U8, &["--otsu"]);
+    let whole = job.whole();
+    job.run(&["build"], &["-o", &text(&job.path("all.oct")), "--resume", "--json"]).json();
+    assert!(fs::read(job.path("all.oct")).unwrap() == whole);
+    assert_eq!(names(job.folder.path()), ["all.oct", "one.oct", "v.raw"]);
 }
 
 #[test]

@@ -33,6 +33,8 @@ mod sharp;
 mod stretch;
 mod window;
 
+use std::path::Path;
+
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::report::BuildNote;
@@ -115,6 +117,10 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
 
     fn name(&self) -> String {
         self.volume.name()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.volume.for_each_file(each);
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

@@ -16,7 +16,7 @@ pub(crate) struct Cuts {
 }
 
 /// Share number `at` of `n` things in `parts` shares.
-fn share(at: u32, n: u32, parts: u32) -> Range<u32> {
+pub(super) fn share(at: u32, n: u32, parts: u32) -> Range<u32> {
     let bound = |at: u32| u64::from(at) * u64::from(n) / u64::from(parts);
     #[expect(clippy::cast_possible_truncation, reason = "at most n")]
     let range = bound(at) as u32..bound(at + 1) as u32;
@@ -79,8 +79,12 @@ impl PartId {
 
     /// Its file in the folder of a job: the name says what it is made of.
     pub(crate) fn path(&self, folder: &Path) -> PathBuf {
+        self.named(folder, &format!("{:04}", self.number))
+    }
+
+    pub(super) fn named(&self, folder: &Path, what: &str) -> PathBuf {
         let digest: String = self.digest[..12].iter().map(|byte| format!("{byte:02x}")).collect();
-        folder.join(format!("{digest}-{:04}.part", self.number))
+        folder.join(format!("{digest}-{what}.part"))
     }
 }
 

@@ -4,8 +4,9 @@ use std::io;
 
 use thiserror::Error;
 
+use super::stage::Stage;
 use crate::exit::ExitKind;
-use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, PRESET, RANGE, VISIBLE_FROM};
+use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, RANGE, STAGE, VISIBLE_FROM};
 
 /// Why a plan or a part is refused.
 #[derive(Debug, Error)]
@@ -16,6 +17,8 @@ pub(crate) enum PartFault {
     NoSuchPart { number: u32, parts: u32 },
     #[error("is not a plan, or is damaged ({reason}); make it again with {PLAN}")]
     NotPlan { reason: String },
+    #[error("is not text, and cannot be written down in a plan; rename it")]
+    NotText,
     #[error(
         "was made for another input, other options or another program version, or was changed since; make it again with {PLAN}"
     )]
@@ -30,6 +33,16 @@ pub(crate) enum PartFault {
     Doubled { number: u32, holds: u32 },
     #[error("is damaged; remove it, and build part {number} again with {PART}")]
     Damaged { number: u32 },
+    #[error(
+        "is damaged, or not of this plan; remove it, and make it again with {PART} or {MERGE} and {STAGE} {stage}"
+    )]
+    DamagedStage { stage: Stage },
+    #[error(
+        "the stage '{stage}' is not done; give {STAGE} {stage} to {PART} for every part and then to {MERGE}, before what follows"
+    )]
+    StageMissing { stage: Stage },
+    #[error("has no stage '{stage}': {}", stages(.of))]
+    NoSuchStage { stage: Stage, of: Vec<Stage> },
     #[error("no voxel of any part is inside; choose another {ISO} or {RANGE}, and plan again")]
     NothingInside,
     #[error("cannot be read ({0})")]
@@ -39,12 +52,6 @@ pub(crate) enum PartFault {
 /// What cannot be built in parts, and why.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub(crate) enum NotInParts {
-    #[error("meshes and trees of solids cannot be built in parts yet; build the model at once")]
-    Solid,
-    #[error(
-        "the threshold of parts has to be given, as Otsu's method looks at all values; add {ISO}, {RANGE} or {PRESET}"
-    )]
-    Otsu,
     #[error("{VISIBLE_FROM} cannot be used in parts, as rays cross all of them; leave it out")]
     Sight,
     #[error(
@@ -59,10 +66,6 @@ pub(crate) enum NotInParts {
         "{LABELS} cannot be used in parts yet, as the table of labels is of all of them; build the model at once"
     )]
     Labels,
-    #[error(
-        "cleaning ({operations}) cannot be done in parts yet, as components cross the cuts; leave it out"
-    )]
-    Cleaning { operations: String },
 }
 
 /// Some numbers, and how many follow.
@@ -71,10 +74,22 @@ fn list(first: &[u32], all: u32) -> String {
     if first.len() < all as usize { format!("{numbers}, ...") } else { numbers }
 }
 
+fn stages(of: &[Stage]) -> String {
+    match of {
+        [] => "its threshold is given, and its parts can be built at once".into(),
+        of => format!(
+            "its stages are {}",
+            of.iter().map(|stage| stage.name()).collect::<Vec<_>>().join(" and ")
+        ),
+    }
+}
+
 impl PartFault {
     pub(crate) fn kind(&self) -> ExitKind {
         match self {
-            Self::Unsupported(_) | Self::NoSuchPart { .. } => ExitKind::Usage,
+            Self::Unsupported(_) | Self::NotText | Self::NoSuchPart { .. } | Self::NoSuchStage { .. } => {
+                ExitKind::Usage
+            }
             Self::Unreadable(_) => ExitKind::Io,
             _ => ExitKind::Input,
         }

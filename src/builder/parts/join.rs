@@ -19,18 +19,19 @@ use crate::builder::layout::{Census, GroupCounts, Layout};
 use crate::builder::merge::{MergeQueue, Run, Target, parse_summary, summary_bytes_of};
 use crate::builder::walk::{BrickWalk, GROUP_BRICKS};
 use crate::builder::{StageSeconds, seal};
-use crate::format::{SectionEntry, SectionKind, Sum};
+use crate::format::{SectionEntry, SectionKind, Sum, SurfaceKind};
 use crate::platform::open_file;
 use crate::progress::Progress;
 
 /// Parts that are open at a time: fewer than any system's usual limit.
 const OPEN: usize = 512;
 /// Missing parts that are named.
-const NAMED: usize = 8;
+pub(super) const NAMED: usize = 8;
 
 /// What was joined.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Joined {
+    pub(crate) surface: SurfaceKind,
     pub(crate) voxels: u64,
     pub(crate) nodes: u64,
     pub(crate) file_bytes: u64,
@@ -88,6 +89,7 @@ pub(crate) fn join(
     atomic.commit().map_err(written)?;
     seconds.commit = started.elapsed().as_secs_f64();
     Ok(Joined {
+        surface,
         voxels: census.voxels,
         nodes: census.nodes(),
         file_bytes: entries.last().map_or(0, SectionEntry::end),

@@ -26,14 +26,18 @@
 //! | `write` | the last pass over a part |
 //! | `read` | parts, opened and checked |
 //! | `join` | the model of all parts |
+//! | `stage` | what is found of the whole volume, share by share, before the parts |
+//! | `occupancy` | one bit a voxel, for cleaning in stages |
 //! | `fault` | why parts are refused |
 
 mod cut;
 mod fault;
 mod head;
 mod join;
+pub(crate) mod occupancy;
 mod read;
 mod record;
+pub(crate) mod stage;
 mod write;
 
 pub(crate) use cut::{Cuts, PartId};

@@ -16,6 +16,8 @@
 mod half;
 mod planes;
 
+use std::path::Path;
+
 use super::bins::{BinTriangle, BlockBuffers, held};
 use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
@@ -70,6 +72,10 @@ impl Solid for ThinSolid {
 
     fn name(&self) -> String {
         self.mesh.name()
+    }
+
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        self.mesh.for_each_file(each);
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {

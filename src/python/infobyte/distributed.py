@@ -1,4 +1,4 @@
-"""Models built by the workers of Dask `distributed`, in parts that are merged into the bytes of one build.
+"""Models built by the workers of Dask `distributed`: one in parts that are merged into the bytes of one build, or many.
 
 The package `distributed` is imported when a build begins. There is no network code here: parts are files in a folder
 that all workers see, and futures hold their paths.
@@ -6,11 +6,14 @@ that all workers see, and futures hold their paths.
 
 from __future__ import annotations
 
+import contextlib
 import os
 import shutil
 import subprocess
 import sysconfig
+import tempfile
 from collections.abc import Sequence
+from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from . import _errors
@@ -21,10 +24,12 @@ from ._model import Model, loads
 if TYPE_CHECKING:
     from ._build import Path, Progress
 
-__all__ = ["build"]
+__all__ = ["batch", "build"]
 
 #: What exit codes of `oct` mean; all else (a full disk, a signal) may pass.
 _FINAL = {2: "usage", 3: "input", 4: "budget"}
+#: What `oct batch` says where some volumes failed.
+_SOME_FAILED = 8
 
 
 def build(
@@ -62,48 +67,19 @@ def build(
     >>> from infobyte import distributed
     >>> model = distributed.build('scan.nrrd', 'scan.oct', parts=64, iso=300)   # doctest: +SKIP
     """
-    from distributed import as_completed, get_client
-    from distributed.scheduler import KilledWorker
-
-    client = get_client() if client is None else client
     target = os.path.abspath(os.fspath(output))
     folder = target + ".parts" if job is None else os.path.abspath(os.fspath(job))
-    paths = [source] if isinstance(source, str | os.PathLike) else list(source)
-    inputs = [os.path.abspath(os.fspath(path)) for path in paths]
-    planned = _run("plan", *inputs, *_flags(options), f"--parts={parts}", f"--out={folder}")
-    plan = _made(planned)["plan"]
+    planned = _run("plan", *_paths(source), *_flags(options), f"--parts={parts}", f"--out={folder}")
+    plan, stages = itemgetter("plan", "stages")(_made(planned))
+    means = [f"--memory={memory}", f"--threads={threads}"]
     with _bar(progress) as told:
-        settings = (plan, str(memory), threads)
-
-        def submit(number: int) -> Any:
-            return client.submit(_part, number, *settings, key=f"oct-{os.path.basename(folder)}-{number}-{os.urandom(4).hex()}")
-
-        waiting = {submit(number): number for number in range(parts)}
-        tries = dict.fromkeys(range(parts), 0)
-        done = 0
-        try:
-            if told is not None:
-                told("parts", 0, parts)
-            results = as_completed(waiting)
-            for future in results:
-                number = waiting.pop(future)
-                try:
-                    code, answer = future.result()
-                except KilledWorker as lost:
-                    code, answer = -1, str(lost)
-                if code == 0:
-                    done += 1
-                    if told is not None:
-                        told("parts", done, parts)
-                    continue
-                if code in _FINAL or tries[number] == retries:
-                    _made((code, answer))
-                tries[number] += 1
-                again = submit(number)
-                waiting[again] = number
-                results.add(again)
-        finally:
-            client.cancel(list(waiting))
+        # What has to be known of the whole volume comes first: every stage ends in one file for all parts.
+        for stage in stages:
+            named = f"--stage={stage}"
+            calls = [(_run, "part", plan, str(number), named, *means) for number in range(parts)]
+            _do(client, calls, retries, stage, told)
+            _made(_run("merge", plan, named))
+        _do(client, [(_run, "part", plan, str(number), *means) for number in range(parts)], retries, "parts", told)
         report = _made(_run("merge", plan, f"--output={target}"))
         if job is None:
             shutil.rmtree(folder)
@@ -112,9 +88,150 @@ def build(
     return Model._built(target, json.dumps(report))
 
 
-def _part(number: int, plan: str, memory: str, threads: int) -> tuple[int, str]:
-    """On a worker: builds a part, unless it is there; its exit code and its report, or the reason."""
-    return _run("part", plan, str(number), f"--memory={memory}", f"--threads={threads}")
+def batch(
+    source: Path | Sequence[Path],
+    out: Path,
+    *,
+    client: Any = None,
+    bundle: int = 20,
+    memory: int | str = "64MiB",
+    threads: int = 1,
+    retries: int = 5,
+    progress: Progress = None,
+    **options: Any,
+) -> dict[str, Any]:
+    """Converts every volume below some folders on the workers of a Dask cluster, as `oct batch` does on one machine.
+
+    - `source`: a folder or a list of them, `out`: the folder of the models; all workers see them under the same names.
+    - `bundle`: volumes of one task, which ends before that at 1 GiB of input.
+    - `client`, `retries`, `progress`: as in `build`; a step for each bundle.
+    - `memory`, `threads`: of each task, a process of its own.
+    - `options`: those of `oct batch`, by their names: `preset='bone'`, `modality=['CT']`, `thumbnails=0`.
+
+    Workers make models, thumbnails and records; then one `oct batch` goes over the same folders, which finds by these
+    records what is done, does what is left, and writes contact sheet and reports. So they are those of a second
+    `oct batch`: what workers have made is `skipped`, as it is there. The names are those of one machine.
+
+    Returns the report. Volumes that fail are not errors; they are in the report. A batch that was stopped goes on.
+
+    >>> from infobyte import distributed
+    >>> report = distributed.batch('studies/', 'models/', preset='bone')   # doctest: +SKIP
+    """
+    inputs, folder = _paths(source), os.path.abspath(os.fspath(out))
+    looked_for = {name: options[name] for name in ("all_volumes", "follow_links", "gaps", "grid", "voxel") if name in options}
+    found = _made(_run("scan", *inputs, *_flags(looked_for)))
+    shelf = os.path.join(folder, ".bundles")
+    os.makedirs(shelf, exist_ok=True)
+    key = os.path.join(folder, ".oct-key")
+    # The number that hides times of change in records; theirs have to be those of the last run.
+    if not os.path.exists(key):
+        with open(key + ".new", "w") as file:
+            file.write(os.urandom(16).hex() + "\n")
+        os.replace(key + ".new", key)
+    flags = [*_flags({name: value for name, value in options.items() if name != "series"}), f"--memory={memory}", f"--threads={threads}"]
+    series = options.get("series") or []
+    series = series.split(",") if isinstance(series, str) else series
+
+    def is_wanted(item: dict[str, Any]) -> bool:
+        return item["usable"] and (not series or any(item["name"] == one or item["name"].startswith(one + "-") for one in series))
+
+    bundles = _bundles([item for item in found["items"] if is_wanted(item)], bundle)
+    calls = []
+    for volumes in bundles:
+        paths = sorted({volume["input"] for volume in volumes})
+        names = [volume["name"] for volume in volumes]
+        calls.append((_bundle, folder, names, ["batch", *paths, f"--series={','.join(names)}", "--jobs=1", *flags]))
+    with _bar(progress) as told:
+        _do(client, calls, retries, "bundles", told)
+    # A program whose worker was lost may still be at work in a folder of its own.
+    shutil.rmtree(shelf, ignore_errors=True)
+    return _made(_run("batch", *inputs, f"--out={folder}", *_flags(options), f"--memory={memory}"))
+
+
+def _bundles(volumes: list[dict[str, Any]], most: int) -> list[list[dict[str, Any]]]:
+    """Volumes in their order, so many together, or less where they are large."""
+    bundles: list[list[dict[str, Any]]] = []
+    size = 0
+    for volume in volumes:
+        if not bundles or len(bundles[-1]) == most or size + volume["input_bytes"] > 1 << 30:
+            bundles.append([])
+            size = 0
+        bundles[-1].append(volume)
+        size += volume["input_bytes"]
+    return bundles
+
+
+def _bundle(out: str, names: list[str], arguments: list[str]) -> tuple[int, str]:
+    """On a worker: converts a bundle in a folder of its own, and moves what was made to the rest, records last."""
+    own = tempfile.mkdtemp(dir=os.path.join(out, ".bundles"))
+    try:
+        shutil.copy(os.path.join(out, ".oct-key"), own)
+        for name in names:
+            # What is there already is not made again, if it is of the same files and options.
+            for file in _files(name):
+                with contextlib.suppress(OSError):
+                    os.link(os.path.join(out, file), os.path.join(own, file))
+        code, answer = _run(*arguments, f"--out={own}")
+        if code not in (0, _SOME_FAILED):
+            return code, answer
+        made = [name.removesuffix(".oct.json") for name in os.listdir(own) if name.endswith(".oct.json")]
+        for file in (file for name in made for file in _files(name)):
+            with contextlib.suppress(FileNotFoundError):
+                os.replace(os.path.join(own, file), os.path.join(out, file))
+        return 0, ""
+    except OSError as cause:
+        return -1, str(cause)
+    finally:
+        shutil.rmtree(own, ignore_errors=True)
+
+
+def _files(name: str) -> list[str]:
+    """Model, thumbnail and record of a volume."""
+    return [name + suffix for suffix in (".oct", ".png", ".oct.json")]
+
+
+def _do(client: Any, calls: list[tuple[Any, ...]], retries: int, stage: str, told: Any) -> None:
+    """Has the workers do all calls, and those again that may pass."""
+    from distributed import as_completed, get_client
+    from distributed.scheduler import KilledWorker
+
+    client = get_client() if client is None else client
+
+    def submit(number: int) -> Any:
+        do, *arguments = calls[number]
+        return client.submit(do, *arguments, key=f"oct-{stage}-{number}-{os.urandom(6).hex()}", pure=False)
+
+    waiting = {submit(number): number for number in range(len(calls))}
+    tries = dict.fromkeys(range(len(calls)), 0)
+    done = 0
+    try:
+        if told is not None:
+            told(stage, 0, len(calls))
+        results = as_completed(waiting)
+        for future in results:
+            number = waiting.pop(future)
+            try:
+                code, answer = future.result()
+            except KilledWorker as lost:
+                code, answer = -1, str(lost)
+            if code == 0:
+                done += 1
+                if told is not None:
+                    told(stage, done, len(calls))
+                continue
+            if code in _FINAL or tries[number] == retries:
+                _made((code, answer))
+            tries[number] += 1
+            again = submit(number)
+            waiting[again] = number
+            results.add(again)
+    finally:
+        client.cancel(list(waiting))
+
+
+def _paths(source: Path | Sequence[Path]) -> list[str]:
+    paths = [source] if isinstance(source, str | os.PathLike) else list(source)
+    return [os.path.abspath(os.fspath(path)) for path in paths]
 
 
 def _program() -> str:
@@ -127,13 +244,13 @@ def _program() -> str:
 
 def _run(*arguments: str) -> tuple[int, str]:
     done = subprocess.run([_program(), *arguments, "--json", "--quiet"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
-    return done.returncode, done.stdout if done.returncode == 0 else done.stderr.strip().removeprefix("oct: ")
+    return done.returncode, done.stdout if done.returncode in (0, _SOME_FAILED) else done.stderr.strip().removeprefix("oct: ")
 
 
 def _made(result: tuple[int, str]) -> dict[str, Any]:
     """The report of a call, or the exception for what went wrong."""
     code, answer = result
-    if code == 0:
+    if code in (0, _SOME_FAILED):
         return loads(answer)
     sentence = answer or f"oct ended with the code {code}"
     raise _errors.make(_FINAL.get(code, "system"), sentence)

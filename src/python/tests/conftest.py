@@ -62,4 +62,10 @@ def oct():
     program = shutil.which("oct", path=sysconfig.get_path("scripts"))
     if program is None:
         pytest.skip("the package was installed without its program")
-    return lambda *arguments: subprocess.run([program, *arguments, "--json"], check=True, capture_output=True)
+
+    def run(*arguments, expect=0):
+        done = subprocess.run([program, *arguments, "--json"], capture_output=True, text=True)
+        assert done.returncode == expect, done.stderr
+        return done
+
+    return run

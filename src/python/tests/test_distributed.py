@@ -1,5 +1,6 @@
 """Parts on a cluster of Dask make the bytes of one build, whatever happens to the workers."""
 
+import json
 import os
 import random
 import shutil
@@ -160,3 +161,83 @@ def test_an_exception_in_progress_cancels_and_keeps_what_is_done(cluster, raw):
     assert len([name for name in os.listdir("a.oct.parts") if name.endswith(".part")]) >= 3
     assert not os.path.exists("a.oct")
     check(built(), raw)
+
+
+def test_the_threshold_is_found_in_stages(cluster, raw, oct):
+    oct("build", "a.raw", "-o", "whole.oct", "--dims", "90x300x700", "--dtype", "i16")
+    with open("whole.oct", "rb") as file:
+        whole = file.read()
+    steps = []
+    check(built(iso=None, progress=lambda stage, done, _: steps.append((stage, done))), whole)
+    assert steps == [(stage, number) for stage in ("histogram", "parts") for number in range(PARTS + 1)]
+
+
+@pytest.fixture
+def studies(oct):
+    """Volumes in folders, two of the same name among them, a copy, and one that is refused."""
+    for number in range(17):
+        os.makedirs(f"studies/{number % 5}", exist_ok=True)
+        np.save(f"studies/{number % 5}/v{number // 2}.npy", bumps_of((20 + number, 30, 40)))
+    shutil.copy("studies/0/v0.npy", "studies/3/copy.npy")
+    np.save("studies/4/flat.npy", np.zeros((9, 9, 9), "i2"))
+    oct("batch", "studies", "--out", "one", "--jobs", "1", "--quiet", expect=8)
+    return "studies"
+
+
+def made_of(folder):
+    """Bytes of models, thumbnails and the contact sheet, and what the report says of volumes but for times and memory."""
+    found = {}
+    for name in sorted(os.listdir(folder)):
+        with open(os.path.join(folder, name), "rb") as file:
+            if name.endswith((".oct", ".png")):
+                found[name] = file.read()
+    with open(os.path.join(folder, "report.json")) as file:
+        report = json.load(file)
+    spent = {"wall_s", "memory_bytes", "memory_plan_bytes", "scratch_bytes"}
+    for item in report["items"]:
+        model = {name: value for name, value in (item["model"] or {}).items() if name not in spent}
+        # Made by a worker, so that the last run leaves it as it is.
+        status = "converted" if item["status"] == "skipped" and item["model"] else item["status"]
+        found["item " + item["input"].split("studies/")[-1]] = (status, item["name"], item["warnings"], item["reason"], model)
+    return found
+
+
+def test_a_batch_is_that_of_one_machine_whatever_happens_to_workers(cluster, studies, oct, program):
+    from infobyte.distributed import batch
+
+    steps = []
+    report = batch(studies, "many", bundle=3, progress=lambda *step: steps.append(step))
+    assert (report["converted"], report["skipped"], report["failed"]) == (0, 18, 1)
+    assert steps[-1] == ("bundles", 6, 6)
+    assert made_of("many") == made_of("one")
+    # The contact sheet of the second run on one machine.
+    oct("batch", "studies", "--out", "one", "--quiet", expect=8)
+    sheets = [open(f"{folder}/index.html").read() for folder in ("one", "many")]
+    assert sheets[0] == sheets[1]
+
+    shutil.rmtree("many")
+    program('case "$1" in batch) sleep 0.3;; esac')
+    client, stop, killed = distributed.get_client(), threading.Event(), []
+
+    def kill():
+        luck = random.Random(4)
+        while not stop.wait(0.6):
+            workers = [info["pid"] for info in client.run(lambda: {"pid": os.getpid()}, on_error="ignore").values()]
+            if workers and len(killed) < 3:
+                killed.append(luck.choice(sorted(workers)))
+                os.kill(killed[-1], signal.SIGKILL)
+
+    thread = threading.Thread(target=kill)
+    thread.start()
+    try:
+        batch(studies, "many", bundle=2, retries=20, progress=False)
+    finally:
+        stop.set()
+        thread.join()
+    assert killed
+    assert made_of("many") == made_of("one")
+    assert not [name for name in os.listdir("many") if name.startswith(".") and name != ".oct-key"]
+    # What is there is not made again.
+    before = {name: os.stat(os.path.join("many", name)).st_mtime_ns for name in os.listdir("many") if name.endswith(".oct")}
+    batch(studies, "many", bundle=4, progress=False)
+    assert before == {name: os.stat(os.path.join("many", name)).st_mtime_ns for name in before}

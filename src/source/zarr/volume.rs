@@ -4,8 +4,8 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError};
+use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
 use super::array::{Array, Place};
 use super::packing::{PIECE, chunk_fault};
@@ -30,17 +30,24 @@ const SPAN: usize = 32 << 10;
 /// Place of a chunk that was never written.
 const NOWHERE: u32 = u32::MAX;
 
-/// Locks of chunks that are being unpacked.
+/// Locks of chunks that are being unpacked, and of the places that they are read from.
 const LOCKS: usize = 64;
+
+/// Rows and slices that are read of chunks at about the same time, at most: by a build, of two rows of bricks and a few
+/// beyond them; by passes over whole slices, of a few. Chunks that are read once more after that are unpacked again.
+const ROWS_AT_A_TIME: u64 = 70;
+const SLICES_AT_A_TIME: u64 = 8;
 
 /// Most files that are named for a volume, to notice that one of them changes.
 const NAMED: u64 = 1 << 16;
 
 /// One volume of an array.
 ///
-/// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file when they are first asked
-/// for, by the thread that asks: what no one reads is not unpacked. Memory: four bytes a chunk, and for each reading
-/// thread what unpacks a chunk (for Blosc three of its blocks, for zstd its window).
+/// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file when they are asked for, by
+/// the thread that asks: what no one reads is not unpacked. The file has places for some rows or layers of chunks, and a
+/// new chunk takes the place of the one that was unpacked longest ago: pages that the system has given once are written
+/// at half the price of fresh ones. Memory: eight bytes a chunk at most, and for each reading thread what unpacks a chunk
+/// (for Blosc three of its blocks, for zstd its window).
 pub(super) struct ZarrVolume {
     array: Arc<Array>,
     /// Which volume of the array.
@@ -63,12 +70,17 @@ enum Way {
 /// Chunks that were unpacked.
 struct Unpacked {
     scratch: File,
-    /// Place of each chunk in the file, in chunks from 1 on; 0 where it was not asked for.
+    /// Place of each chunk in the file, in chunks from 1 on; 0 where it is not there.
     places: Box<[AtomicU32]>,
-    /// Chunks in the file: they follow each other as they are asked for, so that the file is written from front to back.
-    count: AtomicU32,
+    /// The chunk that each place was given to last, from 1 on.
+    owners: Box<[AtomicU32]>,
+    /// Places that were given, one after the other and then again from the first.
+    given: AtomicU64,
+    /// Held by the thread that unpacks a chunk.
     locks: [Mutex<()>; LOCKS],
-    /// That of the places.
+    /// Held by those that read a place, and alone by the one that writes it.
+    readers: [RwLock<()>; LOCKS],
+    /// That of places and owners.
     _memory: Reservation,
 }
 
@@ -106,8 +118,16 @@ impl ZarrVolume {
         self.array.chunks().iter().product()
     }
 
+    /// Places of the scratch file.
+    fn place_count(&self) -> u64 {
+        let [[nz, ny, nx], [cz, cy, _]] = [self.array.chunks(), self.array.chunk];
+        let rows = (1 + ROWS_AT_A_TIME.div_ceil(cy)).min(ny).saturating_mul(nz);
+        let layers = (1 + SLICES_AT_A_TIME.div_ceil(cz)).min(nz).saturating_mul(ny);
+        rows.max(layers).saturating_mul(nx).max(LOCKS as u64).min(self.chunk_count())
+    }
+
     fn places_bytes(&self) -> u64 {
-        self.chunk_count().saturating_mul(size_of::<AtomicU32>() as u64)
+        (self.chunk_count() + self.place_count()).saturating_mul(size_of::<AtomicU32>() as u64)
     }
 
     fn chunk_at(&self, at: u64) -> [u64; 3] {
@@ -125,33 +145,64 @@ impl ZarrVolume {
         self.array.chunk.iter().product::<u64>() * self.info.scalar.bytes() as u64
     }
 
-    /// Where a chunk begins in the scratch file, to which it is written unless it was; `None` if it was never written.
-    fn unpack(&self, unpacked: &Unpacked, chunk: [u64; 3]) -> io::Result<Option<u64>> {
-        let slot = usize::try_from(self.chunk_number(chunk)).unwrap_or(usize::MAX);
-        let Some(known) = unpacked.places.get(slot) else { return Err(ReadFault::NotUnrolled.into()) };
-        let at = |place: u32| {
-            (place != NOWHERE).then(|| u64::from(place - 1).saturating_mul(self.delivered_bytes()))
-        };
-        match known.load(Ordering::Acquire) {
-            0 => {}
-            place => return Ok(at(place)),
+    /// Place of a chunk in the scratch file, to which it is written unless it is there; [`NOWHERE`] if it was never stored.
+    fn unpack(&self, unpacked: &Unpacked, chunk: [u64; 3], known: &AtomicU32) -> io::Result<u32> {
+        if let place @ 1.. = known.load(Ordering::Acquire) {
+            return Ok(place);
         }
+        let number = self.chunk_number(chunk);
+        let lock = |n: u64| usize::try_from(n % LOCKS as u64).unwrap_or(0);
         // A thread that panicked has given its chunk no place.
-        let _only = unpacked.locks[slot % LOCKS].lock().unwrap_or_else(PoisonError::into_inner);
-        match known.load(Ordering::Acquire) {
-            0 => {}
-            place => return Ok(at(place)),
+        let _only = unpacked.locks[lock(number)].lock().unwrap_or_else(PoisonError::into_inner);
+        if let place @ 1.. = known.load(Ordering::Acquire) {
+            return Ok(place);
         }
         let place = match self.array.place(self.number, chunk)? {
             None => NOWHERE,
             Some(stored) => {
-                let place = unpacked.count.fetch_add(1, Ordering::Relaxed) + 1;
-                self.write(unpacked, &stored, at(place).unwrap_or(0))?;
-                place
+                let at = unpacked.given.fetch_add(1, Ordering::Relaxed) % unpacked.owners.len() as u64;
+                let place = u32::try_from(at + 1).unwrap_or(NOWHERE);
+                let _alone =
+                    unpacked.readers[lock(place.into())].write().unwrap_or_else(PoisonError::into_inner);
+                let owner = u32::try_from(number + 1).unwrap_or(0);
+                let before = unpacked.owners[place as usize - 1].swap(owner, Ordering::AcqRel);
+                if let Some(known) = before.checked_sub(1).and_then(|n| unpacked.places.get(n as usize)) {
+                    // Not if it has got another place meanwhile.
+                    let _ = known.compare_exchange(place, 0, Ordering::AcqRel, Ordering::Acquire);
+                }
+                self.write(unpacked, &stored, at * self.delivered_bytes())?;
+                known.store(place, Ordering::Release);
+                return Ok(place);
             }
         };
         known.store(place, Ordering::Release);
-        Ok(at(place))
+        Ok(place)
+    }
+
+    /// Reads bytes of a chunk from the scratch file; `false` if the chunk was never stored.
+    fn read_unpacked(
+        &self,
+        unpacked: &Unpacked,
+        chunk: [u64; 3],
+        at: u64,
+        out: &mut [u8],
+    ) -> io::Result<bool> {
+        let slot = usize::try_from(self.chunk_number(chunk)).unwrap_or(usize::MAX);
+        let Some(known) = unpacked.places.get(slot) else { return Err(ReadFault::NotUnrolled.into()) };
+        loop {
+            let place = self.unpack(unpacked, chunk, known)?;
+            if place == NOWHERE {
+                return Ok(false);
+            }
+            let held =
+                unpacked.readers[place as usize % LOCKS].read().unwrap_or_else(PoisonError::into_inner);
+            // Another chunk may have taken the place before it was held.
+            if known.load(Ordering::Acquire) == place {
+                unpacked.scratch.read_exact_at(out, u64::from(place - 1) * self.delivered_bytes() + at)?;
+                return Ok(true);
+            }
+            drop(held);
+        }
     }
 
     fn write(&self, unpacked: &Unpacked, place: &Place, at: u64) -> io::Result<()> {
@@ -179,13 +230,12 @@ impl ZarrVolume {
         let at = z % cz * cy * cx * size as u64 + at;
         match &self.way {
             Way::Packed(None) => Err(ReadFault::NotUnrolled.into()),
-            Way::Packed(Some(unpacked)) => match self.unpack(unpacked, chunk)? {
-                Some(chunk_at) => unpacked.scratch.read_exact_at(out, chunk_at + at),
-                None => {
+            Way::Packed(Some(unpacked)) => {
+                if !self.read_unpacked(unpacked, chunk, at, out)? {
                     self.fill(out);
-                    Ok(())
                 }
-            },
+                Ok(())
+            }
             Way::Plain(open) => {
                 let Some(file) = self.plain(open, chunk)? else {
                     self.fill(out);
@@ -305,7 +355,7 @@ impl VolumeSource for ZarrVolume {
     fn preparation(&self) -> Preparation {
         match &self.way {
             Way::Packed(None) => Preparation {
-                scratch_bytes: self.chunk_count().saturating_mul(self.delivered_bytes()),
+                scratch_bytes: self.place_count().saturating_mul(self.delivered_bytes()),
                 memory_bytes: self.places_bytes(),
                 on_demand: true,
             },
@@ -314,15 +364,24 @@ impl VolumeSource for ZarrVolume {
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
-        let (chunks, places_bytes) = (self.chunk_count(), self.places_bytes());
+        let (chunks, place_count, places_bytes) =
+            (self.chunk_count(), self.place_count(), self.places_bytes());
         if let Way::Packed(way @ None) = &mut self.way {
             let memory = workspace.reserve(places_bytes, || self.array.path(self.number, [0; 3]))?;
-            let places = (0..chunks).map(|_| AtomicU32::new(0)).collect();
+            let numbers = |count: u64| (0..count).map(|_| AtomicU32::new(0)).collect();
+            let (places, owners) = (numbers(chunks), numbers(place_count));
             let scratch = unnamed(workspace.scratch).map_err(|cause| {
                 SourceError::from(SourceFault::Scratch { path: workspace.scratch.to_path_buf(), cause })
             })?;
-            let (count, locks) = (AtomicU32::new(0), std::array::from_fn(|_| Mutex::default()));
-            *way = Some(Box::new(Unpacked { scratch, places, count, locks, _memory: memory }));
+            *way = Some(Box::new(Unpacked {
+                scratch,
+                places,
+                owners,
+                given: AtomicU64::new(0),
+                locks: std::array::from_fn(|_| Mutex::default()),
+                readers: std::array::from_fn(|_| RwLock::default()),
+                _memory: memory,
+            }));
         }
         Ok(())
     }

@@ -1,0 +1,283 @@
+//! What has to be known of the whole volume before its parts can be built, found share by share: every stage has a file
+//! for each share and one for all of them, which holds what the shares add up to.
+//!
+//! ```text
+//! extremes (samples of more than 16 bits) --> histogram --> the threshold of Otsu's method --+--> parts
+//!                                                                    occupancy --> cleaning --+
+//! ```
+//!
+//! A file, little-endian: magic, digest of the plan, stage, number and count of the shares, the words of the finding, the
+//! CRC of all that. Words are counts, or the bits of numbers, so that nothing is rounded on the way.
+
+use std::fmt;
+use std::io::{self, Read as _, Write as _};
+use std::path::{Path, PathBuf};
+use std::str::FromStr;
+
+use super::cut::PartId;
+use super::fault::PartFault;
+use super::read::at;
+use crate::atomic::AtomicFile;
+use crate::builder::choose::Chooser;
+use crate::builder::error::{BuildError, BuildFault};
+use crate::builder::histogram::{BINS, Tally, needs_extremes};
+use crate::builder::parallel::Share;
+use crate::builder::report::BuildNote;
+use crate::format::{Selection, SelectionKind};
+use crate::platform::open_file;
+use crate::volume::ScalarType;
+
+const MAGIC: [u8; 8] = *b"\x89OSTAGE\n";
+/// Number of the file of all shares.
+const WHOLE: u32 = u32::MAX;
+pub(super) const HEAD_BYTES: usize = 8 + 32 + 4 + 4 + 4;
+/// No file is longer.
+const MAX_BYTES: u64 = (HEAD_BYTES + 8 * (64 + 2 * BINS) + 4) as u64;
+
+/// A stage before the parts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// The least and the greatest sample.
+    Extremes,
+    /// The counts of all samples, from which the threshold follows.
+    Histogram,
+    /// One bit a voxel, which cleaning works on.
+    Occupancy,
+}
+
+impl Stage {
+    /// The stages of Otsu's method, in their order.
+    pub(crate) fn of_otsu(scalar: ScalarType) -> &'static [Self] {
+        if needs_extremes(scalar) { &[Self::Extremes, Self::Histogram] } else { &[Self::Histogram] }
+    }
+
+    /// Its name.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Extremes => "extremes",
+            Self::Histogram => "histogram",
+            Self::Occupancy => "occupancy",
+        }
+    }
+
+    /// The file of a share in the folder of a job.
+    pub(crate) fn path(self, part: &PartId, folder: &Path) -> PathBuf {
+        part.named(folder, &format!("{self}-{:04}", part.number))
+    }
+
+    /// The file of all shares.
+    pub(crate) fn whole_path(self, part: &PartId, folder: &Path) -> PathBuf {
+        part.named(folder, self.name())
+    }
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(self.name())
+    }
+}
+
+impl FromStr for Stage {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let known =
+            [Self::Extremes, Self::Histogram, Self::Occupancy].into_iter().find(|stage| stage.name() == text);
+        known.ok_or_else(|| format!("'{text}' is not a stage; they are extremes, histogram and occupancy"))
+    }
+}
+
+/// What was found, in a share of the volume or in all of it.
+#[derive(Debug)]
+pub(crate) enum Finding {
+    /// The least and the greatest finite sample, if there is one.
+    Extremes(Option<(f64, f64)>),
+    /// Counts.
+    Tally(Tally),
+    /// What is inside, by the counts of the whole.
+    Chosen(Selection, Option<BuildNote>),
+}
+
+impl Finding {
+    fn words(&self) -> Box<dyn Iterator<Item = u64> + '_> {
+        match self {
+            Self::Extremes(None) => Box::new(std::iter::empty()),
+            Self::Extremes(Some((min, max))) => Box::new([min.to_bits(), max.to_bits()].into_iter()),
+            Self::Tally(tally) => Box::new(tally.words()),
+            Self::Chosen(Selection { kind, lo, hi }, note) => {
+                let (what, of) = match note {
+                    Some(BuildNote::Labels { count }) => (1, *count as u64),
+                    Some(BuildNote::Padding { value }) => (2, value.to_bits()),
+                    _ => (0, 0),
+                };
+                let is_otsu = u64::from(*kind == SelectionKind::Otsu);
+                Box::new([is_otsu, lo.to_bits(), hi.to_bits(), what, of].into_iter())
+            }
+        }
+    }
+
+    fn parse(stage: Stage, is_whole: bool, words: &[u64]) -> Option<Self> {
+        Some(match (stage, is_whole, words) {
+            (Stage::Extremes, _, []) => Self::Extremes(None),
+            (Stage::Extremes, _, [min, max]) => {
+                Self::Extremes(Some((f64::from_bits(*min), f64::from_bits(*max))))
+            }
+            (Stage::Histogram, false, words) => Self::Tally(Tally::parse(words)?),
+            (Stage::Histogram, true, [is_otsu, lo, hi, what, of]) => {
+                let kind = if *is_otsu == 1 { SelectionKind::Otsu } else { SelectionKind::Iso };
+                let note = match what {
+                    1 => Some(BuildNote::Labels { count: usize::try_from(*of).ok()? }),
+                    2 => Some(BuildNote::Padding { value: f64::from_bits(*of) }),
+                    _ => None,
+                };
+                Self::Chosen(Selection { kind, lo: f64::from_bits(*lo), hi: f64::from_bits(*hi) }, note)
+            }
+            _ => return None,
+        })
+    }
+
+    /// Adds the finding of another share; `false` if it is of another kind.
+    fn join(&mut self, other: Self) -> bool {
+        match (self, other) {
+            (Self::Extremes(all), Self::Extremes(own)) => {
+                let both = |(a, b): (f64, f64), (c, d): (f64, f64)| (a.min(c), b.max(d));
+                *all = all.zip(own).map(|(one, other)| both(one, other)).or(*all).or(own);
+            }
+            (Self::Tally(all), Self::Tally(own)) => all.join(&own),
+            _ => return false,
+        }
+        true
+    }
+}
+
+/// Finds what a stage asks of the share of a part; `extremes` are those of the whole, where they come first.
+///
+/// # Errors
+/// The volume cannot be read, or the memory is too small.
+pub(crate) fn find(
+    chooser: &Chooser<'_>,
+    stage: Stage,
+    part: &PartId,
+    extremes: Option<(f64, f64)>,
+) -> Result<Finding, BuildError> {
+    let share = Share { number: part.number, of: part.cuts.parts };
+    Ok(match stage {
+        Stage::Extremes => Finding::Extremes(chooser.extremes_of(share)?),
+        _ => Finding::Tally(chooser.tally_of(share, extremes)?),
+    })
+}
+
+/// What the shares of all parts add up to; of a histogram the threshold that follows.
+///
+/// Memory: the counts of two shares.
+///
+/// # Errors
+/// A share is missing, damaged or not of this plan, or all values are alike.
+pub(crate) fn join(
+    chooser: &Chooser<'_>,
+    stage: Stage,
+    part: &PartId,
+    folder: &Path,
+    extremes: Option<(f64, f64)>,
+) -> Result<Finding, BuildError> {
+    let (mut missing, mut first) = (0, Vec::new());
+    let mut all: Option<Finding> = None;
+    for number in 0..part.cuts.parts {
+        chooser.progress.check()?;
+        let part = PartId { number, ..*part };
+        let Some(own) = read(stage, &part, folder, false)? else {
+            missing += 1;
+            first.extend((first.len() < super::join::NAMED).then_some(number));
+            continue;
+        };
+        match &mut all {
+            None => all = Some(own),
+            Some(all) => {
+                if !all.join(own) {
+                    return Err(at(&stage.path(&part, folder), PartFault::Damaged { number }));
+                }
+            }
+        }
+    }
+    match all.filter(|_| missing == 0) {
+        None => Err(at(folder, PartFault::Missing { parts: part.cuts.parts, missing, first })),
+        Some(Finding::Tally(tally)) => {
+            let (selection, note) = chooser.choose_by(tally, extremes)?;
+            Ok(Finding::Chosen(selection, note))
+        }
+        Some(all) => Ok(all),
+    }
+}
+
+pub(super) fn head(stage: Stage, part: &PartId, is_whole: bool) -> [u8; HEAD_BYTES] {
+    let mut head = [0; HEAD_BYTES];
+    head[..8].copy_from_slice(&MAGIC);
+    head[8..40].copy_from_slice(&part.digest);
+    let number = if is_whole { WHOLE } else { part.number };
+    let words = [stage as u32, number, part.cuts.parts];
+    head[40..].as_chunks_mut().0.iter_mut().zip(words).for_each(|(to, word)| *to = word.to_le_bytes());
+    head
+}
+
+/// Writes the finding of a share, or of all of them; the file appears whole or not at all.
+///
+/// # Errors
+/// The disk fails.
+pub(crate) fn write(
+    finding: &Finding,
+    stage: Stage,
+    part: &PartId,
+    folder: &Path,
+    is_whole: bool,
+) -> Result<(), BuildError> {
+    let path = if is_whole { stage.whole_path(part, folder) } else { stage.path(part, folder) };
+    let put = || -> io::Result<()> {
+        let atomic = AtomicFile::create(&path)?;
+        let mut file = io::BufWriter::new(atomic.file());
+        let mut crc = 0;
+        let mut put = |bytes: &[u8]| {
+            crc = crc32c::crc32c_append(crc, bytes);
+            file.write_all(bytes)
+        };
+        put(&head(stage, part, is_whole))?;
+        finding.words().try_for_each(|word| put(&word.to_le_bytes()))?;
+        file.write_all(&crc.to_le_bytes())?;
+        file.flush()?;
+        drop(file);
+        atomic.file().sync_all()?;
+        atomic.commit()
+    };
+    put().map_err(|cause| BuildFault::Output { path: path.clone(), cause }.into())
+}
+
+/// Reads the finding of a share, or of all of them; `None` if it is not there.
+///
+/// # Errors
+/// It cannot be read, or is damaged.
+pub(crate) fn read(
+    stage: Stage,
+    part: &PartId,
+    folder: &Path,
+    is_whole: bool,
+) -> Result<Option<Finding>, BuildError> {
+    let path = if is_whole { stage.whole_path(part, folder) } else { stage.path(part, folder) };
+    let mut bytes = Vec::new();
+    match open_file(&path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)) {
+        Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
+        Err(cause) => return Err(at(&path, PartFault::Unreadable(cause))),
+        Ok(_) => {}
+    }
+    let parsed = || {
+        let (content, crc) = bytes.split_last_chunk::<4>()?;
+        let is_sound = crc32c::crc32c(content) == u32::from_le_bytes(*crc);
+        let (own, words) = content.split_first_chunk::<HEAD_BYTES>()?;
+        let (words, rest) = words.as_chunks::<8>();
+        let is_it = is_sound && rest.is_empty() && *own == head(stage, part, is_whole);
+        let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
+        Finding::parse(stage, is_whole, &words).filter(|_| is_it)
+    };
+    match parsed() {
+        Some(finding) => Ok(Some(finding)),
+        None => Err(at(&path, PartFault::DamagedStage { stage })),
+    }
+}

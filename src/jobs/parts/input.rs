@@ -1,0 +1,207 @@
+//! The input of parts: opened, and hashed with everything else that decides the bytes of the model.
+
+use std::path::{Path, PathBuf};
+use std::time::UNIX_EPOCH;
+
+use sha2::{Digest, Sha256};
+
+use super::refused;
+use crate::budget::MemoryCap;
+use crate::builder::parts::stage::Stage;
+use crate::builder::parts::{NotInParts, PartFault, PartId};
+use crate::builder::{self, BuildError, BuildFault, BuildOptions, Threshold, cell_dims};
+use crate::clean::Cleaned;
+use crate::error::Error;
+use crate::format::{Channel, SurfaceKind};
+use crate::geom::Dims;
+use crate::jobs::build::{BuildJob, prepare};
+use crate::source::{OpenOptions, Subject, SubjectKind};
+use crate::volume::VolumeSource;
+
+/// Version of the layout of parts and of what their digest is made of.
+const VERSION: &str = "infobyte parts 2";
+
+/// What is built, as one build is asked for.
+#[derive(Clone, Copy)]
+pub struct PartsInput<'a> {
+    /// What lies at the inputs.
+    pub kind: SubjectKind,
+    /// The files and folders.
+    pub inputs: &'a [PathBuf],
+    /// How they are opened.
+    pub how: &'a OpenOptions,
+    /// How they are built. [`BuildJob::output`] is where parts of solids have their scratch files.
+    pub job: BuildJob<'a>,
+}
+
+/// An input that is open.
+pub(super) struct Opened {
+    pub(super) subject: Subject,
+    /// Size of the model's grid.
+    pub(super) dims: Dims,
+    /// The files that a solid is made of.
+    pub(super) files: Vec<PathBuf>,
+    /// What comes before the parts.
+    pub(super) stages: Vec<Stage>,
+}
+
+impl Opened {
+    pub(super) fn volume(&self) -> Option<&dyn VolumeSource> {
+        match &self.subject {
+            Subject::Volume(volume) => Some(&**volume),
+            Subject::Mesh(_) | Subject::Tree(_) => None,
+        }
+    }
+}
+
+impl PartsInput<'_> {
+    fn threshold(&self) -> Threshold {
+        let BuildJob { clean, options, .. } = self.job;
+        clean.preset.map_or(options.threshold, |preset| preset.threshold())
+    }
+
+    /// What a part of a model cannot know.
+    fn unsupported(&self, source: Option<&dyn VolumeSource>) -> Option<NotInParts> {
+        let BuildJob { options, .. } = self.job;
+        let wide = source.is_some_and(|source| source.info().scalar.bytes() > 2);
+        let found = [
+            (options.labels.is_some(), NotInParts::Labels),
+            (!options.visible_from.is_empty(), NotInParts::Sight),
+            (options.joins(), NotInParts::Leaves),
+            (wide && options.channels.contains(Channel::Value), NotInParts::WideValues),
+        ];
+        found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
+    }
+
+    /// The options of a part, with the threshold of its preset.
+    pub(super) fn options(&self) -> BuildOptions {
+        BuildOptions { threshold: self.threshold(), ..self.job.options.clone() }
+    }
+
+    /// Opens the input, and reshapes a volume. The grid and the files of a solid are found out by making it, unless they
+    /// are `known`.
+    pub(super) fn open(&self, known: Option<(Dims, &[String])>) -> Result<Opened, Error> {
+        let refuse = |what| {
+            let path = self.inputs.first().cloned().unwrap_or_default();
+            Err(refused(&path, PartFault::Unsupported(what)))
+        };
+        if let Some(what) = self.unsupported(None) {
+            return refuse(what);
+        }
+        let subject = self.job.reshape(self.job.open(self.kind, self.inputs, self.how)?)?;
+        let Subject::Volume(volume) = &subject else {
+            let (dims, files) = match known {
+                Some((dims, files)) => (dims, files.iter().map(PathBuf::from).collect()),
+                None => self.outline(&subject)?,
+            };
+            return Ok(Opened { subject, dims, files, stages: Vec::new() });
+        };
+        if let Some(what) = self.unsupported(Some(&**volume)) {
+            return refuse(what);
+        }
+        let info = volume.info();
+        let dims = match self.job.options.volume_surface() {
+            SurfaceKind::Skin => info.dims,
+            SurfaceKind::Cells => cell_dims(info.dims).ok_or_else(|| {
+                let name = info.description.name.clone();
+                Error::Build(BuildError::from(BuildFault::NoRoomForCells { name }))
+            })?,
+        };
+        let by_otsu = self.threshold() == Threshold::Otsu;
+        let mut stages = if by_otsu { Stage::of_otsu(info.scalar).to_vec() } else { Vec::new() };
+        stages.extend(self.job.clean.works_on_bits().then_some(Stage::Occupancy));
+        Ok(Opened { subject, dims, files: Vec::new(), stages })
+    }
+
+    /// Grid and files of a mesh or a tree.
+    fn outline(&self, subject: &Subject) -> Result<(Dims, Vec<PathBuf>), Error> {
+        let found = self.job.with_solid(subject, &mut |made, _| {
+            let mut files = Vec::new();
+            made.solid.for_each_file(&mut |path| files.push(path.to_path_buf()));
+            Ok((made.solid.dims(), files))
+        })?;
+        Ok(found.0)
+    }
+
+    /// The digest of everything that decides the bytes of the model: program, options, and of every file of the input its
+    /// name, length and time of change.
+    pub(super) fn digest(&self, opened: &Opened, parts: u32) -> [u8; 32] {
+        let BuildJob { clean, options, grid, .. } = self.job;
+        // What changes time and memory only is the same for all.
+        let what = BuildOptions {
+            memory: MemoryCap::Share(0),
+            threads: 0,
+            scratch: None,
+            surface: options.volume_surface(),
+            ..options.clone()
+        };
+        let how = OpenOptions { opening_bytes: None, skip: None, ..self.how.clone() };
+        let mut hash = Sha256::new();
+        let mut take = |text: &str| {
+            hash.update((text.len() as u64).to_le_bytes());
+            hash.update(text);
+        };
+        take(VERSION);
+        take(env!("CARGO_PKG_VERSION"));
+        take(&format!("{what:?} {clean:?} {grid:?} {how:?} {:?} {:?} {parts}", self.kind, opened.dims));
+        if let Some(info) = opened.volume().map(VolumeSource::info) {
+            take(&format!("{:?} {:?} {:?}", info.scalar, info.affine, info.rescale));
+        }
+        let mut file = |path: &Path| {
+            let state = std::fs::metadata(path).ok().filter(|meta| meta.is_file()).map(|meta| {
+                let changed = meta.modified().ok().and_then(|time| time.duration_since(UNIX_EPOCH).ok());
+                (meta.len(), changed)
+            });
+            take(&format!("{:?} {state:?}", path.file_name()));
+        };
+        self.inputs.iter().for_each(|path| file(path));
+        opened.files.iter().for_each(|path| file(path));
+        if let Some(volume) = opened.volume() {
+            volume.for_each_file(&mut file);
+        }
+        hash.finalize().into()
+    }
+
+    /// Unrolls a volume that has to be.
+    pub(super) fn prepare(&self, opened: &mut Opened, scratch_beside: &Path) -> Result<(), Error> {
+        let BuildJob { clean, options, progress, .. } = self.job;
+        if let Subject::Volume(volume) = &mut opened.subject {
+            prepare(&mut **volume, clean, options, scratch_beside, progress)?;
+            self.job.give_back();
+        }
+        Ok(())
+    }
+
+    /// Builds some parts, one after the other; the voxels of all of them.
+    pub(super) fn build(
+        &self,
+        opened: &mut Opened,
+        options: &BuildOptions,
+        folder: &Path,
+        ids: &[PartId],
+    ) -> Result<u64, Error> {
+        let Some(first) = ids.first() else { return Ok(0) };
+        self.prepare(opened, &first.path(folder))?;
+        let bits = self.cleaned_bits(opened, ids, folder)?;
+        let progress = self.job.progress;
+        let each = |build: &mut dyn FnMut(&PartId, &Path) -> Result<builder::BuildReport, BuildError>| {
+            ids.iter().try_fold(0, |voxels, id| Ok(voxels + build(id, &id.path(folder))?.skin_voxels))
+        };
+        Ok(match &opened.subject {
+            Subject::Volume(volume) => {
+                let clean = self.job.clean;
+                let cleaned =
+                    bits.map(|bits| clean.cleaned(&**volume, options, bits, progress)).transpose()?;
+                let source = cleaned.as_ref().map_or(&**volume, Cleaned::source);
+                each(&mut |id, path| builder::build_volume_part(source, options, path, id, progress))?
+            }
+            solid => {
+                self.job
+                    .with_solid(solid, &mut |made, options| {
+                        each(&mut |id, path| made.build(options, path, Some(id), progress))
+                    })?
+                    .0
+            }
+        })
+    }
+}
