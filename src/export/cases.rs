@@ -40,6 +40,17 @@ pub(super) const fn ends(edge: usize) -> [usize; 2] {
     [low, low | 1 << axis]
 }
 
+/// [`ends`] of all edges.
+pub(super) static ENDS: [[usize; 2]; EDGES] = {
+    let mut all = [[0; 2]; EDGES];
+    let mut edge = 0;
+    while edge < EDGES {
+        all[edge] = ends(edge);
+        edge += 1;
+    }
+    all
+};
+
 /// The edge along `axis` that begins or ends in `corner`.
 pub(super) const fn edge_at(corner: usize, axis: usize) -> usize {
     let [b, c] = others(axis);
@@ -197,19 +208,19 @@ const fn all_crossed() -> [[Crossed; MAX_PATCHES]; 256] {
     crossed
 }
 
-/// Whether a case has an ambiguous face.
-pub(super) static HAS_AMBIGUOUS: [bool; 256] = {
-    let mut has = [false; 256];
+/// The axes along which the high face of a case is ambiguous, as bits.
+pub(super) static AMBIGUOUS_HIGH: [u8; 256] = {
+    let mut high = [0; 256];
     let mut case = 0;
     while case < 256 {
-        let mut face = 0;
-        while face < 6 {
-            has[case] |= is_ambiguous(case as u8, face / 2, face % 2);
-            face += 1;
+        let mut axis = 0;
+        while axis < 3 {
+            high[case] |= (is_ambiguous(case as u8, axis, 1) as u8) << axis;
+            axis += 1;
         }
         case += 1;
     }
-    has
+    high
 };
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 use std::io;
 
 use super::bits::{Bits, set};
-use super::cases::{ends, is_crossed};
+use super::cases::{ENDS, is_crossed};
 use super::dual::Mesher;
 use super::patch::{Patch, Spot, Spots, held_within, in_world, middle};
 use super::signs::Boxes;
@@ -158,7 +158,7 @@ impl Spots for CoarseLayer<'_> {
         };
         let at = middle(place, |edge| {
             debug_assert!(is_crossed(place.case, edge));
-            let [low, high] = ends(edge).map(value);
+            let [low, high] = ENDS[edge].map(value);
             // A block that is just half full counts as outside.
             if low == high { 0.5 } else { low / (low - high) }
         });

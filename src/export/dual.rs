@@ -15,7 +15,7 @@ use std::collections::HashMap;
 use std::io;
 
 use super::bits::Bits;
-use super::cases::{CASES, HAS_AMBIGUOUS, edge_at, ends, is_ambiguous, is_inside, others};
+use super::cases::{AMBIGUOUS_HIGH, CASES, edge_at, ends, is_inside, others};
 use super::fault::ExportFault;
 use super::patch::{Patch, Spot, Spots, singles};
 use super::tint::{Light, Mixture};
@@ -23,6 +23,7 @@ use super::write::{Sink, Vertex, unit};
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
+use crate::platform::prefer_large_pages;
 
 /// A cube that the surface passes through, and the vertex of its first patch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -100,13 +101,17 @@ impl<'a> Mesher<'a> {
         }
     }
 
-    /// The same, with room for so many vertices and twice as many triangles.
-    pub(super) fn with_room(mut self, vertices: usize) -> Self {
+    /// The same, with room for the patches of so many boxes: some have several.
+    pub(super) fn with_room(mut self, boxes: usize) -> Self {
+        let vertices = boxes.saturating_add(boxes / 4);
         let Surface { at, normals, lights, faces } = &mut self.surface;
         at.reserve(vertices);
         normals.reserve(if self.has[0] { vertices } else { 0 });
         lights.reserve(if self.has[1] { vertices } else { 0 });
-        faces.reserve(2 * vertices);
+        faces.reserve(vertices.saturating_mul(2));
+        prefer_large_pages(at.spare_capacity_mut());
+        prefer_large_pages(normals.spare_capacity_mut());
+        prefer_large_pages(faces.spare_capacity_mut());
         self
     }
 
@@ -301,14 +306,15 @@ impl<'a> Mesher<'a> {
         let r = self.cube(x, 0);
         let s = self.cube(x, 1 << b);
         let reversed = (r.case & 1 == 0) ^ (AXIS == 1) ^ self.mirrored;
-        let is_ambiguous = |cube: Cube| HAS_AMBIGUOUS[usize::from(cube.case)];
-        if is_ambiguous(p) || is_ambiguous(q) || is_ambiguous(r) || is_ambiguous(s) {
+        // The faces between two of them, each the high face of the lower one.
+        let high = |cube: Cube| AMBIGUOUS_HIGH[usize::from(cube.case)];
+        if ((high(p) | high(s)) >> b | (high(p) | high(q)) >> c) & 1 == 1 {
             let edge = 4 * AXIS;
             let cubes =
                 [(1 << b | 1 << c, p, edge + 3), (1 << c, q, edge + 2), (0, r, edge), (1 << b, s, edge + 1)];
             return self.knotted(AXIS, cubes, at, reversed);
         }
-        // Without ambiguous faces a cube may still have several patches, in opposite corners.
+        // Without ambiguous faces between them, no two are joined twice.
         let edge = 4 * AXIS;
         let corners = [p.vertex(edge + 3), q.vertex(edge + 2), r.vertex(edge), s.vertex(edge + 1)];
         self.quad(corners, reversed);
@@ -352,13 +358,17 @@ impl<'a> Mesher<'a> {
         if reversed {
             corners.reverse();
         }
-        let all: Vec<Vertex> = corners.iter().map(|corner| self.get(*corner)).collect();
+        let mut all = [Vertex::default(); 8];
+        for (vertex, corner) in all.iter_mut().zip(&*corners) {
+            *vertex = self.get(*corner);
+        }
+        let all = &all[..corners.len()];
         #[expect(clippy::cast_precision_loss, reason = "five to eight")]
         let share = 1.0 / all.len() as f32;
         let middle = Vertex {
             at: [0, 1, 2].map(|a| all.iter().map(|v| v.at[a] * share).sum()),
             normal: unit([0, 1, 2].map(|a| all.iter().map(|v| v.normal[a]).sum())),
-            light: mean(&all),
+            light: mean(all),
         };
         let middle = self.push(middle)?;
         let count = corners.len();
@@ -377,7 +387,7 @@ impl<'a> Mesher<'a> {
         // The axis along which they differ; the one that is one less lies below.
         let across = ((one.0 ^ other.0).trailing_zeros() as usize).min(2);
         let (low, high) = if one.0 >> across & 1 == 1 { (one, other) } else { (other, one) };
-        if !is_ambiguous(low.1.case, across, 1) {
+        if AMBIGUOUS_HIGH[usize::from(low.1.case)] >> across & 1 == 0 {
             return Ok(None);
         }
         let [p, q] = ends(low.2);

@@ -2,7 +2,7 @@
 
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "components of 8 bits")]
 
-use super::cases::{CASES, CROSSED, Crossed, EDGES, ends, is_inside};
+use super::cases::{CROSSED, Crossed, EDGES, ENDS, is_inside};
 use super::signs::Boxes;
 use super::tint::{Light, Lights, Mixture};
 use super::write::unit;
@@ -92,7 +92,7 @@ impl Layer<'_> {
     fn of_voxels(&self, place: Patch) -> ([f64; 3], Light) {
         let mut sum = [0.0; 3];
         let mut mixture = Mixture::default();
-        let corners = patch_edges(place).map(|edge| ends(edge).map(|c| (c, is_inside(place.case, c))));
+        let corners = patch_edges(place).map(|edge| ENDS[edge].map(|c| (c, is_inside(place.case, c))));
         let inside = corners.flat_map(|ends| ends.into_iter().filter(|(_, inside)| *inside));
         let seen = inside.fold(0_u8, |bits, (corner, _)| bits | 1 << corner);
         for corner in (0..8_u32).filter(|corner| seen >> corner & 1 == 1) {
@@ -149,7 +149,7 @@ impl Layer<'_> {
 fn between_corners(samples: [i8; CORNERS], place: Patch) -> ([f64; 3], [f64; 3]) {
     let value = |corner: usize| f64::from(samples[corner]);
     let at = middle(place, |edge| {
-        let [low, high] = ends(edge).map(value);
+        let [low, high] = ENDS[edge].map(value);
         if (low > 0.0) == (high > 0.0) { 0.5 } else { low / (low - high) }
     });
     let slope = |axis: usize| -> f64 {
@@ -229,18 +229,25 @@ pub(super) fn corner_at(corner: usize) -> [f64; 3] {
     [0, 1, 2].map(|a| if corner >> a & 1 == 1 { 0.5 } else { -0.5 })
 }
 
-/// The edges that a patch crosses.
+/// The edges that a patch crosses, from the first on.
+#[inline(always)]
 fn patch_edges(place: Patch) -> impl Iterator<Item = usize> {
-    let case = CASES[usize::from(place.case)];
-    (0..EDGES).filter(move |edge| case.patch_of[*edge] == place.patch)
+    let [x, y, z] = CROSSED[usize::from(place.case)][usize::from(place.patch)].along.map(u32::from);
+    let mut left = x | y << 4 | z << 8;
+    std::iter::from_fn(move || {
+        let edge = left.trailing_zeros() as usize;
+        left &= left.wrapping_sub(1);
+        (edge < EDGES).then_some(edge)
+    })
 }
 
 /// The mean of where a patch crosses its edges: `along` gives how far along each, 0 to 1.
+#[inline(always)]
 pub(super) fn middle(place: Patch, along: impl Fn(usize) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for edge in patch_edges(place) {
-        let [low, _] = ends(edge);
+        let [low, _] = ENDS[edge];
         let mut at = corner_at(low);
         at[edge / 4] += along(edge);
         (0..3).for_each(|a| sum[a] += at[a]);

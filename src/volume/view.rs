@@ -52,8 +52,12 @@ const AHEAD_BYTES: usize = 2 << 20;
 /// Bytes that come from memory together.
 const LINE: usize = 64;
 
-/// Samples along a side of the squares that are turned at once.
-const SIDE: usize = 8;
+/// Pencils of samples along z that are fetched before any of them is turned: rows, and columns. So many lines of memory
+/// are on their way at once, and in their own place they do not compete for the cache.
+const PENCILS: [usize; 2] = [4, 32];
+
+/// Words that are turned side by side.
+const LANES: usize = 4;
 
 /// A part of some slices, which a thread has read together: the samples of one line of memory lie in them all, and one
 /// slice after the other would fetch every line again for each.
@@ -185,18 +189,18 @@ impl<'a> Block<'a> {
             }
             return Ok(());
         }
-        let count = self.slices_ahead(rows.len() * row_bytes).min((info.dims.nz() - z) as usize);
-        if count > 1 {
+        let count = self.slices_ahead(start, size, rows.len() * row_bytes).min((info.dims.nz() - z) as usize);
+        if count > 0 {
             AHEAD.with_borrow_mut(|ahead| {
                 let is_there = ahead.number == self.number && ahead.rows == rows && ahead.cols == cols;
                 if !(is_there && ahead.z.contains(&z)) {
                     let end = z + u32::try_from(count).unwrap_or(1);
                     *ahead = Ahead { number: self.number, rows, cols, z: z..end, ..std::mem::take(ahead) };
                     match size {
-                        1 => self.read_ahead::<1>(start, ahead),
-                        2 => self.read_ahead::<2>(start, ahead),
-                        4 => self.read_ahead::<4>(start, ahead),
-                        _ => self.read_ahead::<8>(start, ahead),
+                        1 => self.read_ahead::<1, 8>(start, ahead),
+                        2 => self.read_ahead::<2, 4>(start, ahead),
+                        4 => self.read_ahead::<4, 2>(start, ahead),
+                        _ => self.read_ahead::<8, 1>(start, ahead),
                     }
                 }
                 let slice = &ahead.samples[(z - ahead.z.start) as usize * ahead.pitch..];
@@ -222,44 +226,50 @@ impl<'a> Block<'a> {
         self.number > 0 && (1..x.min(y)).contains(&z)
     }
 
-    /// Slices to be read together, of which a part has so many bytes.
-    fn slices_ahead(&self, part_bytes: usize) -> usize {
-        let stride = self.strides[2].cast_signed().unsigned_abs();
-        if self.is_along_z() { (LINE / stride).min(AHEAD_BYTES / (part_bytes + 2 * LINE)) } else { 0 }
+    /// Slices to be read together, of which a part has so many bytes: to the end of the line of the first sample.
+    fn slices_ahead(&self, start: usize, size: usize, part_bytes: usize) -> usize {
+        if !self.is_along_z() {
+            return 0;
+        }
+        let stride = self.strides[2].cast_signed();
+        let within = self.bytes.as_ptr().addr().wrapping_add(start) % LINE;
+        let left = if stride > 0 { LINE - within } else { within + 1 };
+        left.div_ceil(stride.unsigned_abs().max(size)).min(AHEAD_BYTES / (part_bytes + 2 * LINE))
     }
 
-    /// Fills `ahead`; `start` is where its first sample is.
-    fn read_ahead<const SIZE: usize>(&self, start: usize, ahead: &mut Ahead) {
+    /// Fills `ahead`; `start` is where its first sample is. `N` samples are a word.
+    fn read_ahead<const SIZE: usize, const N: usize>(&self, start: usize, ahead: &mut Ahead) {
         let [sx, sy, sz] = self.strides;
         let row_bytes = ahead.cols.len() * SIZE;
-        ahead.pitch = (ahead.rows.len() * row_bytes).next_multiple_of(LINE) + LINE;
+        let slice_bytes = ahead.rows.len() * row_bytes;
+        ahead.pitch = slice_bytes.next_multiple_of(LINE) + LINE;
         ahead.samples.resize(ahead.z.len() * ahead.pitch, 0);
         let (columns, rows, slices) = (ahead.cols.len(), ahead.rows.len(), ahead.z.len());
-        let at = |[x, y, z]: [usize; 3]| {
-            [(x, sx), (y, sy), (z, sz)]
-                .into_iter()
-                .fold(start, |at, (index, stride)| at.wrapping_add(index.wrapping_mul(stride)))
-        };
-        let to = |[x, y, z]: [usize; 3]| z * ahead.pitch + y * row_bytes + x * SIZE;
-        // Squares that stay in registers, where samples follow each other; single ones at their sides. Rows come within
-        // columns: few lines of memory are open at a time.
-        let squares = if sz == SIZE { [columns, slices].map(|side| side - side % SIDE) } else { [0; 2] };
-        for x in (0..squares[0]).step_by(SIDE) {
-            for (y, z) in (0..rows).flat_map(|y| (0..squares[1]).step_by(SIDE).map(move |z| (y, z))) {
-                let mut square = [[[0_u8; SIZE]; SIDE]; SIDE];
-                for (i, run) in square.iter_mut().enumerate() {
-                    run.as_flattened_mut().copy_from_slice(&self.bytes[at([x + i, y, z])..][..SIDE * SIZE]);
+        let along = |index: usize, stride: usize| index.wrapping_mul(stride);
+        let run = slices * SIZE;
+        let mut pencils = [[[0_u8; LINE]; PENCILS[1]]; PENCILS[0]];
+        // Rows that lie in one page of memory come before the next columns.
+        for y0 in (0..rows).step_by(PENCILS[0]) {
+            for x0 in (0..columns).step_by(PENCILS[1]) {
+                let there = [PENCILS[0].min(rows - y0), PENCILS[1].min(columns - x0)];
+                for x in 0..there[1] {
+                    for (y, pencils) in pencils[..there[0]].iter_mut().enumerate() {
+                        let at = start.wrapping_add(along(x0 + x, sx)).wrapping_add(along(y0 + y, sy));
+                        let pencil = &mut pencils[x];
+                        if sz == SIZE && run == LINE {
+                            // Of a fixed length: many are fetched at a time.
+                            pencil.copy_from_slice(&self.bytes[at..][..LINE]);
+                            continue;
+                        }
+                        for (z, to) in pencil[..run].chunks_exact_mut(SIZE).enumerate() {
+                            to.copy_from_slice(&self.bytes[at.wrapping_add(along(z, sz))..][..SIZE]);
+                        }
+                    }
                 }
-                for (k, to) in (z..z + SIDE).map(|z| to([x, y, z])).enumerate() {
-                    let across: [[u8; SIZE]; SIDE] = std::array::from_fn(|i| square[i][k]);
-                    ahead.samples[to..][..SIDE * SIZE].copy_from_slice(across.as_flattened());
+                for (y, pencils) in pencils[..there[0]].iter().enumerate() {
+                    let row = &mut ahead.samples[(y0 + y) * row_bytes + x0 * SIZE..];
+                    turn::<SIZE, N>(pencils, [there[1], slices], row, ahead.pitch);
                 }
-            }
-        }
-        for (y, x) in (0..rows).flat_map(|y| (0..columns).map(move |x| (y, x))) {
-            for z in if x < squares[0] { squares[1]..slices } else { 0..slices } {
-                let sample = &self.bytes[at([x, y, z])..][..SIZE];
-                ahead.samples[to([x, y, z])..][..SIZE].copy_from_slice(sample);
             }
         }
     }
@@ -277,6 +287,51 @@ impl<'a> Block<'a> {
             for _ in 0..inner {
                 out[to..to + SIZE].copy_from_slice(&self.bytes[from..from + SIZE]);
                 (from, to) = (from.wrapping_add(from_step), to + to_step);
+            }
+        }
+    }
+}
+
+/// Turns some pencils, of which each holds a sample of every slice, into a row of each slice; slices lie `pitch` bytes
+/// apart.
+#[inline(always)]
+fn turn<const SIZE: usize, const N: usize>(
+    pencils: &[[u8; LINE]; PENCILS[1]],
+    [columns, slices]: [usize; 2],
+    out: &mut [u8],
+    pitch: usize,
+) {
+    for x in (0..columns).step_by(LANES * N) {
+        let width = (LANES * N).min(columns - x) * SIZE;
+        for z in (0..slices).step_by(N) {
+            let word = |k: usize, lane: usize| {
+                let bytes = pencils[x + lane * N + k][z * SIZE..].first_chunk();
+                u64::from_le_bytes(*bytes.unwrap_or(&[0; 8]))
+            };
+            let mut words: [[u64; LANES]; N] =
+                std::array::from_fn(|k| std::array::from_fn(|lane| word(k, lane)));
+            // A square of samples is turned by halves: those off its diagonal change places.
+            let mut half = N / 2;
+            while half > 0 {
+                let shift = half * SIZE * 8;
+                let mask = u64::MAX / ((1 << shift) + 1);
+                for k in (0..N).filter(|k| k & half == 0) {
+                    for lane in 0..LANES {
+                        let (one, other) = (words[k][lane], words[k + half][lane]);
+                        let changed = (one >> shift ^ other) & mask;
+                        words[k][lane] = one ^ changed << shift;
+                        words[k + half][lane] = other ^ changed;
+                    }
+                }
+                half /= 2;
+            }
+            for (k, words) in words.iter().enumerate().take(slices - z) {
+                let row: [[u8; 8]; LANES] = words.map(u64::to_le_bytes);
+                let to = &mut out[(z + k) * pitch + x * SIZE..][..width];
+                match to.first_chunk_mut::<{ 8 * LANES }>() {
+                    Some(to) => to.copy_from_slice(row.as_flattened()),
+                    None => to.copy_from_slice(&row.as_flattened()[..width]),
+                }
             }
         }
     }
@@ -358,22 +413,52 @@ mod tests {
                 samples[at.cast_unsigned()]
             });
         }
-        // Along z: whole squares, and what is left at their sides.
-        let long: Vec<u16> = (0..19 * 3 * 21).collect();
-        let tall = Dims::new(19, 3, 21).unwrap();
-        for (first, strides) in [(0, [63, 21, 1]), (0, [21, 399, 1]), (1196, [-63, -21, -1])] {
-            let view = VolumeView::strided(tall, &long, first, strides).unwrap();
-            check(&view, |p| {
-                let at = (0..3).fold(first.cast_signed(), |at, a| at + p[a] as isize * strides[a]);
-                long[at.cast_unsigned()]
-            });
-        }
         let bytes: Vec<u8> = bytemuck::cast_slice(&samples).to_vec();
         let view = VolumeView::from_bytes(dims, ScalarType::U16, &bytes[1..], 1, [2, 10, 30]).unwrap();
         check(&view, |[x, y, z]| samples[(1 + x + 5 * y + 15 * z) as usize]);
         check(&VolumeView::new(dims, &samples[..60]).unwrap(), |[x, y, z]| {
             samples[(x + 5 * y + 15 * z) as usize]
         });
+    }
+
+    /// Where samples follow each other along z they are turned word by word: of every size, from any byte on, in both
+    /// directions, with what is left at the sides.
+    #[test]
+    fn samples_along_z_are_turned() {
+        let dims = Dims::new(37, 6, 45).unwrap();
+        let [nx, ny, nz] = dims.to_array().map(|side| side as isize);
+        for scalar in [ScalarType::U8, ScalarType::I16, ScalarType::F32, ScalarType::F64] {
+            let size = scalar.bytes();
+            let step = size.cast_signed();
+            let count = 2 * (nx * ny * nz).unsigned_abs() * size + 70;
+            let bytes: Vec<u8> =
+                (0..count).map(|i| (i.wrapping_mul(0x9e37_79b1) >> 11).to_le_bytes()[0]).collect();
+            let last = (nx * ny * nz - 1) * step;
+            for (first, strides) in [
+                (0, [ny * nz * step, nz * step, step]),
+                (0, [nz * step, nx * nz * step, step]),
+                (last, [-ny * nz * step, -nz * step, -step]),
+                (0, [2 * ny * nz * step, 2 * nz * step, 2 * step]),
+            ] {
+                for (before, [y0, y1, x0, x1]) in
+                    [(0, [0, 6, 0, 37]), (1, [1, 6, 3, 36]), (62, [5, 6, 0, 32]), (63, [0, 5, 30, 37])]
+                {
+                    let bytes = &bytes[before..];
+                    let at = first.cast_unsigned();
+                    let view = VolumeView::from_bytes(dims, scalar, bytes, at, strides).unwrap();
+                    for z in [0, 1, 30, 31, 44, 7, 8] {
+                        let mut got = vec![0; ((y1 - y0) * (x1 - x0)) as usize * size];
+                        view.read_rows(z, y0..y1, x0..x1, &mut got).unwrap();
+                        let places = (y0..y1).flat_map(|y| (x0..x1).map(move |x| [x, y, z]));
+                        for (p, got) in places.zip(got.chunks(size)) {
+                            let at =
+                                (0..3).fold(first, |at, a| at + p[a] as isize * strides[a]).cast_unsigned();
+                            assert_eq!(got, &bytes[at..at + size], "{scalar:?} {strides:?} {before} {p:?}");
+                        }
+                    }
+                }
+            }
+        }
     }
 
     #[test]

@@ -79,7 +79,7 @@ def build(
     - a numpy array of three dimensions, read in place whatever its strides. A contiguous memory map is read from its
       file. Types besides 8 to 32 bit integers and 32 and 64 bit floats are converted through a scratch file;
     - what has `shape`, `dtype` and slices, such as arrays of dask, zarr and h5py, or an iterator of slices or slabs:
-      written to a scratch file first, slab by slab, or held in memory where a quarter of `memory` suffices;
+      written to a scratch file first, slab by slab, or held in memory where half of `memory` suffices;
     - an image of SimpleITK, ITK or nibabel, an array of xarray, a grid of pyvista, with its place;
     - a mesh of trimesh, pyvista or Open3D, in mm; needs `grid` or `voxel`.
 
@@ -213,7 +213,7 @@ def _build_object(source: Any, target: str, asked: dict[str, Any], place: Any, t
 
 
 def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, told: Any) -> str:
-    """Builds what comes slab by slab: through memory where half of it suffices, else a scratch file without a name."""
+    """Builds what comes slab by slab: from memory where half of it suffices, else from a scratch file without a name."""
     import tempfile
 
     if all(hasattr(source, name) for name in ("shape", "dtype", "__getitem__")):
@@ -225,7 +225,11 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
     else:
         raise UsageError(f"{type(source).__name__} is not a source; see the documentation of infobyte.build")
     with contextlib.ExitStack() as stack:
-        side, depth, held, file = None, 0, bytearray(), None
+        # Pages that are not filled are not held. A build needs some MiB besides.
+        share = max(asked["memory"] // 4, min(asked["memory"] // 2, asked["memory"] - (6 << 20)))
+        whole = 1 << 30 if shape is None else math.prod(shape) * _sources.kept_type(dtype).itemsize
+        room, used = np.empty(min(share, whole), np.uint8), 0
+        side, depth, file = None, 0, None
         for part in parts:
             if side is None:
                 side = part.shape[1:]
@@ -233,13 +237,13 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
             if part.shape[1:] != side:
                 raise UsageError(f"slice {depth} is of {part.shape[1:]}, those before it of {side}")
             samples = np.ascontiguousarray(part, dtype)
-            # What grows may be held twice while it does.
-            if file is None and 4 * (len(held) + samples.nbytes) > asked["memory"]:
+            if file is None and used + samples.nbytes > len(room):
                 file = stack.enter_context(tempfile.TemporaryFile(dir=_folder(asked, target)))
-                file.write(held)
-                held = bytearray()
+                file.write(room[:used])
+                room = None
             if file is None:
-                held += samples.data.cast("B")
+                room[used : used + samples.nbytes] = samples.reshape(-1).view(np.uint8)
+                used += samples.nbytes
             else:
                 file.write(samples.data)
             depth += len(part)
@@ -249,8 +253,8 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
             raise UsageError("there are no slices")
         layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
         if file is None:
-            array = np.frombuffer(held, dtype).reshape(depth, *side)
-            asked["memory"] -= len(held)
+            array = room[:used].view(dtype).reshape(depth, *side)
+            asked["memory"] -= used
             return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
         file.flush()
         # Read through the descriptor: the file has no name.
