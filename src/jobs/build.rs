@@ -20,9 +20,7 @@ use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::BuildFault;
-use crate::builder::{
-    self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold,
-};
+use crate::builder::{self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold};
 use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, least_cap, read_tree, with_tree};
 use crate::discovery;

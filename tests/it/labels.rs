@@ -426,7 +426,11 @@ fn masks_of_one_grid_become_one_map_and_overlaps_are_counted() {
         object.bytes = (0..dims.iter().product::<u32>()).map(|i| (i % 3) as u8).collect();
         object
     };
-    fs::write(folder.path().join("other.nii"), [nifti(&object, 1, false, true, 1), object.bytes.clone()].concat()).unwrap();
+    fs::write(
+        folder.path().join("other.nii"),
+        [nifti(&object, 1, false, true, 1), object.bytes.clone()].concat(),
+    )
+    .unwrap();
     build(&[&other]).refused(3, &["where a mask has one"]);
 }
 
