@@ -7,9 +7,8 @@
 //!
 //! A solid that lies deep inside another does not touch it: models hold skins.
 
-use crate::format::cell::PlanePart;
 use crate::geom::{Affine, BoxIndex, Octant, cross, dot};
-use crate::load::{ModelView, NodeView};
+use crate::load::{ModelView, NodeView, PlanePart};
 
 /// Boxes that are this near, in boxes, touch.
 const NEAR: f64 = 1e-9;

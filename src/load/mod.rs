@@ -23,6 +23,7 @@ mod verify;
 mod view;
 mod voxels;
 
+pub(crate) use crate::format::cell::PlanePart;
 pub(crate) use cells::{BrickCodes, LeafItems};
 pub use cells::{CellItems, CellShape};
 pub use error::LoadError;

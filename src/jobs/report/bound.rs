@@ -67,7 +67,7 @@ impl Bench<'_> {
             id: if body.is_some() { "bound" } else { "bound_of_frame" },
             title: "How far larger leaves may lie from the surface",
             about: format!(
-                "Cells are joined into leaves within so many voxels of the surface (--error). Distances and normals of the hits of three perspective pictures are held against {reference}. Rays go one by one on one thread. Pictures below are of the bound {SHOWN}."
+                "Cells are joined into leaves within so many voxels of the surface. Distances and normals of the hits of three perspective pictures are held against {reference}. Rays go one by one on one thread. Pictures below are of the bound {SHOWN}."
             )
             .into(),
             advice: advice(&rows),
