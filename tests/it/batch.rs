@@ -307,7 +307,10 @@ fn lists_and_pages_say_what_is_there() {
     assert!(home.starts_with("// This file names files and folders"), "{home}");
     for name in &names {
         let row = home.lines().find(|line| line.contains(&format!("[\"{name}\",")));
-        assert!(row.is_some_and(|row| row.contains(&text(&flat)) && row.contains("same position")), "{home}");
+        assert!(
+            row.is_some_and(|row| row.contains(&text(&flat)) && row.contains("at one position")),
+            "{home}"
+        );
     }
     let sheet = fs::read_to_string(out.join("report.csv")).unwrap();
     assert!(sheet.lines().any(|line| line.contains(names[0]) && line.contains(&text(&flat))), "{sheet}");

@@ -68,20 +68,3 @@ fn empty_fragments_of_dicom_are_bounded() {
         assert!(took < ENOUGH, "closed {closed}: {took:?}");
     }
 }
-
-#[test]
-fn leaves_in_nearly_one_place_are_bounded() {
-    let folder = tempfile::tempdir().unwrap();
-    let mut random = Random(3);
-    let mut place = || f64::from(random.below(1000_u32)) * 1e-5;
-    let mut tree = String::new();
-    for _ in 0..1000 {
-        let [x, y, z] = [place(), place(), place()];
-        tree +=
-            &format!("multmatrix([[1,0,0,{x}],[0,1,0,{y}],[0,0,1,{z}],[0,0,0,1]]) {{ sphere(r = 20); }}\n");
-    }
-    let (input, output) = (file(folder.path(), "t.csg", tree.as_bytes()), folder.path().join("m.oct"));
-    let (run, took) = timed(&["build", &text(&input), "-o", &text(&output), "--grid", "128"]);
-    assert_eq!(run.code, 0, "{run:?}");
-    assert!(took < 5.0 * ENOUGH, "{took:?}");
-}
