@@ -233,7 +233,7 @@ impl BuildJob<'_> {
     /// Builds the model of a reshaped subject; `started` is when the work on it began.
     ///
     /// # Errors
-    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`build_mesh`], [`build_csg`]; of a mesh without a
+    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`]; of a mesh without a
     /// grid a sentence that says what to add.
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let Built { report, cleaned, warnings, hints } = match subject {
@@ -315,7 +315,7 @@ impl BuildJob<'_> {
     /// Makes the solid of a mesh or a tree, and hands it on; with what is told of it.
     ///
     /// # Errors
-    /// As [`build_mesh`](crate::mesh::build_mesh) and [`build_csg`](crate::csg::build_csg).
+    /// As [`crate::mesh::build_mesh`] and [`crate::csg::build_csg`].
     pub(super) fn with_solid<T>(
         &self,
         subject: &Subject,

@@ -93,7 +93,9 @@ def page() -> str:
             parts += of_class(name, item)
         else:
             parts += [f"## `infobyte.{name}`", signature(name, item), shown(item.__doc__)]
-    parts += ["## `infobyte.distributed.build`", signature("build", distributed.build), shown(distributed.build.__doc__)]
+    for name in distributed.__all__:
+        what = getattr(distributed, name)
+        parts += [f"## `infobyte.distributed.{name}`", signature(name, what), shown(what.__doc__)]
     rows = [f"| `{name}` | {inspect.cleandoc(getattr(infobyte, name).__doc__)} |" for name in ERRORS]
     system = "| `FileNotFoundError`, `PermissionError`, `OSError`, ... | What the system refuses, with `errno` and `filename`; also `InfobyteError`. |"
     parts += ["## Exceptions", "\n".join(["| class | meaning |", "|---|---|", *rows, system])]

@@ -24,7 +24,7 @@ from ._model import Model, loads
 if TYPE_CHECKING:
     from ._build import Path, Progress
 
-__all__ = ["batch", "build"]
+__all__ = ["build", "batch"]
 
 #: What exit codes of `oct` mean; all else (a full disk, a signal) may pass.
 _FINAL = {2: "usage", 3: "input", 4: "budget"}
@@ -243,7 +243,8 @@ def _program() -> str:
 
 
 def _run(*arguments: str) -> tuple[int, str]:
-    done = subprocess.run([_program(), *arguments, "--json", "--quiet"], capture_output=True, text=True, stdin=subprocess.DEVNULL)
+    quiet = [] if arguments[0] == "scan" else ["--quiet"]
+    done = subprocess.run([_program(), *arguments, "--json", *quiet], capture_output=True, text=True, stdin=subprocess.DEVNULL)
     return done.returncode, done.stdout if done.returncode in (0, _SOME_FAILED) else done.stderr.strip().removeprefix("oct: ")
 
 
