@@ -19,7 +19,7 @@ const SHOWN: f64 = 0.1;
 const HARDLY_SEEN: f64 = 0.05;
 
 impl Bench<'_> {
-    /// Models of cells within bounds, against the body's true surface, or against the cells that nothing joined.
+    /// Models of cells within bounds, against the body's true surface, or against the fine cells.
     pub(super) fn bounds(
         &self,
         subject: &str,
@@ -59,9 +59,7 @@ impl Bench<'_> {
         }
         let reference = match body {
             Some(_) => Reference::TRUE,
-            None => {
-                "that of the cells that nothing joined, in the same pictures: the first row is 0 by definition"
-            }
+            None => "the fine cells in the same pictures: the first row is 0 by definition",
         };
         Ok(Experiment {
             id: if body.is_some() { "bound" } else { "bound_of_frame" },
@@ -89,7 +87,7 @@ fn advice(rows: &[Row]) -> Option<String> {
         now / before
     });
     Some(format!(
-        "Of {}, choose {}: it keeps {:.0} % of the boxes and {:.0} % of the bytes, and hits are off by {:.3} voxel instead of {:.3} (RMS). Its rays take {:.0} % of the time; meshes to be printed come from cells that nothing joined.",
+        "Of {}, choose {}: it keeps {:.0} % of the boxes and {:.0} % of the bytes, and hits are off by {:.3} voxel instead of {:.3} (RMS). Its rays take {:.0} % of the time; meshes for printing come from fine cells.",
         first.subject,
         chosen.choice,
         100.0 * boxes,
