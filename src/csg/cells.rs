@@ -299,7 +299,7 @@ mod tests {
         for round in 0..60 {
             let solid = random(2 + 3 * round, &mut next);
             let [mut first, mut second] = [(); 2].map(|()| Vec::with_capacity(solid.program.len()));
-            for _ in 0..300 {
+            for _ in 0..600 {
                 let low: [i32; 3] = std::array::from_fn(|_| 1 + next(SIDE - 3));
                 let axis = usize::try_from(next(3)).unwrap();
                 let mut high = low;
