@@ -70,7 +70,7 @@ pub struct PartReport {
     pub plan: String,
     /// Number of the part, from 0.
     pub part: u32,
-    /// The stage that was done; null for the part itself.
+    /// The stage; null for the part itself.
     pub stage: Option<&'static str>,
     /// Output as named on the command line.
     pub output: String,
@@ -137,9 +137,9 @@ fn items(surface: SurfaceKind) -> &'static str {
 pub struct StageReport {
     /// File of the plan.
     pub plan: String,
-    /// Its name.
+    /// The stage; null for the part itself.
     pub stage: &'static str,
-    /// The file that was written.
+    /// Output as named on the command line.
     pub output: String,
     /// Parts of the plan, numbered from 0.
     pub parts: u32,
@@ -151,7 +151,7 @@ pub struct StageReport {
     pub voxels_removed: Option<u64>,
     /// Components found; 0 when they were not asked for.
     pub components: Option<u64>,
-    /// Sentences about the values: padding, labels.
+    /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
@@ -187,7 +187,7 @@ pub struct MergeReport {
     pub output: String,
     /// Parts of the plan, numbered from 0.
     pub parts: u32,
-    /// Skin voxels or cells of the model.
+    /// Skin voxels of the model.
     pub skin_voxels: u64,
     #[serde(skip)]
     surface: SurfaceKind,
