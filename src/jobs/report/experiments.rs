@@ -173,7 +173,9 @@ impl Bench<'_> {
             let (_, times) = rays::cast_boxes(&space, &built.model, &lines, 0);
             let costs = built.costs.with_rays(times);
             let errors = rays::against_body(&met, &lines, body, self.threads)?;
-            rows.push(Self::row(subject, surface.name(), surface == options.surface, costs, errors));
+            // The command builds cells.
+            let usual = surface == SurfaceKind::Cells;
+            rows.push(Self::row(subject, surface.name(), usual, costs, errors));
             shadings.extend(self.shadings(subject, &built.model, body)?);
         }
         let surfaces = Experiment {

@@ -30,8 +30,8 @@ svg{display:block;width:100%;max-width:820px;height:auto;margin:4px 0 8px}.grid{
 .key{display:flex;flex-wrap:wrap;gap:4px 18px;margin:0 0 10px;font-size:13px;color:var(--soft)}.key svg{display:inline-block;width:14px;height:14px;margin:0 5px 0 0;vertical-align:-2px}
 .advice{color:var(--ink);font-weight:600}.pictures{display:flex;flex-wrap:wrap;gap:12px}figure{margin:0;width:180px}figcaption{font-size:13px;color:var(--soft);text-align:center;overflow-wrap:anywhere}
 .wide{overflow-x:auto}table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;width:100%}
-th{text-align:right;font-weight:600;color:var(--soft);padding:4px 10px;border-bottom:1px solid var(--line);white-space:nowrap}
-td{text-align:right;padding:3px 10px;border-bottom:1px solid var(--line);white-space:nowrap}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}
+th{text-align:right;vertical-align:bottom;font-weight:600;color:var(--soft);padding:4px 6px;border-bottom:1px solid var(--line)}
+td{text-align:right;padding:3px 6px;border-bottom:1px solid var(--line);white-space:nowrap}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}
 tr.on td{background:var(--best)}td b{font-weight:650}footer{max-width:1080px;margin:0 auto;padding:0 24px 32px;color:var(--soft);font-size:13px}
 </style></head><body>
 "#;
