@@ -316,11 +316,11 @@ fn turn<const SIZE: usize, const N: usize>(
                 let shift = half * SIZE * 8;
                 let mask = u64::MAX / ((1 << shift) + 1);
                 for k in (0..N).filter(|k| k & half == 0) {
-                    for lane in 0..LANES {
-                        let (one, other) = (words[k][lane], words[k + half][lane]);
-                        let changed = (one >> shift ^ other) & mask;
-                        words[k][lane] = one ^ changed << shift;
-                        words[k + half][lane] = other ^ changed;
+                    let (low, high) = words.split_at_mut(k + half);
+                    for (one, other) in low[k].iter_mut().zip(&mut high[0]) {
+                        let changed = (*one >> shift ^ *other) & mask;
+                        *one ^= changed << shift;
+                        *other ^= changed;
                     }
                 }
                 half /= 2;
