@@ -14,7 +14,7 @@ fn waves(path: &Path, dims: [u32; 3], scalar: ScalarType, seed: u64) {
             for x in 0..dims[0] {
                 let [a, b, c] = [x, y, z].map(f64::from);
                 let wave = (a * scale[0]).sin() + (b * scale[1] + 1.0).cos() + (c * scale[2] * 1.3).sin();
-                let salt = [20.0, -20.0].get(random.below(500) as usize).copied().unwrap_or(0.0);
+                let salt = [20.0, -20.0].get(random.below(500_usize)).copied().unwrap_or(0.0);
                 let value = if z < 140 && y > 140 { 0.0 } else { 40.0 + wave * 12.0 + salt };
                 volume::encode(scalar, value, &mut bytes);
             }
@@ -184,7 +184,7 @@ fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_c
     use ScalarType::{F32, I8, I16, I32, U8, U16};
     let mut random = Random(29);
     for round in 0..14 * long() {
-        let mut pick = |words: &[&str]| words[random.below(words.len() as u64) as usize].to_owned();
+        let mut pick = |words: &[&str]| words[random.below(words.len())].to_owned();
         let groups = [
             pick(&["--surface skin", "--surface cells", "--surface skin --connectivity 6 --gradient auto"]),
             pick(&["", "--iso 40", "--range 30..48", "--otsu"]),
@@ -208,11 +208,11 @@ fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_c
         {
             words.drain(at..at + 2);
         }
-        let scalar = [U8, I8, U16, I16, I32, F32][random.below(6) as usize];
+        let scalar = [U8, I8, U16, I16, I32, F32][random.below(6_usize)];
         let side = |from: u64, random: &mut Random| u32::try_from(from + random.below(60)).unwrap();
         let dims = [side(55, &mut random), side(185, &mut random), side(265, &mut random)];
         let job = Job::new(dims, scalar, &words);
-        let count = [1, 2, 3, 5, 9][random.below(5) as usize];
+        let count = [1, 2, 3, 5, 9][random.below(5_usize)];
         let output = text(&job.path("one.oct"));
         let whole = job.run(&["build"], &["-o", &output, "--json"]);
         assert_eq!(whole.code, 0, "round {round}: {words:?} {scalar:?} {dims:?}");
@@ -288,10 +288,13 @@ fn padding_and_labels_are_recognised_by_all_parts_together() {
         }
         bytes
     };
-    let wave = |x, y, z| ((x * 7 + y * 3 + z) % 400) as i16 + if x / 20 == 1 { 900 } else { 0 };
+    let wave =
+        |x, y, z| i16::try_from((x * 7 + y * 3 + z) % 400).unwrap() + if x / 20 == 1 { 900 } else { 0 };
     let padded = of(&|x, y, z| if round(x, y) { wave(x, y, z) } else { -3024 });
     // Of labels in boxes, some of which only one part sees.
-    let labels = of(&|x, y, z| if (x / 9 + y / 11) % 2 == 0 { ((x / 9 + z / 50) % 7) as i16 } else { 0 });
+    let labels = of(&|x, y, z| {
+        if (x / 9 + y / 11) % 2 == 0 { i16::try_from((x / 9 + z / 50) % 7).unwrap() } else { 0 }
+    });
     for (bytes, word) in [(padded, "-3024"), (labels, "label")] {
         let job = Job::new(dims, ScalarType::I16, &["--surface", "cells"]);
         fs::write(job.path("v.raw"), bytes).unwrap();
