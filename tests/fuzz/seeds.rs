@@ -129,7 +129,9 @@ fn tables(all: &mut Seeds) {
         all.push(("names", table.as_bytes().to_vec()));
     }
     let library = "newmtl other\nKd 1 0 0\nnewmtl m\nKd 1 0.5 0\nd 0.5\nmap_Kd -s 1 1 1 -o 0 0 case.img\n";
-    all.push(("mtl", library.as_bytes().to_vec()));
+    for library in [library, "newmtl m\nKd 1 0.5 0\nd 0.5\n"] {
+        all.push(("mtl", library.as_bytes().to_vec()));
+    }
     let folder = tempfile::tempdir().unwrap();
     let object = Object::new([9, 7, 1], ScalarType::U8, [1.0; 3]);
     let picture = pngs(&object, folder.path()).swap_remove(0);
