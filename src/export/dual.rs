@@ -23,7 +23,6 @@ use super::write::{Sink, Vertex, unit};
 use crate::cpu::{Isa, Kernel, dispatch};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
-use crate::platform::prefer_large_pages;
 
 /// A cube that the surface passes through, and the vertex of its first patch.
 #[derive(Clone, Copy, Debug, Default)]
@@ -109,9 +108,6 @@ impl<'a> Mesher<'a> {
         normals.reserve(if self.has[0] { vertices } else { 0 });
         lights.reserve(if self.has[1] { vertices } else { 0 });
         faces.reserve(vertices.saturating_mul(2));
-        prefer_large_pages(at.spare_capacity_mut());
-        prefer_large_pages(normals.spare_capacity_mut());
-        prefer_large_pages(faces.spare_capacity_mut());
         self
     }
 

@@ -11,7 +11,7 @@ pub(crate) use files::*;
 pub(crate) use machine::*;
 pub use memory::*;
 pub(crate) use resident::MAPPED_FROM;
+pub(crate) use resident::give_back_pages;
 pub use resident::{give_back, map_large_buffers};
-pub(crate) use resident::{give_back_pages, prefer_large_pages};
 #[cfg(feature = "python")]
 pub(crate) use torn::Watched;

@@ -2,12 +2,9 @@
 //!
 //! Two things stay resident without need: buffers that the C library's allocator keeps after they are
 //! freed, and pages of the program's own code that have run once. In a process of a few MiB both weigh.
-#![expect(unsafe_code, reason = "a setting of the C library, and advice on mappings")]
+#![expect(unsafe_code, reason = "a setting of the C library, and advice on mappings of files")]
 
 use std::fs;
-use std::mem::MaybeUninit;
-
-use rustix::param::page_size;
 
 /// Buffers from this size on are mapped on their own, so that freeing them returns them at once
 /// ([`map_large_buffers`]): glibc's own first threshold, kept from growing. Buffers below it come from heaps that
@@ -29,21 +26,6 @@ pub fn map_large_buffers() {
         libc::mallopt(libc::M_MMAP_THRESHOLD, MAPPED_FROM as i32);
         libc::mallopt(libc::M_TRIM_THRESHOLD, MAPPED_FROM as i32);
         libc::mallopt(libc::M_ARENA_MAX, 2);
-    }
-}
-
-/// Asks for large pages where memory is about to be filled in full: a fault each two MiB in place of one each four KiB.
-///
-/// The system may not have any; no byte changes.
-pub(crate) fn prefer_large_pages<T>(room: &mut [MaybeUninit<T>]) {
-    let page = page_size();
-    let ends = room.as_mut_ptr_range();
-    let (first, end) = (ends.start.addr().next_multiple_of(page), ends.end.addr() / page * page);
-    if end > first {
-        // SAFETY: whole pages of memory that the caller holds alone; the advice leaves what they hold as it is.
-        unsafe {
-            libc::madvise(ends.start.with_addr(first).cast(), end - first, libc::MADV_HUGEPAGE);
-        }
     }
 }
 
