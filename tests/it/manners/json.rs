@@ -69,7 +69,7 @@ fn every_report_is_what_its_schema_says() {
     };
     let scene = at("scene.toml");
     fs::write(&scene, "model = [{ file = 'ball.oct' }, { file = 'ball.oct', move = [50, 0, 0] }]").unwrap();
-    let parts = ["--iso", "500", "--parts", "1", "--out", &at("job")];
+    let parts = ["--keep-largest", "1", "--parts", "1", "--out", &at("job")];
     let planned = oct(&[&["plan", &source], &shape[..], &parts].concat());
     let failed = oct(&["info", "nothing.oct", "--json"]);
     let reports = [
@@ -79,6 +79,10 @@ fn every_report_is_what_its_schema_says() {
         ("build", build(&["--iso", "500", "--visible-from", "outside"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--error", "0.2"])),
         ("plan", planned.json()),
+        ("part", oct(&["part", &at("job/plan.json"), "0", "--json", "--stage", "histogram"]).json()),
+        ("merge-stage", oct(&["merge", &at("job/plan.json"), "--json", "--stage", "histogram"]).json()),
+        ("part", oct(&["part", &at("job/plan.json"), "0", "--json", "--stage", "occupancy"]).json()),
+        ("merge-stage", oct(&["merge", &at("job/plan.json"), "--json", "--stage", "occupancy"]).json()),
         ("part", oct(&["part", &at("job/plan.json"), "0", "--json"]).json()),
         ("merge", oct(&["merge", &at("job/plan.json"), "-o", &at("j.oct"), "--json"]).json()),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
