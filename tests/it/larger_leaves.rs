@@ -579,7 +579,7 @@ fn scenes_and_cuts_show_them_as_the_cells_in_whose_place_they_are() {
     for scene in [true, false] {
         let (hits, near, far) = depths("m.oct", scene);
         let (due, fine_near, fine_far) = depths("f.oct", scene);
-        assert!(hits.abs_diff(due) * 200 <= due && due > 1000, "{scene}: {hits} {due}");
+        assert!(hits.abs_diff(due) * 50 <= due && due > 1000, "{scene}: {hits} {due}");
         assert!(
             (near - fine_near).abs() < 2.0 && (far - fine_far).abs() < 2.0,
             "{near} {fine_near} {far} {fine_far}"

@@ -78,6 +78,7 @@ fn every_report_is_what_its_schema_says() {
         ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
         ("build", build(&["--iso", "500", "--visible-from", "outside"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--error", "0.2"])),
+        ("export", oct(&["export", &at("m.oct"), "-o", &at("leaves.stl"), "--json"]).json()),
         ("plan", planned.json()),
         ("part", oct(&["part", &at("job/plan.json"), "0", "--json", "--stage", "histogram"]).json()),
         ("merge-stage", oct(&["merge", &at("job/plan.json"), "--json", "--stage", "histogram"]).json()),
