@@ -107,7 +107,7 @@ fn the_worst_volumes_stay_within_the_cap() {
 #[test]
 fn the_threshold_is_found_within_the_cap() {
     for scalar in [ScalarType::U8, ScalarType::I16, ScalarType::F64] {
-        volume([1024, 160, 10], scalar, Fill::Waves, &[8, 64], &["--otsu"]);
+        volume([1024, 160, 10], scalar, Fill::Waves, &[small_cap(), 64], &["--otsu"]);
     }
 }
 
