@@ -18,6 +18,7 @@ use crate::jobs::render::RenderRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
 use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
+use crate::volume::Overlap;
 use crate::volume::{Placement, Rescale, ScalarType};
 
 /// Bytes of a size such as `8MiB`.
@@ -166,6 +167,7 @@ impl BuildAsked {
         Ok(BuildOptions {
             threshold: self.threshold(),
             labels: self.labels.as_deref().map(str::parse).transpose()?,
+            overlap: Overlap::default(),
             label_names: match &self.names {
                 Either::A(table) => read_label_names(table).map_err(|error| error.to_string())?,
                 Either::B(names) => names
