@@ -72,6 +72,8 @@ fn every_report_is_what_its_schema_says() {
     let parts = ["--keep-largest", "1", "--parts", "1", "--out", &at("job")];
     let planned = oct(&[&["plan", &source], &shape[..], &parts].concat());
     let failed = oct(&["info", "nothing.oct", "--json"]);
+    let synthetic = ["--synthetic", "sphere@24", "--out", &at("more"), "--pixels", "16", "--json"];
+    let synthetic = oct(&[&["report"][..], &synthetic].concat());
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
         ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
@@ -104,6 +106,7 @@ fn every_report_is_what_its_schema_says() {
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json", "--memory", "16MiB"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
         ("report", oct(&["report", &model, "--out", &at("figures"), "--pixels", "16", "--json"]).json()),
+        ("report", synthetic.json()),
         ("scan", oct(&["scan", &text(&studies), "--json"]).json()),
         ("batch", batch("out", &[])),
         (
