@@ -407,7 +407,8 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
             // A whole file may be left under the hidden name by which it was to replace another.
             for name in names(&killed).into_iter().filter(|name| !name.starts_with(".oct-")) {
                 let path = killed.join(&name);
-                let known = [".oct", ".png", ".json", ".csv", ".html"].iter().any(|end| name.ends_with(end));
+                let known =
+                    [".oct", ".png", ".json", ".csv", ".html", ".js"].iter().any(|end| name.ends_with(end));
                 assert!(known && fs::metadata(&path).unwrap().len() > 0, "{name}");
                 if name.ends_with(".oct") {
                     assert_eq!(oct(&["verify", &text(&path)]).code, 0, "{name}");
