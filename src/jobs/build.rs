@@ -312,7 +312,7 @@ impl BuildJob<'_> {
         Ok(Built { report, cleaned: None, warnings, hints: Vec::new() })
     }
 
-    /// Makes the solid of a mesh or a tree, and hands it on; with what is told of it.
+    /// Makes the solid of a mesh or a tree, and hands it on with its notes.
     ///
     /// # Errors
     /// As [`crate::mesh::build_mesh`] and [`crate::csg::build_csg`].

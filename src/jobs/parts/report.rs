@@ -1,4 +1,4 @@
-//! What is told of plans, parts and merges.
+//! The reports of plans, parts and merges.
 
 use std::fmt::Write;
 use std::path::Path;
