@@ -161,7 +161,7 @@ pub(crate) fn corner_number(offsets: &[u8], directory: &[[u8; 8]], cell: usize) 
 }
 
 /// Number of the larger leaf that a node is, by the directory. Any bytes are safe.
-#[inline]
+#[inline(always)]
 pub(crate) fn leaf_number(infobytes: &[u8], directory: &[[u8; 8]], node: usize) -> u64 {
     number_of(infobytes, directory, node, 0)
 }

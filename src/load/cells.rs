@@ -28,9 +28,32 @@ impl<'a> LeafItems<'a> {
 
     /// Code and offset of a node's plane, by its infobytes. Any bytes are safe: a leaf of which nothing is known is inside
     /// altogether.
-    #[inline]
+    #[inline(always)]
     pub(super) fn of(&self, infobytes: &[u8], node: usize) -> (u16, i8) {
         let number = usize::try_from(leaf_number(infobytes, self.directory, node)).unwrap_or(usize::MAX);
+        self.numbered(number)
+    }
+
+    /// Appends the planes of `count` leaves, the first of them that of a node, to those of `fine` cells.
+    #[inline(always)]
+    pub(super) fn append(
+        &self,
+        infobytes: &[u8],
+        node: usize,
+        (fine, count): (usize, usize),
+        room: &mut BrickCodes,
+    ) {
+        let number = usize::try_from(leaf_number(infobytes, self.directory, node)).unwrap_or(usize::MAX);
+        let BrickCodes { normals, offsets } = room;
+        let to = normals.iter_mut().zip(offsets).skip(fine).take(count);
+        for (i, (normal, offset)) in to.enumerate() {
+            let (code, of_leaf) = self.numbered(number.saturating_add(i));
+            (*normal, *offset) = (code.to_le_bytes(), of_leaf.cast_unsigned());
+        }
+    }
+
+    #[inline(always)]
+    fn numbered(&self, number: usize) -> (u16, i8) {
         let code = self.normals.get(number).map_or(0, |code| u16::from_le_bytes(*code));
         let offset = self.offsets.get(number).map_or(i8::MAX, |offset| offset.cast_signed());
         (code, if offset == HAS_CORNERS { i8::MAX } else { offset })
@@ -48,11 +71,11 @@ pub struct CellItems<'a> {
     directory: &'a [[u8; 8]],
 }
 
-/// Room for the normals and offsets of a brick's cells where the sections end.
+/// The normals and offsets of a brick's cells, and of larger leaves among them.
 #[derive(Clone, Debug)]
 pub(crate) struct BrickCodes {
-    normals: [[u8; 2]; BRICK_CELLS],
-    offsets: [u8; BRICK_CELLS],
+    pub(crate) normals: [[u8; 2]; BRICK_CELLS],
+    pub(crate) offsets: [u8; BRICK_CELLS],
 }
 
 /// Most cells of a brick of 4 x 4 x 4.
@@ -128,6 +151,18 @@ impl<'a> CellItems<'a> {
         match (normals.first_chunk(), offsets.first_chunk()) {
             (Some(normals), Some(offsets)) => (normals, offsets),
             _ => Self::last_brick(normals, offsets, room),
+        }
+    }
+
+    /// [`CellItems::brick`] into `room`.
+    #[inline(always)]
+    pub(crate) fn copy_brick(&self, cell: u64, room: &mut BrickCodes) {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        let (normals, offsets) =
+            (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
+        match (normals.first_chunk(), offsets.first_chunk()) {
+            (Some(normals), Some(offsets)) => (room.normals, room.offsets) = (*normals, *offsets),
+            _ => _ = Self::last_brick(normals, offsets, room),
         }
     }
 

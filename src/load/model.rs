@@ -17,7 +17,7 @@ use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
 use super::stream::{Fault, ReadAt};
 use super::voxels::StoredVoxels;
-use super::{CellItems, LeafItems, LoadError, NodeView};
+use super::{BrickCodes, CellItems, LeafItems, LoadError, NodeView};
 
 /// An `.oct` that is not packed, over any bytes: a [`Mapping`] in use, a `Vec<u8>` in tests.
 ///
@@ -455,10 +455,23 @@ impl<'a> ModelView<'a> {
     }
 
     /// Code of a larger leaf's normal, and offset of its plane.
-    #[inline]
+    #[inline(always)]
     pub(crate) fn leaf_items(&self, node: NodeIndex) -> (u16, i8) {
         let at = node.index().unwrap_or(usize::MAX);
         self.leaves.map_or((0, i8::MAX), |leaves| leaves.of(self.nodes, at))
+    }
+
+    /// Appends the planes of larger leaves that are siblings, the first of them `node`, to those of `fine` cells.
+    #[inline(always)]
+    pub(crate) fn append_leaves(
+        &self,
+        node: NodeIndex,
+        fine_and_count: (usize, usize),
+        room: &mut BrickCodes,
+    ) {
+        if let Some(leaves) = self.leaves {
+            leaves.append(self.nodes, node.index().unwrap_or(usize::MAX), fine_and_count, room);
+        }
     }
 
     /// Memory that the answers about a node are read from, for hints to the processor.

@@ -148,7 +148,7 @@ pub(crate) trait Lanes: Copy {
         super::occupancy::mirrored(boxes, flip)
     }
 
-    /// Bits of integers below 2^52, from bit `shift` on, as doubles.
+    /// Bits of integers from bit `shift` on, as doubles; `mask` is below 2^52.
     fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D;
 
     /// Is it worth while to list the pairs of a brick, and to compare them sixteen at a time?

@@ -57,7 +57,8 @@ pub(super) unsafe fn planes(
     stored: u64,
     flip: u32,
 ) -> Planes {
-    let mut planes = Planes { normal: [[0; CELLS]; 3], offset: [0; CELLS], number: [0; CELLS] };
+    let (normal, offset) = ([[0; CELLS]; 3], [0; CELLS]);
+    let mut planes = Planes { normal, offset, number: [0; CELLS], cells: CELLS as u8 };
     // SAFETY: see the top of this file.
     unsafe {
         let codes = codes.as_ptr().cast::<u8>();
@@ -181,7 +182,9 @@ pub(super) unsafe fn compare(
         _mm_storeu_si128(to.add(3), _mm_xor_si128(bias, _mm_unpackhi_epi16(xy[1], zk[1])));
         let has_plane = !_mm_cmpeq_epi8_mask(bk, _mm_set1_epi8(HAS_CORNERS));
         let (nx, ny, nz) = (singles(bx), singles(by), singles(bz));
-        let k = _mm512_mul_ps(singles(bk), _mm512_set1_ps(0.5));
+        let larger = _mm_cmpge_epu8_mask(_mm512_castsi512_si128(cells), _mm_set1_epi8(planes.cells as i8));
+        let half_edge = _mm512_mask_blend_ps(larger, _mm512_set1_ps(0.5), _mm512_set1_ps(1.0));
+        let k = _mm512_mul_ps(singles(bk), half_edge);
 
         let rays = _mm512_cvtepu8_epi32(_mm_loadu_si128(rays.as_ptr().cast()));
         let high = _mm512_test_epi32_mask(rays, _mm512_set1_epi32(32));
@@ -201,6 +204,10 @@ pub(super) unsafe fn compare(
         let ox = _mm512_permutevar_ps(steps, _mm512_ternarylogic_epi32::<0xca>(one, v, v2));
         let oy = _mm512_permutevar_ps(steps, _mm512_ternarylogic_epi32::<0xca>(one, v1, v3));
         let oz = _mm512_permutevar_ps(steps, _mm512_ternarylogic_epi32::<0xca>(one, v2, v4));
+        let to_middle = _mm512_set1_ps(0.5);
+        let ox = _mm512_mask_add_ps(ox, larger, ox, to_middle);
+        let oy = _mm512_mask_add_ps(oy, larger, oy, to_middle);
+        let oz = _mm512_mask_add_ps(oz, larger, oz, to_middle);
 
         let e_xy = at!(e_xy + ox * dy - oy * dx);
         let e_xz = at!(e_xz + ox * dz - oz * dx);
@@ -211,8 +218,9 @@ pub(super) unsafe fn compare(
         let at_z = at!(zero - nx * e_xz - ny * e_yz - dz * k);
         let s =
             _mm512_add_ps(_mm512_add_ps(_mm512_mul_ps(nx, dx), _mm512_mul_ps(ny, dy)), _mm512_mul_ps(nz, dz));
-        let half = _mm512_mul_ps(_mm512_abs_ps(s), _mm512_set1_ps(0.5));
+        let half = _mm512_mul_ps(_mm512_abs_ps(s), half_edge);
         let slack = _mm512_set1_ps(lines.slack);
+        let slack = _mm512_mask_add_ps(slack, larger, slack, slack);
         let (beyond, inner) = (_mm512_add_ps(half, slack), _mm512_sub_ps(half, slack));
         let most = _mm512_max_ps(_mm512_max_ps(at_x, at_y), at_z);
         let least = _mm512_min_ps(_mm512_min_ps(at_x, at_y), at_z);

@@ -74,6 +74,29 @@ impl Brick {
         (self.parent.get().wrapping_add(u64::from(before.count_ones())), 0xff_u64.wrapping_shl(v & 56))
     }
 
+    /// The first of the larger leaves in the order of the file, how many there are, and at `places` for each, in that
+    /// order, its lowest box as the ray sees it.
+    #[inline(always)]
+    pub(super) fn leaves(&self, places: &mut [u8; 8]) -> (u64, usize) {
+        let as_stored = mirrored(self.larger, self.flip);
+        let (mut octants, mut count) = (as_stored & LOWEST, 0);
+        let first = self.leaf(octants.trailing_zeros() & 63 ^ self.flip).0;
+        while octants != 0 {
+            let octant = octants.trailing_zeros();
+            octants &= octants.wrapping_sub(1);
+            places[count % 8] = ((octant ^ self.flip) & 56) as u8;
+            count += 1;
+        }
+        (first, count)
+    }
+
+    /// `boxes` with the lowest box alone of each larger leaf that has any of them.
+    #[inline(always)]
+    pub(super) fn leaf_by_leaf(&self, boxes: u64) -> u64 {
+        let of_leaves = boxes & self.larger;
+        boxes ^ of_leaves | (!zero_bytes(of_leaves) & LOWEST)
+    }
+
     /// Boxes before box `v` of the mirrored order, in the stored one.
     #[inline(always)]
     pub(super) fn before(&self, v: u32) -> u64 {
@@ -81,6 +104,9 @@ impl Brick {
         u64::from((self.stored & below).count_ones())
     }
 }
+
+/// The lowest box of each octant.
+const LOWEST: u64 = 0x0101_0101_0101_0101;
 
 /// 0xff for each byte that is 0, else 0.
 #[inline(always)]

@@ -27,6 +27,11 @@
 //! are off by 127 S, that of d by 63.5 S, and half of s by 63.5 S; a line near the cell has |e| <= 1 + S, so that no sum
 //! is above 256, and its eight roundings make 2^-13 < S at most. Together that is below 256 S. Comparisons leave
 //! [`SLACKS`] times S: twice as much. What is within that, and cells with corners, is not sure and goes on to integers.
+//!
+//! # Larger leaves
+//!
+//! Of a leaf with an edge of 2 cells, c is the middle of its box and the plane `n . (p - c) = k`; the faces are at `|s|`.
+//! All terms are at most twice as large, and so is what is left.
 
 use crate::format::cell::HAS_CORNERS;
 use crate::format::normal;
@@ -52,6 +57,8 @@ pub(crate) struct Planes {
     pub(crate) offset: [i8; CELLS],
     /// Which cell of the stored order stands at a place of the mirrored one; 0 where there is none.
     pub(crate) number: [u8; CELLS],
+    /// How many are cells; what follows are larger leaves of 2 x 2 x 2 cells, at the place of their lowest one.
+    pub(crate) cells: u8,
 }
 
 /// The lines of a tile's rays, about a brick.
@@ -92,8 +99,8 @@ pub(crate) fn list(boxes: u64, places: &mut [u8; LISTED]) {
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "components of L1-127 vectors; below 64")]
 pub(crate) fn planes(codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
-    let mut planes =
-        Planes { normal: [[0; CELLS]; 3], offset: offsets.map(u8::cast_signed), number: [0; CELLS] };
+    let (offset, cells) = (offsets.map(u8::cast_signed), CELLS as u8);
+    let mut planes = Planes { normal: [[0; CELLS]; 3], offset, number: [0; CELLS], cells };
     for (i, code) in codes.iter().enumerate() {
         let normal = normal::decode_l1(u16::from_le_bytes(*code));
         for (a, of_axis) in planes.normal.iter_mut().enumerate() {
@@ -134,20 +141,22 @@ pub(crate) fn compare(
 
         let n = normal.map(f32::from);
         let d = each3!(A => lines.direction[A][ray]);
-        let o = each3!(A => from_middle(place, A));
+        let is_larger = planes.number[usize::from(place)] >= planes.cells;
+        let (to_middle, edge) = if is_larger { (0.5, 2.0) } else { (0.0, 1.0) };
+        let o = each3!(A => from_middle(place, A) + to_middle);
         let e = each3!(PAIR => lines.beside[PAIR][ray]);
         let e_xy = e[0] + o[0] * d[1] - o[1] * d[0];
         let e_xz = e[1] + o[0] * d[2] - o[2] * d[0];
         let e_yz = e[2] + o[1] * d[2] - o[2] * d[1];
-        let k = f32::from(offset) * 0.5;
+        let k = f32::from(offset) * (0.5 * edge);
         let at_x = n[1] * e_xy + n[2] * e_xz - d[0] * k;
         let at_y = n[2] * e_yz - n[0] * e_xy - d[1] * k;
         let at_z = 0.0 - n[0] * e_xz - n[1] * e_yz - d[2] * k;
         let s = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
-        let half = s.abs() * 0.5;
+        let (half, slack) = (s.abs() * (0.5 * edge), lines.slack * edge);
         let (most, least) = (at_x.max(at_y).max(at_z), at_x.min(at_y).min(at_z));
         let has_plane = offset != HAS_CORNERS;
-        let (beyond, inner) = (half + lines.slack, half - lines.slack);
+        let (beyond, inner) = (half + slack, half - slack);
         compared.past |= u32::from(has_plane && most > beyond) << i;
         compared.within |= u32::from(has_plane && s < 0.0 && most < inner && least > -inner) << i;
     }

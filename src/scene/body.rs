@@ -17,6 +17,7 @@ use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
+use crate::render::normals::around::Surroundings;
 use crate::render::normals::shown::{Line, Normals};
 use crate::render::ray::Ray;
 use crate::render::surface::Skin;
@@ -437,8 +438,9 @@ impl<'a> Body<'a> {
     }
 
     /// The same, blended between the boxes around.
-    pub(super) fn smooth_outward(&self, line: Line, hit: Hit) -> Option<[f64; 3]> {
-        self.normals.smooth_outward(self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line), line)
+    pub(super) fn smooth_outward(&self, around: &mut Surroundings, line: Line, hit: Hit) -> Option<[f64; 3]> {
+        let seen = self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
+        self.normals.smooth_outward(around, seen, line)
     }
 
     /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.

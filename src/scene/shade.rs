@@ -183,16 +183,14 @@ impl Stage<'_> {
         let from_outside = |outward| dot(outward, line.1) <= BEYOND_RIM * length;
         let enters = !branch.media.has(number) && outward.is_none_or(from_outside);
         let smooth = body.part.material().mirror > 0.0 || body.part.material().is_clear();
-        let smooth = if smooth { body.smooth_outward(line, hit) } else { None };
-        let shown = match (smooth, kept.around.get_mut(body.part.file())) {
+        let shown = kept.around.get_mut(body.part.file()).map_or(outward.unwrap_or(line.1), |around| {
             // What mirrors and bends is as smooth as its normals; the skin around says no more.
-            (Some(smooth), _) => smooth,
-            (_, Some(around)) => {
+            let smooth = if smooth { body.smooth_outward(around, line, hit) } else { None };
+            smooth.unwrap_or_else(|| {
                 let seen = body.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
                 body.normals.normal(around, seen, line)
-            }
-            (None, None) => outward.unwrap_or(line.1),
-        };
+            })
+        });
         // At a rim a line may come in by a face that looks the other way.
         let is_turned = enters && outward.is_some_and(|outward| dot(shown, outward) < 0.0);
         (if is_turned { shown.map(|c| -c) } else { shown }, enters)

@@ -4,7 +4,7 @@
 //! hundred of them. Every window lies in eight bricks; those of the last windows are kept as blocks of 8 x 8 x 8 boxes.
 //! Memory: 26 KiB. Cost: some 10 ns where the block is kept, 40 where only its bricks are.
 
-use super::smooth;
+use super::{larger, smooth};
 use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::{ModelView, NodeView};
 
@@ -73,6 +73,7 @@ pub(crate) struct Surroundings {
     levels: u32,
     /// What was found by them.
     pub(super) smooth: smooth::Kept,
+    pub(super) larger: larger::Kept,
 }
 
 impl Surroundings {
@@ -84,6 +85,7 @@ impl Surroundings {
             way,
             levels: u32::MAX,
             smooth: smooth::Kept::default(),
+            larger: larger::Kept::default(),
         }
     }
 

@@ -1,4 +1,7 @@
 //! Normals blended between larger leaves (SPEC 4.9): as between cells, with boxes as wide as the leaf that was hit.
+//!
+//! Pixels side by side ask for the same few boxes, so what was found last is kept, and a walk down the octree starts where it
+//! leaves the one before. Memory: 10 KiB. Cost: some 5 ns a box that is kept, of eight for a hit.
 
 use crate::geom::{NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
@@ -8,51 +11,114 @@ use crate::format::normal;
 /// Least cosine between the hit's normal and another that counts.
 const MIN_COSINE: f64 = 0.5;
 
-/// The normal of the box of edge `2^edge_log2` at a place of the grid: of the larger leaf that it is or lies in, or the mean
-/// of what is in it; and the edge of the leaf, or of the box.
-fn normal_at(view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> Option<([i32; 3], u32)> {
-    let mut node = NodeIndex::ROOT;
-    for level in (edge_log2..view.depth()).rev() {
-        let [x, y, z] = place.map(|c| c >> level & 1);
-        node = view.child(node, Octant::low_bits(x | y << 1 | z << 2))?.node();
-        if level > 0 && view.is_leaf(node) {
-            return Some((normal::decode_l1(view.leaf_items(node).0), level));
-        }
-    }
-    Some((normal::decode_l1(view.node_normal(node)?), edge_log2))
+/// Boxes that are kept.
+const KEPT: usize = 256;
+/// Levels of the deepest octree (SPEC 4.1), and the root.
+const NODES: usize = 17;
+
+/// The normal of a box, as a vector of length 1; `None` where nothing is.
+type BoxNormal = Option<[f64; 3]>;
+
+/// The normals of the boxes that were asked for last.
+#[derive(Clone, Debug)]
+pub(super) struct Kept {
+    /// By what they are of, [`Kept::key`].
+    found: Vec<(u64, BoxNormal)>,
+    /// The last walk: to this cell, by these nodes from the root on.
+    to: [u32; 3],
+    nodes: [NodeIndex; NODES],
+    known: u32,
 }
 
-/// The blended normal at a point of the grid within a larger leaf, in index space; `own` is the leaf's.
-pub(super) fn blended(view: &ModelView<'_>, at: [f64; 3], own: [f64; 3]) -> [f64; 3] {
+impl Default for Kept {
+    fn default() -> Self {
+        Self { found: Vec::new(), to: [0; 3], nodes: [NodeIndex::ROOT; NODES], known: 1 }
+    }
+}
+
+impl Kept {
+    /// The normal of the box of edge `2^edge_log2` at a place of the grid: of the larger leaf that it is or lies in, or the
+    /// mean of what is in it.
+    fn normal(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> BoxNormal {
+        if self.found.is_empty() {
+            self.found = vec![(u64::MAX, None); KEPT];
+        }
+        let [x, y, z] = place.map(|c| u64::from(c >> edge_log2));
+        let key = x | y << 16 | z << 32 | u64::from(edge_log2) << 48;
+        let at = (x & 7 | (y & 7) << 3 | (z & 3) << 6) as usize % KEPT;
+        if self.found[at].0 != key {
+            self.found[at] = (key, self.walk(view, place, edge_log2).map(unit));
+        }
+        self.found[at].1
+    }
+
+    fn walk(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> Option<[i32; 3]> {
+        let depth = view.depth().min(NODES as u32 - 1);
+        let apart = (0..3).fold(0, |apart, a| apart | place[a] ^ self.to[a]);
+        // The nodes of boxes that hold both places, from the root on.
+        let shared = depth.saturating_sub(u32::BITS - apart.leading_zeros());
+        self.known = self.known.min(shared + 1).min(depth - edge_log2.min(depth) + 1);
+        self.to = place;
+        loop {
+            let (node, level) = (self.nodes[self.known as usize - 1], depth + 1 - self.known);
+            if level < depth && view.is_leaf(node) {
+                return Some(normal::decode_l1(view.leaf_items(node).0));
+            }
+            if level <= edge_log2 {
+                return Some(normal::decode_l1(view.node_normal(node)?));
+            }
+            let octant = (0..3).fold(0, |octant, a| octant | (place[a] >> (level - 1) & 1) << a);
+            let child = view.child(node, Octant::low_bits(octant))?;
+            self.nodes[self.known as usize] = child.node();
+            self.known += 1;
+        }
+    }
+}
+
+fn unit(normal: [i32; 3]) -> [f64; 3] {
+    let n = normal.map(f64::from);
+    let length = dot(n, n).sqrt();
+    n.map(|c| c / length)
+}
+
+/// The blended normal at a point of the grid within a larger leaf of edge `2^edge_log2`, in index space; `own` is the
+/// leaf's.
+pub(super) fn blended(
+    view: &ModelView<'_>,
+    kept: &mut Kept,
+    at: [f64; 3],
+    edge_log2: u32,
+    own: [f64; 3],
+) -> [f64; 3] {
     let side = f64::from(1_u32 << view.depth().min(31));
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to the grid")]
-    let cell = |at: [f64; 3]| at.map(|c| c.clamp(0.0, side - 1.0) as u32);
-    // Rounding may put the point beside the leaf, where smaller boxes or none are.
-    let Some((_, edge_log2)) = normal_at(view, cell(at), 1).filter(|(_, edge_log2)| *edge_log2 > 0) else {
-        return own;
-    };
     let length = dot(own, own).sqrt();
     let own = own.map(|c| c / length);
     let edge = f64::from(1_u32 << edge_log2);
     let from = at.map(|c| c / edge - 0.5);
     let low = from.map(f64::floor);
+    let part = [from[0] - low[0], from[1] - low[1], from[2] - low[2]];
     let mut sum = [0.0; 3];
     for corner in 0..8 {
-        let high = |a: usize| corner >> a & 1 == 1;
-        let place: [f64; 3] = std::array::from_fn(|a| (low[a] + if high(a) { 1.5 } else { 0.5 }) * edge);
-        let weight = (0..3).fold(1.0, |weight, a| {
-            let part = from[a] - low[a];
-            weight * if high(a) { part } else { 1.0 - part }
-        });
-        if weight <= 0.0 || place.iter().any(|c| !(0.0..side).contains(c)) {
+        let high = [corner & 1, corner >> 1 & 1, corner >> 2].map(|bit| bit == 1);
+        let (mut weight, mut place, mut is_in) = (1.0, [0; 3], true);
+        for a in 0..3 {
+            let middle = (low[a] + if high[a] { 1.5 } else { 0.5 }) * edge;
+            is_in &= (0.0..side).contains(&middle);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "asked for within the grid only"
+            )]
+            let cell = middle as u32;
+            place[a] = cell;
+            weight *= if high[a] { part[a] } else { 1.0 - part[a] };
+        }
+        if weight <= 0.0 || !is_in {
             continue;
         }
-        let Some((stored, _)) = normal_at(view, cell(place), edge_log2) else { continue };
-        let stored = stored.map(f64::from);
-        let length = dot(stored, stored).sqrt();
-        let normal = stored.map(|c| c / length);
+        let Some(normal) = kept.normal(view, place, edge_log2) else { continue };
         if dot(normal, own) >= MIN_COSINE {
-            sum = std::array::from_fn(|a| sum[a] + weight * normal[a]);
+            sum = [sum[0] + weight * normal[0], sum[1] + weight * normal[1], sum[2] + weight * normal[2]];
         }
     }
     if dot(sum, sum) > 0.0 { sum } else { own }

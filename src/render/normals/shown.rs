@@ -39,7 +39,33 @@ enum HitKind {
     /// The hit itself: of a cell with corners, whose normal is not the same everywhere.
     Own,
     /// A larger leaf.
-    Larger,
+    Larger(LeafEdge),
+}
+
+/// The edge of a larger leaf, 2 to 32.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum LeafEdge {
+    Two,
+    Four,
+    Eight,
+    Sixteen,
+    ThirtyTwo,
+}
+
+impl LeafEdge {
+    fn of(edge_log2: u32) -> Self {
+        match edge_log2 {
+            0 | 1 => Self::Two,
+            2 => Self::Four,
+            3 => Self::Eight,
+            4 => Self::Sixteen,
+            _ => Self::ThirtyTwo,
+        }
+    }
+
+    fn log2(self) -> u32 {
+        self as u32 + 1
+    }
 }
 
 impl PixelHit {
@@ -134,8 +160,10 @@ impl<'a> Normals<'a> {
             && hit.edge_log2 > self.lod_edge_log2
             && self.view.is_leaf(NodeIndex::new(hit.box_number))
         {
-            (seen.kind, seen.code) =
-                (HitKind::Larger, self.view.leaf_items(NodeIndex::new(hit.box_number)).0);
+            (seen.kind, seen.code) = (
+                HitKind::Larger(LeafEdge::of(hit.edge_log2)),
+                self.view.leaf_items(NodeIndex::new(hit.box_number)).0,
+            );
         }
         if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
             && seen.kind == HitKind::Voxel
@@ -158,13 +186,19 @@ impl<'a> Normals<'a> {
 
     /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
     #[inline]
-    fn blended(&self, seen: PixelHit, line: impl Fn() -> Line, own: [f64; 3]) -> [f64; 3] {
+    fn blended(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+        own: [f64; 3],
+    ) -> [f64; 3] {
         if self.smoothing != Smoothing::Blended || seen.kind == HitKind::Node {
             return own;
         }
         let at = self.at(seen, line);
-        if seen.kind == HitKind::Larger {
-            return larger::blended(self.view, at, own);
+        if let HitKind::Larger(edge) = seen.kind {
+            return larger::blended(self.view, &mut around.larger, at, edge.log2(), own);
         }
         blend::blended(self.view, at, own)
     }
@@ -188,7 +222,9 @@ impl<'a> Normals<'a> {
     ) -> [f64; 3] {
         match (self.smoothing, seen.kind) {
             (Smoothing::Stored, _) | (_, HitKind::Node) => own,
-            (_, HitKind::Larger) => larger::blended(self.view, self.at(seen, line), own),
+            (_, HitKind::Larger(edge)) => {
+                larger::blended(self.view, &mut around.larger, self.at(seen, line), edge.log2(), own)
+            }
             _ => {
                 let at = self.at(seen, line);
                 smooth::smooth((self.view, cells.items()), around, seen.box_number, at, own)
@@ -230,7 +266,7 @@ impl<'a> Normals<'a> {
         {
             own = turned;
         }
-        Some(self.blended(seen, line, own))
+        Some(self.blended(around, seen, line, own))
     }
 
     /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
@@ -248,8 +284,14 @@ impl<'a> Normals<'a> {
     }
 
     /// The same, blended where that is wanted.
-    pub(crate) fn smooth_outward(&self, seen: PixelHit, line: Line) -> Option<[f64; 3]> {
-        Some(self.to_world(self.blended(seen, || line, self.stored(seen, 0)?.map(f64::from))))
+    pub(crate) fn smooth_outward(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: Line,
+    ) -> Option<[f64; 3]> {
+        let stored = self.stored(seen, 0)?.map(f64::from);
+        Some(self.to_world(self.blended(around, seen, || line, stored)))
     }
 
     fn to_world(self, normal: [f64; 3]) -> [f64; 3] {
@@ -269,7 +311,7 @@ impl<'a> Normals<'a> {
         match seen.kind {
             HitKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
             HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(coarse),
-            HitKind::Own | HitKind::Larger => Some(coarse(seen.code)),
+            HitKind::Own | HitKind::Larger(_) => Some(coarse(seen.code)),
         }
     }
 
@@ -331,7 +373,7 @@ impl<'a> Normals<'a> {
                 self.view.voxel_normals_near(voxel)
             }
             HitKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
-            HitKind::Own | HitKind::Larger => None,
+            HitKind::Own | HitKind::Larger(_) => None,
         }
     }
 

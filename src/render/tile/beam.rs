@@ -5,10 +5,11 @@
 //! only if `|e| <= (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the
 //! pixel, so its extremes are those of four corners.
 
+use crate::format::cell::Plane;
 use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
 use crate::render::pairs::{Lines, SLACKS};
 use crate::render::sight::Pencil;
-use crate::render::single::{ALONG_A, ALONG_B, SLACK};
+use crate::render::single::{ALONG_A, ALONG_B, LargerLeaf, SLACK};
 
 use super::listed::MAX_OFF;
 
@@ -70,6 +71,15 @@ impl Starts {
     fn are_before(&self, low: [u32; 3]) -> bool {
         (0..3).any(|a| f64::from(low[a]) >= self.greatest[a])
     }
+}
+
+/// What is sure of a tile's rays and a plane in a box, as bits.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sides {
+    /// Rays that meet the plane within the box.
+    pub(super) within: u64,
+    /// Rays of which nothing is sure.
+    pub(super) unsure: u64,
 }
 
 /// The differences of a tile's rays.
@@ -332,6 +342,50 @@ impl<L: Lanes> Beam<L> {
     #[inline(always)]
     pub(super) fn lines<'r>(&self, rays: &'r Rays) -> Lines<'r> {
         Lines { direction: &rays.direction, beside: &rays.beside, slack: SLACKS * self.slack }
+    }
+
+    /// What is sure of the rays `live` and the plane of a larger leaf no part of which is behind a ray, as
+    /// [`crate::render::pairs`] has it; in edges of the leaf, in which estimates are not farther off than in those of the
+    /// finest boxes.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
+    pub(super) fn sides(&self, rays: &Rays, leaf: &LargerLeaf, plane: &Plane, live: u64) -> Sides {
+        let l = self.lanes;
+        let edge = f64::from(1_u32.wrapping_shl(leaf.edge));
+        let e = self.beside(each3!(A => f64::from(leaf.low[A]) + 0.5 * edge));
+        let n = each3!(A => {
+            let n = plane.normal[A] as f32;
+            l.f(if self.mirror >> A & 1 == 1 { -n } else { n })
+        });
+        let (zero, k) = (l.f(0.0), l.f(plane.offset as f32 * 0.5));
+        let (slack, per_edge) = (l.f(SLACKS * self.slack), 1.0 / edge);
+        let step = e.map(|[_, _, y]| l.f((2.0 * y * per_edge) as f32));
+        let mut e = each3!(PAIR => {
+            let [at, x, y] = e[PAIR].map(|e| (e * per_edge) as f32);
+            l.f(at) + l.f_load(&COLUMN) * l.f(x) + l.f_load(&ROW) * l.f(y)
+        });
+        let mut sides = Sides { within: 0, unsure: 0 };
+        for i in 0..BLOCKS {
+            let d = each3!(A => l.f_load(block(&rays.direction[A], i)));
+            let half = each3!(PAIR => l.f_load(block(&rays.half[PAIR], i)));
+            let near = each3!(PAIR => l.f_le(l.f_abs(e[PAIR]), half[PAIR]));
+            let at_x = n[1] * e[0] + n[2] * e[1] - d[0] * k;
+            let at_y = n[2] * e[2] - n[0] * e[0] - d[1] * k;
+            let at_z = zero - n[0] * e[1] - n[1] * e[2] - d[2] * k;
+            let s = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+            let half = l.f_abs(s) * l.f(0.5);
+            let (beyond, inner) = (half + slack, half - slack);
+            let past = l.f_le(beyond, at_x) | l.f_le(beyond, at_y) | l.f_le(beyond, at_z);
+            let within = l.f_le(l.f_abs(at_x), inner)
+                & l.f_le(l.f_abs(at_y), inner)
+                & l.f_le(l.f_abs(at_z), inner)
+                & l.f_le(s, zero);
+            let met = near[0] & near[1] & near[2] & !past;
+            sides.within |= u64::from((met & within).bits()) << (SINGLES * i);
+            sides.unsure |= u64::from((met & !within).bits()) << (SINGLES * i);
+            e = each3!(PAIR => e[PAIR] + step[PAIR]);
+        }
+        Sides { within: sides.within & live, unsure: sides.unsure & live }
     }
 
     /// Boxes of the brick at `low` that do not lie behind the origin of `ray`.

@@ -227,14 +227,15 @@ impl ExactRays {
         let one_cell = l.d(f64::from(1_u32 << FRACTION_BITS));
         let normal = each3!(A => l.d_field(planes, [0, 8, 16][A], 0xff) - l.d(128.0));
         let offset = l.d_field(planes, 24, 0xff) - l.d(128.0);
+        let half_edge = l.d_field(lows, 48, 0xffff) * l.d(0.5);
         // No normal has this component: the ray meets no plane.
         let meets = l.d_lt(l.d(-127.5), normal[0]);
-        let (mut start, mut component) = (l.d(0.0) - offset * l.d(0.5) * one_cell, l.d(0.0));
+        let (mut start, mut component) = (l.d(0.0) - offset * half_edge * one_cell, l.d(0.0));
         for (a, shift) in [0, 16, 32].into_iter().enumerate() {
             let low = l.d_field(lows, shift, 0xffff);
             let direction = l.d_load(&self.direction[a].as_chunks().0[row]);
             let origin = l.d_load(&self.origin[a].as_chunks().0[row]);
-            start = start + normal[a] * (origin - (low + l.d(0.5)) * one_cell);
+            start = start + normal[a] * (origin - (low + half_edge) * one_cell);
             component = component - normal[a] * direction;
             let to = lanes_of(&mut hits.low[a], row);
             l.d_store(l.d_choose(meets, low, l.d_load(to)), to);

@@ -3,7 +3,7 @@
 use crate::format::cell::Plane;
 use crate::geom::NodeIndex;
 use crate::load::ModelView;
-use crate::render::lanes::Lanes;
+use crate::render::lanes::{Lanes, each3};
 use crate::render::leaves;
 use crate::render::mirrored_ray::MirroredRay;
 use crate::render::single::LargerLeaf;
@@ -11,6 +11,7 @@ use crate::render::surface::{Estimate, Surface};
 
 use super::beam::{Beam, RAYS};
 use super::listed::Source;
+use super::planes::{packed, packed_edge};
 use super::walk::Walk;
 
 /// Planes of the leaves looked at last: finding one counts up to 512 infobytes.
@@ -46,7 +47,14 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         depth: u32,
         unit: u32,
     ) -> u64 {
-        let (mut left, mut met) = (live, 0);
+        let (mut met, mut left) = (0, live);
+        if !S::SOLID && !beam.may_be_behind(leaf.low) {
+            let plane = self.exact.planes.get(self.view, leaf.node);
+            let sides = beam.sides(self.rays, leaf, &plane, live);
+            met = sides.within;
+            left = sides.unsure;
+            self.take(leaf, &plane, met, beam.mirror, unit);
+        }
         while left != 0 {
             let ray = left.trailing_zeros() as usize % RAYS;
             left &= left.wrapping_sub(1);
@@ -55,6 +63,24 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             met |= u64::from(self.look_at_leaf(ray, leaf, unit, beam.mirror)) << ray;
         }
         met
+    }
+
+    /// These rays meet a leaf's plane within its box.
+    #[inline(always)]
+    fn take(&mut self, leaf: &LargerLeaf, plane: &Plane, met: u64, mirror: u32, unit: u32) {
+        let bytes = each3!(A => if mirror >> A & 1 == 1 { -plane.normal[A] } else { plane.normal[A] });
+        let bytes = [bytes[0], bytes[1], bytes[2], plane.offset.into()].map(|n| n.to_le_bytes()[0]);
+        let plane = u64::from(u32::from_le_bytes(bytes) ^ 0x8080_8080);
+        let low = packed(leaf.low.map(|c| c.wrapping_shl(unit))) | packed_edge(leaf.edge.wrapping_add(unit));
+        self.pairs.met |= met;
+        let mut rays = met;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % RAYS;
+            rays &= rays.wrapping_sub(1);
+            self.hits.number[ray] = leaf.node;
+            self.pairs.planes[ray] = plane;
+            self.pairs.lows[ray] = low;
+        }
     }
 
     /// Does a ray meet a leaf? At a glance, and exactly where that does not do.

@@ -9,10 +9,11 @@
 //! A ray whose first pair that is not past is not sure goes on alone from there, box by box. The times of what is within
 //! are worked out at the tile's end, a row at a time: by the same whole numbers as box by box, so they have the same bits.
 
+use crate::geom::NodeIndex;
 use crate::load::{BrickCodes, CellItems, NodeView};
 use crate::render::lanes::{Lanes, SINGLES};
 use crate::render::occupancy::Brick;
-use crate::render::pairs::LISTED;
+use crate::render::pairs::{CELLS, LISTED, Planes};
 use crate::render::surface::Surface;
 
 use super::beam::{Beam, RAYS, TILE};
@@ -26,15 +27,17 @@ const ROOM: usize = RAYS * LISTED;
 pub(super) struct Pairs {
     places: [u8; ROOM],
     rays: [u8; ROOM],
-    /// Cells that a ray's line intersects.
+    /// Cells that a ray's line intersects, and the lowest one of each larger leaf.
     boxes: [u64; RAYS],
-    /// For cells at the end of the model.
+    /// For cells at the end of the model, and for larger leaves behind a brick's cells.
     room: BrickCodes,
+    leaf_places: [u8; 8],
     /// Rays that meet a plane, as bits.
-    met: u64,
-    /// The plane, as [`crate::render::pairs::Compared`] has it, and its cell, 16 bits an axis; of other rays 0.
-    planes: [u64; RAYS],
-    lows: [u64; RAYS],
+    pub(super) met: u64,
+    /// The plane, as [`crate::render::pairs::Compared`] has it, and its box, 16 bits an axis and for its edge; of other
+    /// rays 0.
+    pub(super) planes: [u64; RAYS],
+    pub(super) lows: [u64; RAYS],
     /// Places of the cells.
     at: [u8; RAYS],
 }
@@ -46,6 +49,7 @@ impl Pairs {
             rays: [0; ROOM],
             boxes: [0; RAYS],
             room: BrickCodes::NONE,
+            leaf_places: [0; 8],
             met: 0,
             planes: [0; RAYS],
             lows: [0; RAYS],
@@ -62,8 +66,14 @@ impl Pairs {
 
 /// Coordinates of a cell in 16 bits each: those of the grid are below 2^16.
 #[inline(always)]
-fn packed(cell: [u32; 3]) -> u64 {
+pub(super) fn packed(cell: [u32; 3]) -> u64 {
     u64::from(cell[0]) | u64::from(cell[1]) << 16 | u64::from(cell[2]) << 32
+}
+
+/// An edge as [`packed`] cells have it above them.
+#[inline(always)]
+pub(super) fn packed_edge(edge_log2: u32) -> u64 {
+    1_u64.wrapping_shl(48 + edge_log2)
 }
 
 /// [`packed`] places within a brick.
@@ -99,9 +109,8 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         }
         let l = beam.lanes;
         let first = brick.first(self.view);
+        let planes = self.planes_in(l, items, brick, first);
         let pairs = &mut *self.pairs;
-        let (codes, offsets) = items.brick(first.wrapping_sub(self.view.node_count()), &mut pairs.room);
-        let planes = l.planes(codes, offsets, brick.stored, brick.flip);
         let lines = beam.lines(self.rays);
         let corner = packed(low);
         let (mut met, mut unsure) = (0_u64, 0_u64);
@@ -123,9 +132,12 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
                 met |= 1 << ray;
                 unsure = unsure & !(1 << ray) | u64::from(!compared.within >> i & 1) << ray;
                 let number = planes.number[usize::from(v)];
-                self.hits.number[ray] = first.wrapping_add(u64::from(number));
+                let is_larger = number >= planes.cells;
+                let of_cell = first.wrapping_add(u64::from(number));
+                self.hits.number[ray] = if is_larger { brick.leaf(v.into()).0 } else { of_cell };
                 pairs.planes[ray] = u64::from(compared.planes[i]);
-                pairs.lows[ray] = corner.wrapping_add(PLACES[usize::from(v)]);
+                pairs.lows[ray] =
+                    corner.wrapping_add(PLACES[usize::from(v)]) | packed_edge(u32::from(is_larger));
                 pairs.at[ray] = v;
             }
         }
@@ -143,6 +155,28 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         *live &= !met;
     }
 
+    /// The planes of a brick whose first cell is `first`, those of its larger leaves behind those of its cells.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "at most 64 cells and leaves")]
+    fn planes_in<L: Lanes>(&mut self, l: L, items: &CellItems<'_>, brick: &Brick, first: u64) -> Planes {
+        let Pairs { room, leaf_places, .. } = &mut *self.pairs;
+        let cell = first.wrapping_sub(self.view.node_count());
+        if brick.larger == 0 {
+            let (codes, offsets) = items.brick(cell, room);
+            return l.planes(codes, offsets, brick.stored, brick.flip);
+        }
+        items.copy_brick(cell, room);
+        let cells = brick.stored.count_ones();
+        let (leaf, leaves) = brick.leaves(leaf_places);
+        self.view.append_leaves(NodeIndex::new(leaf), (cells as usize, leaves), room);
+        let mut planes = l.planes(&room.normals, &room.offsets, brick.stored, brick.flip);
+        planes.cells = cells as u8;
+        for (i, place) in leaf_places.iter().take(leaves).enumerate() {
+            planes.number[usize::from(*place) % CELLS] = planes.cells.wrapping_add(i as u8);
+        }
+        planes
+    }
+
     /// Lists the pairs of the rays `near` a brick: how many there are, and rays of too many boxes, which are left out.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "rays are below 64")]
@@ -153,7 +187,10 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             let ray = near.trailing_zeros() as usize % RAYS;
             near &= near.wrapping_sub(1);
             self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
-            let boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, false);
+            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, false);
+            if brick.larger != 0 {
+                boxes = brick.leaf_by_leaf(boxes);
+            }
             pairs.boxes[ray] = boxes;
             let count = boxes.count_ones() as usize;
             let places = pairs.places.get_mut(listed..).and_then(<[u8]>::first_chunk_mut);
@@ -178,9 +215,23 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             let (planes, lows) = (&self.pairs.planes.as_chunks().0[row], &self.pairs.lows.as_chunks().0[row]);
             self.exact.meet_planes(l, row, (planes, lows), self.hits);
         }
+        if self.view.has_leaves() {
+            self.edges_of(met);
+        }
         let valid = met & self.exact.valid();
         self.hits.hits |= valid;
         met & !valid
+    }
+
+    /// The edges of the boxes that these rays meet planes in.
+    fn edges_of(&mut self, met: u64) {
+        let mut rays = met;
+        while rays != 0 {
+            let ray = rays.trailing_zeros() as usize % RAYS;
+            rays &= rays.wrapping_sub(1);
+            let edge = self.pairs.lows[ray] >> 48;
+            self.hits.edge_log2[ray] = edge.trailing_zeros().to_le_bytes()[0];
+        }
     }
 }
 

@@ -98,8 +98,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             open.pending &= open.pending.wrapping_sub(1);
             if let Some(leaf) = open.larger_leaf(self.view, v, edge) {
                 bricks = bricks.wrapping_add(1);
-                let near = if leaf.edge == 2 { beam.meets(self.rays, leaf.low, live) } else { live };
-                live &= !self.rays_of_leaf(beam, &leaf, near, depth, unit);
+                live &= !self.rays_of_leaf(beam, &leaf, live, depth, unit);
                 if live == 0 || bricks > MAX_BRICKS {
                     break 'walk;
                 }
@@ -131,10 +130,8 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         let left = if bricks > MAX_BRICKS { live } else { 0 };
         left | if S::SOLID {
             self.prove(l, beam.mirror, candidates, depth, unit)
-        } else if L::COMPARES_PAIRS {
-            self.planes_met(l, beam.mirror, depth)
         } else {
-            0
+            self.planes_met(l, beam.mirror, depth)
         }
     }
 
@@ -155,7 +152,6 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             && !S::SOLID
             && unit == 0
             && !may_be_behind
-            && brick.larger == 0
             && let Some(items) = self.surface.planes()
         {
             self.planes_of_brick(beam, &items, brick, low, near, live);

@@ -23,6 +23,8 @@
 //! Everything follows from one aligned brick. Decisions 3 and 4 are of whole numbers, the others of IEEE operations
 //! in a fixed order.
 
+mod crossings;
+mod distances;
 mod plane;
 mod polygon;
 #[cfg(test)]
@@ -33,8 +35,12 @@ use std::ops::Range;
 use super::corner::EDGES;
 use crate::format::cell::{CORNERS, HAS_CORNERS, at_corner};
 use crate::format::normal;
-use crate::geom::morton;
+use crate::geom::{add_scaled, dot, morton};
 
+use crate::cpu::{Isa, Kernel, dispatch};
+
+use crossings::{Crossings, Moments};
+pub(in crate::builder) use distances::Distances;
 pub(in crate::builder) use plane::Leaf;
 
 /// Edge of a brick.
@@ -47,12 +53,8 @@ const CELLS: usize = BRICK * BRICK * BRICK;
 const WORDS: usize = CELLS / 64;
 /// Parts of a cell's edge in which a crossing is counted, and distances in parts of a voxel of the finest spacing.
 const PARTS: i32 = 1 << 16;
-/// Most crossings of a box that may become a leaf: a plane through a whole brick has some 10,000.
-const MAX_CROSSINGS: usize = 16 << 10;
 /// How far a plane may be from the fine cells' polygons, in bounds.
 const BETWEEN: f64 = 1.5;
-/// Classes of distances, of which the 99th percentile is read.
-const CLASSES: usize = 256;
 
 /// How far leaves may be from the surface, and how long cells are.
 #[derive(Clone, Copy, Debug)]
@@ -63,18 +65,17 @@ pub(in crate::builder) struct Bound {
     sides: [f64; 3],
     /// One by that.
     inverse: [f64; 3],
+    /// Diagonal of a voxel, in finest spacings, times how much that space turns normals more than index space at most.
+    diagonal: f64,
 }
 
 impl Bound {
     /// For spacings in mm.
     pub(in crate::builder) fn new(error: f64, spacing_mm: [f64; 3]) -> Self {
         let finest = spacing_mm[0].min(spacing_mm[1]).min(spacing_mm[2]);
-        Self { error, sides: spacing_mm.map(|s| s / finest), inverse: spacing_mm.map(|s| finest / s) }
-    }
-
-    /// A normal of index space in the space of lengths.
-    fn physical(&self, n: [f64; 3]) -> [f64; 3] {
-        std::array::from_fn(|a| n[a] * self.inverse[a])
+        let sides = spacing_mm.map(|s| s / finest);
+        let diagonal = dot(sides, sides).sqrt() * sides[0].max(sides[1]).max(sides[2]);
+        Self { error, sides, inverse: spacing_mm.map(|s| finest / s), diagonal }
     }
 }
 
@@ -93,41 +94,60 @@ pub(in crate::builder) struct FineBrick<'a> {
 }
 
 impl FineBrick<'_> {
+    #[inline(always)]
     fn normal(&self, cell: usize) -> [i32; 3] {
         normal::decode_l1(u16::from_le_bytes(self.codes[cell]))
     }
 
     /// How far each corner lies in front of the surface, up to a factor.
+    #[inline(always)]
     fn ahead(&self, cell: usize) -> [i32; CORNERS] {
         let offset = self.offsets[cell].cast_signed();
-        if offset != HAS_CORNERS {
-            let n = self.normal(cell);
-            return std::array::from_fn(|c| at_corner(n, c) - i32::from(offset));
+        if offset == HAS_CORNERS {
+            return self.corners_ahead(cell);
         }
+        let (n, mut ahead) = (self.normal(cell), [0; CORNERS]);
+        for (c, ahead) in ahead.iter_mut().enumerate() {
+            *ahead = at_corner(n, c) - i32::from(offset);
+        }
+        ahead
+    }
+
+    #[inline(never)]
+    fn corners_ahead(&self, cell: usize) -> [i32; CORNERS] {
         let found = self.corners.binary_search_by_key(&cell, |(cell, _)| usize::from(*cell));
         found.map_or([0; CORNERS], |at| self.corners[at].1.map(|c| -i32::from(c)))
     }
 
     /// Calls `found` with the edges of a cell that are crossed, and where, from their first corner in [`PARTS`].
-    #[expect(clippy::cast_possible_truncation, reason = "0..=PARTS")]
+    #[inline(always)]
     fn for_each_crossing(&self, cell: usize, mut found: impl FnMut((usize, usize), i32)) {
         let (sides, ahead) = (self.sides[cell], self.ahead(cell));
         let mut left = CROSSED[usize::from(sides)];
         while left != 0 {
             let (p, q) = EDGES[left.trailing_zeros() as usize % EDGES.len()];
             left &= left - 1;
-            let (a, b) = (ahead[p], ahead[q]);
-            let along = if (a <= 0) != (b <= 0) {
-                (f64::from(a) / f64::from(a - b) * f64::from(PARTS) + 0.5).floor() as i32
-            } else if sides >> p & 1 == 1 {
-                // The plane covers the outside corner, too.
-                PARTS
-            } else {
-                0
-            };
-            found((p, q), along);
+            found((p, q), crossed_at([ahead[p], ahead[q]], sides >> p & 1 == 1));
         }
     }
+
+    /// Where a crossed edge of a cell is crossed, as [`FineBrick::for_each_crossing`] has it.
+    #[inline(always)]
+    fn crossing(&self, cell: usize, (p, q): (usize, usize)) -> i32 {
+        let ahead = self.ahead(cell);
+        crossed_at([ahead[p], ahead[q]], self.sides[cell] >> p & 1 == 1)
+    }
+}
+
+/// Where an edge is crossed whose ends lie so far ahead of the surface, from the first in [`PARTS`].
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "0..=PARTS")]
+fn crossed_at([a, b]: [i32; 2], first_is_inside: bool) -> i32 {
+    if (a <= 0) != (b <= 0) {
+        return (f64::from(a) / f64::from(a - b) * f64::from(PARTS) + 0.5) as i32;
+    }
+    // The plane covers the outside corner, too.
+    if first_is_inside { PARTS } else { 0 }
 }
 
 /// Edges whose ends are on different sides, as bits, by the corners inside.
@@ -168,61 +188,12 @@ pub(in crate::builder) enum Kept {
     Leaf(Leaf),
 }
 
-/// Distances between the fine cells and the leaves in their place, in [`PARTS`].
-#[derive(Clone, Debug, PartialEq)]
-pub(in crate::builder) struct Distances {
-    crossings: u64,
-    squares: u128,
-    most: u32,
-    classes: Vec<u64>,
-    /// Where the last class ends.
-    limit: u64,
-}
-
-impl Distances {
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most two voxels")]
-    pub(in crate::builder) fn new(error: f64) -> Self {
-        let limit = (error * BETWEEN * f64::from(PARTS)).ceil().clamp(1.0, 1e6) as u64;
-        Self { crossings: 0, squares: 0, most: 0, classes: vec![0; CLASSES], limit }
-    }
-
-    fn add(&mut self, distance: u32) {
-        let class = u64::from(distance) * CLASSES as u64 / self.limit;
-        self.classes[usize::try_from(class).unwrap_or(CLASSES).min(CLASSES - 1)] += 1;
-        self.crossings += 1;
-        self.squares += u128::from(distance) * u128::from(distance);
-        self.most = self.most.max(distance);
-    }
-
-    /// Crossings of cells that stay.
-    fn add_none(&mut self, crossings: u64) {
-        self.classes[0] += crossings;
-        self.crossings += crossings;
-    }
-
-    pub(in crate::builder) fn join(&mut self, other: &Self) {
-        self.crossings += other.crossings;
-        self.squares += other.squares;
-        self.most = self.most.max(other.most);
-        self.classes.iter_mut().zip(&other.classes).for_each(|(own, more)| *own += more);
-    }
-
-    /// Root of the mean square, 99th percentile (the end of its class) and greatest, in voxels of the finest spacing.
-    #[expect(clippy::cast_precision_loss, reason = "sums of small whole numbers")]
-    pub(in crate::builder) fn rms_p99_most(&self) -> [f64; 3] {
-        let (crossings, parts) = (self.crossings.max(1), f64::from(PARTS));
-        let rms = (self.squares as f64 / crossings as f64).sqrt() / parts;
-        let (mut below, mut p99) = (0, 0.0);
-        for (end, count) in (1_u32..).zip(&self.classes) {
-            below += count;
-            if below * 100 >= crossings * 99 {
-                p99 = if end == 1 && self.most == 0 { 0.0 } else { f64::from(end) / CLASSES as f64 };
-                break;
-            }
-        }
-        let most = f64::from(self.most) / parts;
-        [rms, (p99 * self.limit as f64 / parts).min(most), most]
-    }
+/// What is known of a box all of whose cells belong to one leaf, for the box above.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    /// Of the fine cells' unit normals.
+    normals: [f64; 3],
+    moments: Moments,
 }
 
 /// Joins the cells of one brick after the other.
@@ -230,25 +201,85 @@ pub(in crate::builder) struct Joiner {
     bound: Bound,
     /// Boxes with an edge of 2 to 2^this may become leaves.
     levels: usize,
-    /// Coordinates of every cell.
+    /// Coordinates of every cell, and its normal.
     places: Vec<[u8; 3]>,
+    normals: Vec<[i8; 3]>,
     /// Cells before each word.
     before: Vec<usize>,
-    /// Crossings of the brick, or of a box where those are too many; in [`PARTS`] from the corner of the brick.
-    crossings: Vec<[i32; 3]>,
+    /// Crossings of the brick, or of a box where those are too many.
+    crossings: Crossings,
     /// Crossings of the brick before each box of 2^3, and all of them; empty where they are too many.
     starts: Vec<u16>,
     /// Boxes with an edge of 2^(i + 1), in Morton order.
     states: [Vec<State>; LEVELS],
+    /// Of the last eight boxes with that edge.
+    sums: [[Sums; 8]; LEVELS],
+}
+
+/// [`Joiner::join`] for an instruction set.
+struct Join<'a, 'b>(&'a mut Joiner, &'a FineBrick<'b>);
+
+impl Kernel for Join<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let Self(joiner, brick) = self;
+        joiner.list(brick);
+        joiner.gather_all(brick);
+        joiner.states.iter_mut().for_each(Vec::clear);
+        for at in 0..CELLS / 8 {
+            let (mut at, mut e) = (at, 1);
+            loop {
+                let state = joiner.state(brick, at, e);
+                joiner.states[e - 1].push(state);
+                if at % 8 != 7 || e == LEVELS {
+                    break;
+                }
+                (at, e) = (at / 8, e + 1);
+            }
+        }
+    }
+}
+
+/// [`Joiner::measure`] for an instruction set.
+struct Measure<'a, 'b>(&'a mut Joiner, &'a FineBrick<'b>, &'a mut Distances);
+
+impl Kernel for Measure<'_, '_> {
+    type Output = ();
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) {
+        let Self(joiner, brick, distances) = self;
+        joiner.for_each_run(brick, |_, cells| {
+            distances.add_none(brick.sides[cells].iter().map(|sides| crossed_edges(*sides)).sum());
+        });
+        let mut kept = Vec::new();
+        for e in 1..=joiner.levels {
+            joiner.for_each_kept(brick, e, |at, found| {
+                if let Kept::Leaf(leaf) = found {
+                    kept.push((at, e, leaf));
+                }
+            });
+        }
+        for (at, e, leaf) in kept {
+            let Some(crossings) = joiner.crossings(brick, at, e) else { continue };
+            let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
+            let crossings = joiner.crossings.some(crossings);
+            distances.add_all(leaf.distances(&joiner.bound, low, 1 << e, &crossings));
+            distances.add_between(leaf.between);
+        }
+    }
 }
 
 impl Joiner {
     /// Memory of one.
-    pub(in crate::builder) const BYTES: u64 = (CELLS * 3
-        + MAX_CROSSINGS * size_of::<[i32; 3]>()
+    pub(in crate::builder) const BYTES: u64 = (CELLS * (3 + 3)
+        + Crossings::BYTES
         + (CELLS / 7 + LEVELS) * size_of::<State>()
         + (CELLS / 8 + 1) * size_of::<u16>()
-        + WORDS * size_of::<usize>()) as u64;
+        + WORDS * size_of::<usize>()
+        + 8 * LEVELS * size_of::<Sums>()) as u64;
 
     /// For a grid of this depth, whose root never becomes a leaf.
     pub(in crate::builder) fn new(bound: Bound, depth: u32) -> Self {
@@ -256,56 +287,66 @@ impl Joiner {
             bound,
             levels: (depth.max(1) as usize - 1).min(LEVELS),
             places: Vec::with_capacity(CELLS),
+            normals: Vec::with_capacity(CELLS),
             before: Vec::with_capacity(WORDS),
-            crossings: Vec::with_capacity(MAX_CROSSINGS),
+            crossings: Crossings::new(),
             starts: Vec::with_capacity(CELLS / 8 + 1),
             states: std::array::from_fn(|i| Vec::with_capacity(CELLS >> (3 * (i + 1)))),
+            sums: [[Sums::default(); 8]; LEVELS],
         }
     }
 
     /// Finds the leaves of a brick.
     pub(in crate::builder) fn join(&mut self, brick: &FineBrick<'_>) {
+        dispatch(Join(self, brick));
+    }
+
+    /// Measures how far the leaves of a brick are from its cells.
+    pub(in crate::builder) fn measure(&mut self, brick: &FineBrick<'_>, distances: &mut Distances) {
+        dispatch(Measure(self, brick, distances));
+    }
+
+    /// Lists the cells of a brick.
+    #[inline(always)]
+    fn list(&mut self, brick: &FineBrick<'_>) {
         self.places.clear();
         self.before.clear();
         for (word, bits) in brick.words.iter().enumerate() {
             self.before.push(self.places.len());
             let mut left = *bits;
+            let low = morton::decode(64 * word as u64).map(|c| c.to_le_bytes()[0]);
             while left != 0 {
-                let code = 64 * word as u64 + u64::from(left.trailing_zeros());
+                let code = left.trailing_zeros();
                 left &= left - 1;
-                self.places.push(morton::decode(code).map(|c| c.to_le_bytes()[0]));
+                let within = |a: usize| (code >> a & 1 | (code >> (a + 2) & 2)).to_le_bytes()[0];
+                self.places.push(std::array::from_fn(|a| low[a] + within(a)));
             }
         }
-        self.gather_all(brick);
-        for e in 1..=LEVELS {
-            for at in 0..CELLS >> (3 * e) {
-                let state = self.state(brick, at, e);
-                self.states[e - 1].push(state);
-            }
-        }
+        self.normals.clear();
+        self.normals.extend(brick.codes.iter().map(|code| {
+            normal::decode_l1(u16::from_le_bytes(*code)).map(|n| n.to_le_bytes()[0].cast_signed())
+        }));
     }
 
     /// Makes all crossings at once, for every level, unless they are too many.
-    #[expect(clippy::cast_possible_truncation, reason = "at most MAX_CROSSINGS")]
+    #[inline(always)]
     fn gather_all(&mut self, brick: &FineBrick<'_>) {
-        const { assert!(MAX_CROSSINGS <= u16::MAX as usize) };
-        let mut crossings = std::mem::take(&mut self.crossings);
-        crossings.clear();
+        self.crossings.clear();
         self.starts.clear();
         for at in 0..CELLS / 8 {
-            self.starts.push(crossings.len() as u16);
-            if gather(brick, &self.places, self.cells(brick, at, 1), &mut crossings).is_none() {
+            let so_far = u16::try_from(self.crossings.len()).ok();
+            let cells = self.cells(brick, at, 1);
+            if so_far.is_none() || self.crossings.gather(brick, &self.places, cells).is_none() {
                 self.starts.clear();
-                break;
+                return;
             }
+            self.starts.extend(so_far);
         }
-        if !self.starts.is_empty() {
-            self.starts.push(crossings.len() as u16);
-        }
-        self.crossings = crossings;
+        self.starts.extend(u16::try_from(self.crossings.len()));
     }
 
     /// The crossings of box `at` with an edge of 2^e, unless they are too many.
+    #[inline(always)]
     fn crossings(&mut self, brick: &FineBrick<'_>, at: usize, e: usize) -> Option<Range<usize>> {
         let boxes = 1 << (3 * e - 3);
         if let (Some(start), Some(end)) = (self.starts.get(at * boxes), self.starts.get((at + 1) * boxes)) {
@@ -313,11 +354,12 @@ impl Joiner {
         }
         let cells = self.cells(brick, at, e);
         self.crossings.clear();
-        gather(brick, &self.places, cells, &mut self.crossings)?;
+        self.crossings.gather(brick, &self.places, cells)?;
         Some(0..self.crossings.len())
     }
 
     /// The cells of box `at` with an edge of 2^e.
+    #[inline(always)]
     fn cells(&self, brick: &FineBrick<'_>, at: usize, e: usize) -> Range<usize> {
         let count = |bits: u64| bits.count_ones() as usize;
         if e == 1 {
@@ -331,12 +373,11 @@ impl Joiner {
         self.before[at * words]..self.before[last] + count(brick.words[last])
     }
 
+    #[inline(always)]
     fn state(&mut self, brick: &FineBrick<'_>, at: usize, e: usize) -> State {
-        if at == 0 {
-            self.states[e - 1].clear();
-        }
         let cells = self.cells(brick, at, e);
         if cells.is_empty() {
+            self.sums[e - 1][at % 8] = Sums::default();
             return State::Empty;
         }
         let mut children = [None; 8];
@@ -360,10 +401,21 @@ impl Joiner {
         }
         let sides = sides_of(&children);
         let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
-        let Some(crossings) = self.crossings(brick, at, e) else { return State::Inner };
-        let Self { bound, places, before, crossings: all, .. } = self;
-        let fit = plane::Fit { bound, brick, places, before, cells, low, edge: 1 << e, sides };
-        fit.leaf(&all[crossings]).map_or(State::Inner, |leaf| State::Leaf(leaf, sides))
+        let Some(range) = self.crossings(brick, at, e) else { return State::Inner };
+        let Self { bound, places, normals, before, crossings, .. } = self;
+        let crossings = crossings.some(range);
+        let sums = if e == 1 {
+            Sums { normals: plane::sum(bound, &normals[cells.clone()]), moments: Moments::of(&crossings) }
+        } else {
+            self.sums[e - 2].iter().fold(Sums::default(), |mut sum, child| {
+                sum.normals = add_scaled(sum.normals, 1.0, child.normals);
+                sum.moments.add(&child.moments);
+                sum
+            })
+        };
+        self.sums[e - 1][at % 8] = sums;
+        let fit = plane::Fit { bound, brick, places, normals, before, cells, low, edge: 1 << e, sides };
+        fit.leaf(&sums, &crossings).map_or(State::Inner, |leaf| State::Leaf(leaf, sides))
     }
 
     /// Calls `found` with the nodes of the model that have an edge of 2^e, in Morton order, and their places in it.
@@ -405,49 +457,6 @@ impl Joiner {
             }
         }
     }
-
-    /// Measures how far the leaves of a brick are from its cells.
-    pub(in crate::builder) fn measure(&mut self, brick: &FineBrick<'_>, distances: &mut Distances) {
-        self.for_each_run(brick, |_, cells| {
-            distances.add_none(brick.sides[cells].iter().map(|sides| crossed_edges(*sides)).sum());
-        });
-        for e in 1..=self.levels {
-            let mut kept = Vec::new();
-            self.for_each_kept(brick, e, |at, found| {
-                if let Kept::Leaf(leaf) = found {
-                    kept.push((at, leaf));
-                }
-            });
-            for (at, leaf) in kept {
-                let Some(crossings) = self.crossings(brick, at, e) else { continue };
-                let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
-                let crossings = &self.crossings[crossings];
-                leaf.measure(&self.bound, low, 1 << e, crossings, |distance| distances.add(distance));
-                distances.most = distances.most.max(leaf.between);
-            }
-        }
-    }
-}
-
-/// Appends the crossings of cells, unless they are too many.
-fn gather(
-    brick: &FineBrick<'_>,
-    places: &[[u8; 3]],
-    cells: Range<usize>,
-    crossings: &mut Vec<[i32; 3]>,
-) -> Option<()> {
-    for cell in cells {
-        let place = places[cell].map(|c| i32::from(c) * PARTS);
-        brick.for_each_crossing(cell, |(p, q), along| {
-            let axis = (p ^ q).trailing_zeros() as usize;
-            let corner = |a: usize| i32::from(p >> a & 1 == 1) * PARTS;
-            crossings.push(std::array::from_fn(|a| place[a] + if a == axis { along } else { corner(a) }));
-        });
-        if crossings.len() + EDGES.len() > MAX_CROSSINGS {
-            return None;
-        }
-    }
-    Some(())
 }
 
 /// Corners of a box that are inside, from those of its children: corner i is child i's, and a child that is empty lies

@@ -2,22 +2,19 @@
 
 use std::ops::Range;
 
-use super::{Bound, FineBrick, PARTS, polygon};
+use super::crossings::{Moments, Some3};
+use super::{Bound, CROSSED, FineBrick, PARTS, Sums, polygon};
 use crate::builder::cells::corner::{EDGES, encode};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
-use crate::geom::{add_scaled, cross, dot};
+use crate::geom::{add_scaled, cross, dot, morton};
 
 /// Square of the least cosine between a fine normal and the mean: 60 degrees.
 const NEAR: f64 = 0.25;
 /// Pulls a fitted normal towards the mean of the fine ones, in square voxels of the finest spacing.
 const PULL: f64 = 0.005;
-/// A crossing's unit in cells: a power of two, so that products are exact.
-const PART: f64 = 1.0 / PARTS as f64;
-/// Cells of a box from which on a table of all 256 sides pays.
-const MANY: usize = 48;
-/// Half the range of the crossings along a fitted normal beyond which no code is tried, in bounds.
-const HOPELESS: f64 = 3.0;
+/// The angle between a code and one of the eight around it, at most: by (1, 1, 2) of a vector of length 127 / sqrt 3.
+const STEP: f64 = 0.0335;
 
 /// A larger leaf as it is stored, and how far its plane was found to be from the fine cells at the box's edges.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,22 +26,24 @@ pub(in crate::builder) struct Leaf {
 }
 
 impl Leaf {
-    /// Calls `found` with the distance of every crossing from the plane.
+    /// The distance of every crossing from the plane, in [`PARTS`].
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the bound")]
-    pub(super) fn measure(
+    pub(super) fn distances<'a>(
         &self,
         bound: &Bound,
         low: [i32; 3],
         edge: i32,
-        crossings: &[[i32; 3]],
-        mut found: impl FnMut(u32),
-    ) {
+        crossings: &Some3<'a>,
+    ) -> impl Iterator<Item = u32> + 'a {
         let scale = Scale::new(self.code, bound, low, edge);
         let plane = i32::from(self.offset) * edge * PARTS;
-        for p in crossings {
-            let off = (scale.at(*p) - plane).abs();
-            found((f64::from(off) / scale.length + 0.5).floor() as u32);
-        }
+        let per_voxel = 1.0 / scale.length;
+        let [x, y, z] = crossings.at;
+        x.iter().zip(y).zip(z).map(move |((x, y), z)| {
+            let off = (scale.at([*x, *y, *z]) - plane).abs();
+            (f64::from(off) * per_voxel + 0.5) as u32
+        })
     }
 }
 
@@ -58,10 +57,13 @@ struct Scale {
 }
 
 impl Scale {
+    #[inline(always)]
     fn new(code: u16, bound: &Bound, low: [i32; 3], edge: i32) -> Self {
         let n = normal::decode_l1(code);
-        let middle = (0..3).map(|a| n[a] * (2 * low[a] + edge)).sum::<i32>();
-        let physical = bound.physical(n.map(f64::from));
+        let along = |a: usize| n[a] * (2 * low[a] + edge);
+        let middle = along(0) + along(1) + along(2);
+        let part = |a: usize| f64::from(n[a]) * bound.inverse[a];
+        let physical = [part(0), part(1), part(2)];
         Self { n, middle, length: 2.0 * dot(physical, physical).sqrt() }
     }
 
@@ -70,6 +72,35 @@ impl Scale {
     fn at(&self, p: [i32; 3]) -> i32 {
         2 * (self.n[0] * p[0] + self.n[1] * p[1] + self.n[2] * p[2]) - self.middle * PARTS
     }
+
+    /// Least and greatest value at crossings, and the greatest at the inside ends of their edges, without [`PARTS`].
+    #[inline(always)]
+    fn extremes(&self, crossings: &Some3<'_>) -> [i32; 3] {
+        let n = self.n;
+        let (mut low, mut high, mut highest) = (i32::MAX, i32::MIN, i32::MIN);
+        let ([x, y, z], [u, v, w]) = (crossings.at, crossings.ends);
+        for ((((x, y), z), u), (v, w)) in x.iter().zip(y).zip(z).zip(u).zip(v.iter().zip(w)) {
+            let at = n[0] * x + n[1] * y + n[2] * z;
+            (low, high) = (low.min(at), high.max(at));
+            highest = highest.max(n[0] * i32::from(*u) + n[1] * i32::from(*v) + n[2] * i32::from(*w));
+        }
+        let middle = self.middle * PARTS;
+        [2 * low - middle, 2 * high - middle, 2 * highest - self.middle]
+    }
+}
+
+#[inline(always)]
+fn scaled(n: &[i8; 3], by: [f64; 3]) -> [f64; 3] {
+    [f64::from(n[0]) * by[0], f64::from(n[1]) * by[1], f64::from(n[2]) * by[2]]
+}
+
+/// The sum of the unit normals of cells.
+#[inline(always)]
+pub(super) fn sum(bound: &Bound, normals: &[[i8; 3]]) -> [f64; 3] {
+    normals.iter().fold([0.0; 3], |sum, normal| {
+        let n = scaled(normal, bound.inverse);
+        add_scaled(sum, 1.0 / dot(n, n).sqrt(), n)
+    })
 }
 
 /// A box whose children are all leaves.
@@ -77,6 +108,7 @@ pub(super) struct Fit<'a> {
     pub(super) bound: &'a Bound,
     pub(super) brick: &'a FineBrick<'a>,
     pub(super) places: &'a [[u8; 3]],
+    pub(super) normals: &'a [[i8; 3]],
     /// Cells before each word of the brick's.
     pub(super) before: &'a [usize],
     /// The fine cells in it.
@@ -90,159 +122,186 @@ pub(super) struct Fit<'a> {
 
 impl Fit<'_> {
     /// The leaf that the box becomes, if it does.
-    pub(super) fn leaf(&self, crossings: &[[i32; 3]]) -> Option<Leaf> {
-        let mean = self.mean_normal()?;
-        let direction = self.direction(mean, crossings)?;
-        let code = encode(std::array::from_fn(|a| direction[a] * self.bound.sides[a]))?;
-        around(code).find_map(|code| {
-            let offset = self.offset(code, crossings)?;
-            let between = polygon::between(self, code, offset)?;
-            Some(Leaf { code, offset, between })
-        })
+    #[inline(always)]
+    pub(super) fn leaf(&self, sums: &Sums, crossings: &Some3<'_>) -> Option<Leaf> {
+        let mean = self.mean_normal(sums.normals)?;
+        let (code, range) = self.direction(mean, &sums.moments, crossings)?;
+        // Turned by a step, a normal's range shrinks by so much at most.
+        let turn = STEP * f64::from(self.edge) * self.bound.diagonal;
+        if range > 2.0 * self.bound.error + turn {
+            return None;
+        }
+        for step in AROUND {
+            if let Some(code) = stepped(code, step)
+                && let Some(offset) = self.offset(code, crossings)
+                && let Some(between) = polygon::between(self, code, offset)
+            {
+                return Some(Leaf { code, offset, between });
+            }
+        }
+        None
     }
 
-    /// The mean of the fine normals, all within 60 degrees of it.
-    fn mean_normal(&self) -> Option<[f64; 3]> {
-        let normal = |cell: usize| self.bound.physical(self.brick.normal(cell).map(f64::from));
-        let sum = self.cells.clone().fold([0.0; 3], |sum, cell| {
-            let n = normal(cell);
-            add_scaled(sum, 1.0 / dot(n, n).sqrt(), n)
-        });
+    /// The mean of the fine normals, all within 60 degrees of it, from their sum.
+    #[inline(always)]
+    fn mean_normal(&self, sum: [f64; 3]) -> Option<[f64; 3]> {
         let square = dot(sum, sum);
-        let is_near = |cell: usize| {
-            let n = normal(cell);
+        let inverse = self.bound.inverse;
+        let is_near = |normal: &[i8; 3]| {
+            let n = scaled(normal, inverse);
             let along = dot(n, sum);
-            along > 0.0 && along * along >= NEAR * square * dot(n, n)
+            (along > 0.0) & (along * along >= NEAR * square * dot(n, n))
         };
+        let are_near = self.normals[self.cells.clone()].iter().fold(true, |all, n| all & is_near(n));
         let length = square.sqrt();
-        (length > 0.0 && self.cells.clone().all(is_near)).then(|| sum.map(|c| c / length))
+        (length > 0.0 && are_near).then(|| sum.map(|c| c / length))
     }
 
-    /// The direction along which the crossings differ least: that of least squares near the mean normal, or this.
-    fn direction(&self, mean: [f64; 3], crossings: &[[i32; 3]]) -> Option<[f64; 3]> {
-        let half = f64::from(self.edge) * 0.5;
-        let point = |p: [i32; 3]| -> [f64; 3] {
-            std::array::from_fn(|a| {
-                let from_middle = f64::from(p[a]) * PART - f64::from(self.low[a]) - half;
-                from_middle * self.bound.sides[a]
-            })
-        };
-        let (mut sum, mut products) = ([0.0; 3], [[0.0; 3]; 3]);
-        for p in crossings {
-            let p = point(*p);
-            for a in 0..3 {
-                sum[a] += p[a];
-                products[a] = add_scaled(products[a], p[a], p);
+    /// The code of the direction along which the crossings differ least, that of least squares near the mean normal or
+    /// this, and by how much they do, in voxels of the finest spacing.
+    #[inline(always)]
+    fn direction(&self, mean: [f64; 3], moments: &Moments, crossings: &Some3<'_>) -> Option<(u16, f64)> {
+        let sides = self.bound.sides;
+        let mut spread = moments.spread();
+        for a in 0..3 {
+            for b in 0..3 {
+                spread[a][b] *= sides[a] * sides[b];
             }
         }
-        #[expect(clippy::cast_precision_loss, reason = "a small count")]
-        let count = crossings.len() as f64;
-        let spread: [[f64; 3]; 3] = std::array::from_fn(|a| add_scaled(products[a], -sum[a] / count, sum));
-        let fitted = fitted_near(mean, &spread);
-        let mut ranges = [[f64::INFINITY, f64::NEG_INFINITY]; 2];
-        for p in crossings {
-            let p = point(*p);
-            for (range, n) in ranges.iter_mut().zip([fitted, mean]) {
-                let at = dot(n, p);
-                *range = [range[0].min(at), range[1].max(at)];
-            }
+        let fitted = self.along(fitted_near(mean, &spread), crossings)?;
+        if fitted.1 <= 2.0 * self.bound.error {
+            return Some(fitted);
         }
-        let [by_fit, by_mean] = ranges.map(|[low, high]| high - low);
-        let (direction, range) = if by_mean < by_fit { (mean, by_mean) } else { (fitted, by_fit) };
-        (0.5 * range <= HOPELESS * self.bound.error).then_some(direction)
+        let by_mean = self.along(mean, crossings)?;
+        Some(if by_mean.1 < fitted.1 { by_mean } else { fitted })
+    }
+
+    /// The code of a direction, and by how much crossings differ along it.
+    #[inline(always)]
+    fn along(&self, direction: [f64; 3], crossings: &Some3<'_>) -> Option<(u16, f64)> {
+        let sides = self.bound.sides;
+        let code = encode([direction[0] * sides[0], direction[1] * sides[1], direction[2] * sides[2]])?;
+        let scale = Scale::new(code, self.bound, self.low, self.edge);
+        let [low, high, _] = scale.extremes(crossings);
+        Some((code, f64::from(high - low) / (scale.length * f64::from(PARTS))))
     }
 
     /// The offset with which a normal's plane leaves every inside corner behind it and is within the bound.
+    ///
+    /// Of the inside corners of fine cells only those are asked for that are ends of a crossed edge: from any other a step
+    /// along an edge leads higher, to such an end at last or to a corner of the box.
+    #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "below 2^25; an offset is -127..=127")]
-    fn offset(&self, code: u16, crossings: &[[i32; 3]]) -> Option<i8> {
+    fn offset(&self, code: u16, crossings: &Some3<'_>) -> Option<i8> {
         let scale = Scale::new(code, self.bound, self.low, self.edge);
         let limit = (scale.length * self.bound.error * f64::from(PARTS)).floor() as i32;
-        let (mut low, mut high) = (i32::MAX, i32::MIN);
-        for p in crossings {
-            let at = scale.at(*p);
-            (low, high) = (low.min(at), high.max(at));
-        }
+        let [low, high, highest] = scale.extremes(crossings);
         if i64::from(high) - i64::from(low) > 2 * i64::from(limit) {
             return None;
         }
         let step = i64::from(self.edge) * i64::from(PARTS);
         let middle = (i64::from(low) + i64::from(high) + step).div_euclid(2 * step) as i32;
-        let is_inside = |c: usize| self.sides >> c & 1 == 1;
-        let of_box = (0..CORNERS).filter(|c| is_inside(*c)).map(|c| at_corner(scale.n, c)).max();
-        let highest = self.highest_inside(&scale);
+        // The inside corner of the box that is farthest ahead, and the outside one that is farthest behind.
+        let (mut of_box, mut outside) = (i32::MIN, i32::MAX);
+        for c in 0..CORNERS {
+            let (at, is_inside) = (at_corner(scale.n, c), self.sides >> c & 1 == 1);
+            of_box = if is_inside { of_box.max(at) } else { of_box };
+            outside = if is_inside { outside } else { outside.min(at) };
+        }
         // Rounded up: behind is at most the offset.
         let least = -(-highest).div_euclid(self.edge);
-        let offset = middle.max(least).max(of_box.unwrap_or(i32::MIN));
+        let offset = middle.max(least).max(of_box);
         if !(-normal::SCALE..=normal::SCALE).contains(&offset) {
             return None;
         }
         let plane = offset * self.edge * PARTS;
-        let is_covered =
-            |c: usize| !is_inside(c) && (offset - at_corner(scale.n, c)) * self.edge * PARTS > limit;
-        let is_near = high - plane <= limit && plane - low <= limit && !(0..CORNERS).any(is_covered);
-        is_near.then_some(offset as i8)
+        let covered = outside < offset && (offset - outside) * self.edge * PARTS > limit;
+        (high - plane <= limit && plane - low <= limit && !covered).then_some(offset as i8)
     }
 
-    /// The greatest value at an inside corner of a fine cell, without [`PARTS`].
-    fn highest_inside(&self, scale: &Scale) -> i32 {
-        let n = scale.n;
-        let along = |p: [i32; 3]| 2 * (n[0] * p[0] + n[1] * p[1] + n[2] * p[2]);
-        let rise: [i32; CORNERS] =
-            std::array::from_fn(|c| along([c & 1, c >> 1 & 1, c >> 2].map(|bit| i32::from(bit == 1))));
-        let mut highest = i32::MIN;
-        if self.cells.len() >= MANY {
-            let mut highest_rise = [i32::MIN / 2; 256];
-            for sides in 1..256_usize {
-                let others = highest_rise[sides & (sides - 1)];
-                highest_rise[sides] = others.max(rise[sides.trailing_zeros() as usize % CORNERS]);
-            }
-            for cell in self.cells.clone() {
-                let at = along(self.places[cell].map(i32::from)) - scale.middle;
-                highest = highest.max(at + highest_rise[usize::from(self.brick.sides[cell])]);
-            }
-            return highest;
-        }
-        for cell in self.cells.clone() {
-            let at = along(self.places[cell].map(i32::from)) - scale.middle;
-            let mut sides = self.brick.sides[cell];
-            while sides != 0 {
-                highest = highest.max(at + rise[sides.trailing_zeros() as usize % CORNERS]);
-                sides &= sides - 1;
-            }
-        }
-        highest
-    }
-
-    /// Where a plane cuts the box's edges, in cells of the brick.
-    pub(super) fn cuts(&self, code: u16, offset: i8) -> impl Iterator<Item = [f64; 3]> + '_ {
+    /// The edges of the box that a plane cuts, as bits, and how far each corner is ahead of it.
+    #[inline(always)]
+    pub(super) fn cut_edges(&self, code: u16, offset: i8) -> (u16, [i32; CORNERS]) {
         let n = normal::decode_l1(code);
-        let ahead = move |c: usize| at_corner(n, c) - i32::from(offset);
-        EDGES.into_iter().filter_map(move |(p, q)| {
-            let (a, b) = (ahead(p), ahead(q));
-            let axis = (p ^ q).trailing_zeros() as usize;
-            ((a <= 0) != (b <= 0)).then(|| {
-                let along = f64::from(a) / f64::from(a - b);
-                std::array::from_fn(|i| {
-                    let part = if i == axis { along } else { f64::from(u8::from(p >> i & 1 == 1)) };
-                    f64::from(self.low[i]) + f64::from(self.edge) * part
-                })
-            })
-        })
+        let mut ahead = [0; CORNERS];
+        let mut behind = 0_usize;
+        for (c, ahead) in ahead.iter_mut().enumerate() {
+            *ahead = at_corner(n, c) - i32::from(offset);
+            behind |= usize::from(*ahead <= 0) << c;
+        }
+        (CROSSED[behind % 256], ahead)
+    }
+
+    /// Where a plane cuts an edge.
+    #[inline(always)]
+    pub(super) fn cut(&self, edge: usize, ahead: &[i32; CORNERS]) -> Cut {
+        let (p, q) = EDGES[edge % EDGES.len()];
+        let (a, b) = (ahead[p], ahead[q]);
+        let axis = (p ^ q).trailing_zeros() as usize % 3;
+        let edge = f64::from(self.edge);
+        let high = |a: usize| f64::from(self.low[a]) + if p >> a & 1 == 1 { edge } else { 0.0 };
+        let mut point = [high(0), high(1), high(2)];
+        point[axis] += edge * (f64::from(a) / f64::from(a - b));
+        Cut { ends: (p, q), axis, point }
+    }
+
+    /// How far a cut is from where the fine cell there crosses that very edge, in voxels of the finest spacing; infinity if
+    /// it does not.
+    #[inline(always)]
+    pub(super) fn along_edge(&self, cut: &Cut) -> f64 {
+        let (p, q) = cut.ends;
+        let Some(cell) = self.cell_at(cut.point) else { return f64::INFINITY };
+        let sides = self.brick.sides[cell];
+        if (sides >> p ^ sides >> q) & 1 == 0 {
+            return f64::INFINITY;
+        }
+        let along = f64::from(self.brick.crossing(cell, (p, q))) / f64::from(PARTS);
+        let place = f64::from(self.places[cell][cut.axis]);
+        (cut.point[cut.axis] - place - along).abs() * self.bound.sides[cut.axis]
+    }
+
+    /// The fine cell of the box at a point of it, in cells of the brick.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "a place within the brick")]
+    pub(super) fn cell_at(&self, point: [f64; 3]) -> Option<usize> {
+        let at = |a: usize| (point[a] as i32).clamp(self.low[a], self.low[a] + self.edge - 1).cast_unsigned();
+        self.cell_of([at(0), at(1), at(2)])
+    }
+
+    /// The fine cell at a place of the brick, if there is one.
+    #[inline(always)]
+    pub(super) fn cell_of(&self, [x, y, z]: [u32; 3]) -> Option<usize> {
+        let code = morton::encode(x, y, z) as usize;
+        let (word, bit) = (code / 64, code % 64);
+        let bits = self.brick.words[word];
+        let below = bits & ((1 << bit) - 1);
+        (bits >> bit & 1 == 1).then(|| self.before[word] + below.count_ones() as usize)
     }
 }
 
-/// A code and the eight around it.
-fn around(code: u16) -> impl Iterator<Item = u16> {
+/// Where a plane cuts an edge of a box.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Cut {
+    /// The corners at its ends, and its axis.
+    ends: (usize, usize),
+    axis: usize,
+    /// In cells of the brick.
+    pub(super) point: [f64; 3],
+}
+
+/// From a code to itself and the eight around it.
+const AROUND: [[i32; 2]; 9] = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
+
+#[inline(always)]
+fn stepped(code: u16, step: [i32; 2]) -> Option<u16> {
     let [u, v] = code.to_le_bytes().map(|c| i32::from(c.cast_signed()));
-    let steps = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
-    steps.into_iter().filter_map(move |[du, dv]| {
-        let component = |c: i32| i8::try_from(c).ok().filter(|c| *c != i8::MIN).map(i8::cast_unsigned);
-        Some(u16::from_le_bytes([component(u + du)?, component(v + dv)?]))
-    })
+    let component = |c: i32| i8::try_from(c).ok().filter(|c| *c != i8::MIN).map(i8::cast_unsigned);
+    Some(u16::from_le_bytes([component(u + step[0])?, component(v + step[1])?]))
 }
 
 /// Unit normal of the plane through points of this spread that fits them best: that of least squares among the guess, a
 /// unit vector, plus something at right angles to it, which is held small.
+#[inline(always)]
 fn fitted_near(guess: [f64; 3], spread: &[[f64; 3]; 3]) -> [f64; 3] {
     let least = (0..3).fold(0, |best, a| if guess[a].abs() < guess[best].abs() { a } else { best });
     let mut axis = [0.0; 3];
@@ -251,7 +310,7 @@ fn fitted_near(guess: [f64; 3], spread: &[[f64; 3]; 3]) -> [f64; 3] {
     let length = dot(e1, e1).sqrt();
     let e1 = e1.map(|c| c / length);
     let e2 = cross(guess, e1);
-    let by = |a: [f64; 3], b: [f64; 3]| dot(a, spread.map(|row| dot(row, b)));
+    let by = |a: [f64; 3], b: [f64; 3]| dot(a, [dot(spread[0], b), dot(spread[1], b), dot(spread[2], b)]);
     let (s11, s12, s22) = (by(e1, e1) + PULL, by(e1, e2), by(e2, e2) + PULL);
     let (r1, r2) = (-by(e1, guess), -by(e2, guess));
     let determinant = s11 * s22 - s12 * s12;

@@ -3,31 +3,71 @@
 use super::plane::Fit;
 use super::{BETWEEN, FineBrick, PARTS};
 use crate::builder::cells::corner::EDGES;
-use crate::geom::{add_scaled, dot, morton};
+use crate::format::cell::HAS_CORNERS;
+use crate::geom::{add_scaled, dot};
 
 /// Cells of a box from which on only those around a point are looked at.
 const MANY: usize = 48;
 
-/// The greatest distance, in parts of a voxel of the finest spacing, from the points where the plane cuts the box's
-/// edges, and from their middle, to the nearest fine polygon; `None` if one is too far, or the plane does not cut it.
+/// How far the points where the plane cuts the box's edges, and their middle, are from the nearest fine polygon at most,
+/// in parts of a voxel of the finest spacing; `None` if one is too far, or the plane does not cut the box.
+#[inline(always)]
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most one and a half voxels")]
 pub(super) fn between(fit: &Fit<'_>, code: u16, offset: i8) -> Option<u32> {
+    let limit = BETWEEN * fit.bound.error;
     let (mut middle, mut count, mut worst) = ([0.0; 3], 0_u32, 0.0_f64);
-    for point in fit.cuts(code, offset) {
-        middle = add_scaled(middle, 1.0, point);
+    let (mut left, ahead) = fit.cut_edges(code, offset);
+    while left != 0 {
+        let cut = fit.cut(left.trailing_zeros() as usize, &ahead);
+        left &= left - 1;
+        middle = add_scaled(middle, 1.0, cut.point);
         count += 1;
-        worst = worst.max(distance(fit, point)?);
+        let along = fit.along_edge(&cut);
+        worst = worst.max(if along <= limit { along } else { distance(fit, cut.point, limit)? });
     }
     if count < 3 {
         return None;
     }
-    worst = worst.max(distance(fit, middle.map(|c| c / f64::from(count)))?);
+    let middle = middle.map(|c| c / f64::from(count));
+    let inner = fit.cell_at(middle).map_or(f64::INFINITY, |cell| within_cell(fit, cell, middle));
+    worst = worst.max(if inner <= limit { inner } else { distance(fit, middle, limit)? });
     Some((worst * f64::from(PARTS) + 0.5).floor() as u32)
 }
 
-/// Distance of a point, in cells of the brick, to the nearest fine polygon; `None` if it is too far.
-fn distance(fit: &Fit<'_>, point: [f64; 3]) -> Option<f64> {
-    let limit = BETWEEN * fit.bound.error;
+/// Distance of a point, in cells of the brick, from the plane of a cell, if the nearest point of that is in the cell; else
+/// infinity.
+#[inline(always)]
+fn within_cell(fit: &Fit<'_>, cell: usize, point: [f64; 3]) -> f64 {
+    let sides = fit.bound.sides;
+    let place = fit.places[cell].map(f64::from);
+    let from = |a: usize| (point[a] - place[a]) * sides[a];
+    let from_place = [from(0), from(1), from(2)];
+    let Some((normal, on_plane)) = plane_of(fit.brick, cell, sides) else { return f64::INFINITY };
+    foot(normal, on_plane, sides, from_place)
+}
+
+/// Distance of a point from a plane, if the nearest point of that is in the cell; else infinity.
+#[inline(always)]
+fn foot(normal: [f64; 3], on_plane: f64, sides: [f64; 3], point: [f64; 3]) -> f64 {
+    let (square, ahead) = (dot(normal, normal), dot(normal, point) - on_plane);
+    let foot = add_scaled(point, -ahead / square, normal);
+    let is_in = (0..3).all(|a| foot[a] >= 0.0 && foot[a] <= sides[a]);
+    if is_in { ahead.abs() / square.sqrt() } else { f64::INFINITY }
+}
+
+/// The plane of a cell as a normal and its product with points of the plane, from the cell's lowest corner in voxels of
+/// the finest spacing; `None` for cells with corners.
+#[inline(always)]
+fn plane_of(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3]) -> Option<([f64; 3], f64)> {
+    let offset = brick.offsets[cell].cast_signed();
+    let n = brick.normal(cell).map(f64::from);
+    // N . (2 p - 1) = offset.
+    let on_plane = 0.5 * (f64::from(offset) + n[0] + n[1] + n[2]);
+    (offset != HAS_CORNERS).then_some(([n[0] / sides[0], n[1] / sides[1], n[2] / sides[2]], on_plane))
+}
+
+/// How far a point, in cells of the brick, is from a fine polygon that is near enough; `None` if none is.
+fn distance(fit: &Fit<'_>, point: [f64; 3], limit: f64) -> Option<f64> {
     let sides = fit.bound.sides;
     let mut nearest = f64::INFINITY;
     let mut look_at = |cell: usize| {
@@ -36,9 +76,9 @@ fn distance(fit: &Fit<'_>, point: [f64; 3]) -> Option<f64> {
             let off = (point[a] - place[a] - 0.5).abs() - 0.5;
             off * sides[a] <= limit
         });
-        if is_near {
+        if is_near && nearest > limit {
             let from_place = std::array::from_fn(|a| (point[a] - place[a]) * sides[a]);
-            nearest = nearest.min(to_cell(fit.brick, cell, sides, from_place));
+            nearest = nearest.min(to_cell(fit.brick, cell, sides, from_place, limit));
         }
     };
     if fit.cells.len() < MANY {
@@ -61,21 +101,32 @@ fn for_each_around(fit: &Fit<'_>, point: [f64; 3], limit: f64, found: &mut impl 
     for z in range[2].clone() {
         for y in range[1].clone() {
             for x in range[0].clone() {
-                let code = morton::encode(x, y, z) as usize;
-                let (word, bit) = (code / 64, code % 64);
-                if fit.brick.words[word] >> bit & 1 == 1 {
-                    let below = fit.brick.words[word] & ((1 << bit) - 1);
-                    found(fit.before[word] + below.count_ones() as usize);
+                if let Some(cell) = fit.cell_of([x, y, z]) {
+                    found(cell);
                 }
             }
         }
     }
 }
 
-/// Distance of a point from the polygon in a cell, both from its lowest corner in voxels of the finest spacing.
-fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3]) -> f64 {
+/// Distance of a point from the polygon in a cell, both from its lowest corner in voxels of the finest spacing; something
+/// above the limit if that is.
+fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3], limit: f64) -> f64 {
+    let plane = plane_of(brick, cell, sides);
+    if let Some((normal, on_plane)) = plane {
+        let (square, ahead) = (dot(normal, normal), dot(normal, point) - on_plane);
+        // Corners of polygons are rounded to PARTS.
+        let beyond = limit + 8.0 / f64::from(PARTS);
+        if ahead * ahead > square * beyond * beyond {
+            return f64::INFINITY;
+        }
+        let distance = foot(normal, on_plane, sides, point);
+        if distance <= limit {
+            return distance;
+        }
+    }
     let mut corners = [([0.0; 3], (0, 0)); 12];
-    let mut count = 0;
+    let mut count = 0_u32;
     let mut middle = [0.0; 3];
     brick.for_each_crossing(cell, |(p, q), along| {
         let axis = (p ^ q).trailing_zeros() as usize;
@@ -87,11 +138,11 @@ fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3])
             };
             part * sides[a]
         });
-        corners[count % EDGES.len()] = (at, (p, q));
+        corners[count as usize % EDGES.len()] = (at, (p, q));
         count += 1;
         middle = add_scaled(middle, 1.0, at);
     });
-    let corners = &corners[..count.min(EDGES.len())];
+    let corners = &corners[..(count as usize).min(EDGES.len())];
     let mut nearest = f64::INFINITY;
     // Its edges lie in the faces of the cell.
     for (i, (a, (p, q))) in corners.iter().enumerate() {
@@ -103,23 +154,12 @@ fn to_cell(brick: &FineBrick<'_>, cell: usize, sides: [f64; 3], point: [f64; 3])
             }
         }
     }
-    // Its inner points: the foot of the perpendicular, if that is in the cell.
-    let n = brick.normal(cell).map(f64::from);
-    let normal: [f64; 3] = std::array::from_fn(|a| n[a] / sides[a]);
-    let square = dot(normal, normal);
-    let offset = f64::from(brick.offsets[cell].cast_signed());
-    let on_plane = if brick.offsets[cell].cast_signed() == crate::format::cell::HAS_CORNERS {
-        #[expect(clippy::cast_precision_loss, reason = "at most 12")]
-        let mean = middle.map(|c| c / count.max(1) as f64);
-        dot(normal, mean)
-    } else {
-        // N . (2 p - 1) = offset.
-        0.5 * (offset + n[0] + n[1] + n[2])
-    };
-    let ahead = dot(normal, point) - on_plane;
-    let foot = add_scaled(point, -ahead / square, normal);
-    if (0..3).all(|a| foot[a] >= 0.0 && foot[a] <= sides[a]) {
-        nearest = nearest.min(ahead.abs() / square.sqrt());
+    if plane.is_none() {
+        // Its inner points lie near the plane of its normal through the middle of its corners.
+        let n = brick.normal(cell).map(f64::from);
+        let normal: [f64; 3] = std::array::from_fn(|a| n[a] / sides[a]);
+        let mean = middle.map(|c| c / f64::from(count.max(1)));
+        nearest = nearest.min(foot(normal, dot(normal, mean), sides, point));
     }
     nearest
 }
