@@ -26,7 +26,7 @@ use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
-use infobyte::jobs::opened::open_fine_model;
+use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::report::ReportRequest;
@@ -529,7 +529,7 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
 fn selfcheck(args: &args::SelfcheckArgs) -> Result<ExitCode, Failure> {
     let input = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
-    let model = open_fine_model(input.path(), "checked ray by ray")?;
+    let model = open_model(input.path())?;
     let threads = args.threads.count();
     let found = jobs::render::selfcheck(&model.view(), args.rays, args.seed, threads).map_err(Error::from)?;
     model.check_unchanged(input.path()).map_err(Error::from)?;

@@ -70,12 +70,6 @@ pub enum Error {
 pub enum UsageError {
     #[error("{}: keeps only what can be seen ({VISIBLE_FROM} {seen_from}), so that its inside is not known; build it without {VISIBLE_FROM}, or write its skin with {FORM} points, or a mask with {SKIN}", shown(.path))]
     KeepsPart { path: PathBuf, seen_from: String },
-    #[error("{}: has larger leaves ({ERROR}), which cannot be {doing} yet; use a model built without {ERROR}", shown(.path))]
-    LargerLeaves {
-        path: PathBuf,
-        /// What cannot be done to it.
-        doing: &'static str,
-    },
     #[error("{}: has labels, and cannot be {doing} yet with them; build one of its labels by its range of values ({RANGE})", shown(.path))]
     Labels {
         path: PathBuf,

@@ -27,15 +27,6 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
     Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
 }
 
-/// [`open_model`] for a job that larger leaves (SPEC 4.9) are in the way of; `doing` says what cannot be done to them.
-///
-/// # Errors
-/// As [`open_model`], and [`UsageError::LargerLeaves`].
-pub fn open_fine_model(path: &Path, doing: &'static str) -> Result<Model, Error> {
-    refuse_leaves(path, doing)?;
-    open_model(path)
-}
-
 /// Refuses what would lose the labels of a model.
 ///
 /// # Errors
@@ -49,19 +40,6 @@ pub(crate) fn refuse_labels<D: AsRef<[u8]>>(
         true => Ok(()),
         false => Err(UsageError::Labels { path: path.to_path_buf(), doing }.into()),
     }
-}
-
-/// Refuses a model with larger leaves.
-///
-/// # Errors
-/// It has them, or cannot be read.
-fn refuse_leaves(path: &Path, doing: &'static str) -> Result<(), Error> {
-    let file = open_file(path)
-        .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
-    if Frame::read(&file).map_err(|fault| fault.at(path))?.header.leaves {
-        return Err(UsageError::LargerLeaves { path: path.to_path_buf(), doing }.into());
-    }
-    Ok(())
 }
 
 /// The mapped form of a packed file in an unnamed one.

@@ -176,6 +176,7 @@ mod tests {
         offsets: [u8; CELLS],
         stored: u64,
         flip: u32,
+        cells: u8,
         direction: [[f32; CELLS]; 3],
         beside: [[f32; CELLS]; 3],
         rays: [u8; SINGLES],
@@ -186,7 +187,8 @@ mod tests {
 
         #[inline(always)]
         fn run(self, l: impl Lanes) -> Self::Output {
-            let planes = l.planes(&self.codes, &self.offsets, self.stored, self.flip);
+            let mut planes = l.planes(&self.codes, &self.offsets, self.stored, self.flip);
+            planes.cells = self.cells;
             let mut places = [0; LISTED];
             l.list(self.stored, &mut places);
             let lines = Lines { direction: &self.direction, beside: &self.beside, slack: SLACKS / 4096.0 };
@@ -209,6 +211,7 @@ mod tests {
                 offsets: std::array::from_fn(|_| random.bits() as u8),
                 stored: random.bits(),
                 flip: if round % 8 == 0 { random.bits() as u32 & 7 } else { (random.bits() as u32 & 7) * 9 },
+                cells: if round % 4 == 0 { random.bits() as u8 % 64 } else { CELLS as u8 },
                 direction,
                 beside,
                 rays: std::array::from_fn(|_| random.bits() as u8 % 64),
@@ -239,14 +242,17 @@ mod tests {
         for _ in 0..20_000 {
             let code = random.bits() as u16;
             let offset = random.bits() as i8;
-            let place = random.bits() as u8 % 64;
+            // A cell, or a larger leaf at the place of its lowest cell.
+            let edge = if random.bits() % 3 == 0 { 2.0 } else { 1.0 };
+            let place = random.bits() as u8 % 64 & if edge > 1.0 { 56 } else { 63 };
             let (o, d): ([f64; 3], [f64; 3]) = (
-                [0.0; 3].map(|_: f64| random.range(-0.5, 0.5)),
+                [0.0; 3].map(|_: f64| edge * random.range(-0.5, 0.5)),
                 [0.0; 3].map(|_: f64| random.range(0.0, 1.0)),
             );
-            // The line is at `o` from the cell's middle; the brick's middle is that far from the cell's.
+            // The line is at `o` from the box's middle; the brick's middle is that far from the box's.
             let slack = 1.0 / 4096.0;
-            let middle: [f64; 3] = std::array::from_fn(|a| -f64::from(from_middle(place, a)));
+            let middle: [f64; 3] =
+                std::array::from_fn(|a| -f64::from(from_middle(place, a)) - 0.5 * (edge - 1.0));
             let mut beside = [[0.0; CELLS]; 3];
             for ((a, b), beside) in crate::render::lanes::PAIRS.into_iter().zip(&mut beside) {
                 let e = (middle[a] - o[a]) * d[b] - (middle[b] - o[b]) * d[a];
@@ -255,20 +261,22 @@ mod tests {
             let mut direction = [[0.0; CELLS]; 3];
             (0..3).for_each(|a| direction[a][0] = (d[a] + random.range(-slack, slack)) as f32);
             let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS * slack as f32 };
-            let planes = planes(&[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
+            let mut planes =
+                planes(&[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
+            planes.cells = if edge > 1.0 { 0 } else { CELLS as u8 };
             let compared = compare(&planes, &lines, &[place; SINGLES], &[0; SINGLES]);
             let n = normal::decode_l1(code).map(f64::from);
             let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
-            let (start, s) = (dot(o) - f64::from(offset) / 2.0, dot(d));
+            let (start, s) = (dot(o) - f64::from(offset) * edge / 2.0, dot(d));
             let at: [f64; 3] = std::array::from_fn(|a| d[a] * start - o[a] * s);
             let most = at.iter().fold(f64::MIN, |m, v| m.max(*v));
             let size = at.iter().fold(0.0_f64, |m, v| m.max(v.abs()));
             if compared.past & 1 == 1 {
-                assert!(most > s.abs() / 2.0);
+                assert!(most > s.abs() * edge / 2.0);
                 past += 1;
             }
             if compared.within & 1 == 1 {
-                assert!(s < 0.0 && size < -s / 2.0);
+                assert!(s < 0.0 && size < -s * edge / 2.0);
                 within += 1;
             }
         }

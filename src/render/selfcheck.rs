@@ -37,6 +37,10 @@ pub struct Mismatches {
     pub inconsistent: u64,
     /// Hits that differ from the sealed reference walk.
     pub sealed: u64,
+    /// Rays that hit the inside of a cell or larger leaf, of a model that has them.
+    pub cell_hits: u64,
+    /// Rays that hit another cell or larger leaf than the reference, or only one of both hits.
+    pub cells: u64,
     /// Rays whose hit depends on the instruction set, or on being traced alone, in a batch or in a tile.
     pub forms: u64,
     /// Rays traced in tiles.
@@ -53,21 +57,40 @@ impl Mismatches {
     /// All disagreements together.
     pub fn total(&self) -> u64 {
         let hits = self.voxel + self.face + self.false_hits + self.false_misses;
-        hits + self.inconsistent + self.sealed + self.forms + self.over_limit
+        hits + self.inconsistent + self.sealed + self.cells + self.forms + self.over_limit
     }
 
     /// Counts of both.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         add_counts!(self, other: rays, hits, voxel, face, false_hits, false_misses, inconsistent);
-        add_counts!(self, other: sealed, forms, tile_rays, over_limit, steps);
+        add_counts!(self, other: sealed, cell_hits, cells, forms, tile_rays, over_limit, steps);
         self.max_steps = self.max_steps.max(other.max_steps);
         self
     }
 
-    /// Compares one ray and counts it.
+    /// Compares one ray and counts it: with the boxes of the model, unless it has larger leaves, and with its cells.
     pub fn compare(&mut self, view: &ModelView<'_>, volume: &BitVolume, ray: &Ray) {
         self.rays += 1;
+        if let Some(cells) = view.cells().map(Cells::new) {
+            self.compare_cells(view, &cells, ray);
+        }
+        if !view.has_leaves() {
+            self.compare_boxes(view, volume, ray);
+        }
+    }
+
+    fn compare_cells(&mut self, view: &ModelView<'_>, cells: &Cells<'_>, ray: &Ray) {
+        let trace = single::trace(Form::Portable, view, cells, ray, 0);
+        for form in Form::available() {
+            self.forms += u64::from(single::trace(form, view, cells, ray, 0).hit != trace.hit);
+        }
+        let want = reference::planes::first_box(view, ray);
+        self.cell_hits += u64::from(want.is_some());
+        self.cells += u64::from(trace.hit.map(|hit| hit.box_number) != want);
+    }
+
+    fn compare_boxes(&mut self, view: &ModelView<'_>, volume: &BitVolume, ray: &Ray) {
         let trace = first_hit(view, ray, 0);
         let want = reference::walk(volume, ray, false, |_| {});
         self.hits += u64::from(want.is_some());
@@ -76,11 +99,8 @@ impl Mismatches {
         let sealed = first_hit_sealed(view, ray, 0);
         let want_sealed = reference::walk(volume, ray, true, |_| {});
         self.sealed += u64::from(sealed.hit.map(|h| h.cell) != want_sealed.map(|h| h.cell));
-        let cells = view.cells().map(Cells::new);
-        let hit_of_cells = |form| Some(single::trace(form, view, cells.as_ref()?, ray, 0).hit);
         for form in Form::available() {
             self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != sealed.hit);
-            self.forms += u64::from(hit_of_cells(form) != hit_of_cells(Form::Portable));
         }
         self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
         self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
@@ -99,8 +119,10 @@ impl Mismatches {
 
     /// Compares a batch of rays, in every form, with the same rays alone.
     pub fn compare_batch(&mut self, view: &ModelView<'_>, rays: &[Ray], lod_edge_log2: u32) {
-        let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
-        self.compare_batch_of(view, &Skin, rays, lod_edge_log2, sealed);
+        if !view.has_leaves() {
+            let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
+            self.compare_batch_of(view, &Skin, rays, lod_edge_log2, sealed);
+        }
         if let Some(cells) = view.cells().map(Cells::new) {
             let alone = |ray| single::trace(Form::Portable, view, &cells, ray, lod_edge_log2).hit;
             self.compare_batch_of(view, &cells, rays, lod_edge_log2, rays.iter().map(alone).collect());
@@ -129,7 +151,9 @@ impl Mismatches {
     /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
     pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &Sight<'_>, tile: Tile) {
         let lod = tile.lod_edge_log2;
-        self.compare_tile_of(view, &Skin, sight, tile, |ray| first_hit_sealed(view, ray, lod).hit);
+        if !view.has_leaves() {
+            self.compare_tile_of(view, &Skin, sight, tile, |ray| first_hit_sealed(view, ray, lod).hit);
+        }
         if let Some(cells) = view.cells().map(Cells::new) {
             let alone = |ray: &Ray| single::trace(Form::Portable, view, &cells, ray, lod).hit;
             self.compare_tile_of(view, &cells, sight, tile, alone);
@@ -313,7 +337,7 @@ pub fn mismatches(view: &ModelView<'_>, volume: &BitVolume, rays: u64, seed: u64
     let mut counts = Mismatches::default();
     let mut lot = Vec::new();
     for _ in 0..rays {
-        match random_ray(&mut random, volume.depth()) {
+        match random_ray(&mut random, view.depth()) {
             Some(ray) => {
                 counts.compare(view, volume, &ray);
                 lot.push(ray);

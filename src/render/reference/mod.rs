@@ -2,7 +2,10 @@
 //!
 //! Two independent answers to the same question. [`walk`] steps from voxel to voxel over a plain bit
 //! volume; [`nearest_by_slabs`] intersects the ray with every skin voxel. They share nothing with the
-//! traversal but the integers of the quantised ray. Comparisons multiply crosswise in i128: no division.
+//! traversal but the integers of the quantised ray. Comparisons multiply crosswise in i128: no division. Of models of cells
+//! [`planes`] asks every cell and larger leaf that the first walk comes to.
+
+pub mod planes;
 
 use crate::geom::{BoxIndex, Octant};
 use crate::load::NodeView;
@@ -106,9 +109,22 @@ pub fn walk(
     sealed: bool,
     mut visit: impl FnMut([u32; 3]),
 ) -> Option<ReferenceHit> {
+    walk_until(volume.depth, ray, sealed, |cell| {
+        visit(cell);
+        volume.get(cell)
+    })
+}
+
+/// [`walk`] through a grid of 2^depth cells a side, to the first one that `is_met`.
+fn walk_until(
+    depth: u32,
+    ray: &Ray,
+    sealed: bool,
+    mut is_met: impl FnMut([u32; 3]) -> bool,
+) -> Option<ReferenceHit> {
     let origin = ray.origin().map(i128::from);
     let direction = ray.direction().map(i128::from);
-    let side = 1_i128 << volume.depth;
+    let side = 1_i128 << depth;
     let mut cell = [0_i128; 3];
     for a in 0..3 {
         // Half-open in the direction of travel: floor, or ceil - 1 for a ray that runs backwards.
@@ -124,8 +140,7 @@ pub fn walk(
             }
             at[a] = u32::try_from(cell[a]).ok()?;
         }
-        visit(at);
-        if volume.get(at) {
+        if is_met(at) {
             return Some(ReferenceHit { cell: at, face });
         }
         // Time to the next plane of each axis as a fraction of two positive numbers.
