@@ -55,8 +55,6 @@ pub(crate) enum BuildFault {
     ErrorOfSkin { name: String },
     #[error("{name}: {ERROR} is {} voxels of the finest spacing here; give a bound above 0 and up to 1 voxel", Short(*.voxels))]
     ErrorRange { name: String, voxels: f64 },
-    #[error("{name}: {ERROR} is for whole models so far; leave it out, or leave out {VISIBLE_FROM}")]
-    ErrorOfPart { name: String },
     #[error(
         "{name}: a side of 65536 voxels is too long for cells; use {SURFACE} skin, or a part of the volume with {ROI}"
     )]
@@ -144,7 +142,6 @@ impl BuildError {
             | BuildFault::NormalBits { name }
             | BuildFault::ErrorOfSkin { name }
             | BuildFault::ErrorRange { name, .. }
-            | BuildFault::ErrorOfPart { name }
             | BuildFault::NoRoomForCells { name }
             | BuildFault::NoNumbers { name } => Some(name),
             _ => None,
@@ -244,7 +241,6 @@ impl BuildFault {
             | Self::NotOfLabels { .. }
             | Self::ErrorOfSkin { .. }
             | Self::ErrorRange { .. }
-            | Self::ErrorOfPart { .. }
             | Self::NoRoomForCells { .. } => ExitKind::Usage,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,

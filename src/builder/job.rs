@@ -160,7 +160,9 @@ impl Job<'_> {
         let seen = self.look(solid, &forms, &plan, &scratch)?;
         seconds.sight = started.elapsed().as_secs_f64();
         let started = Instant::now();
-        let totals = self.scan(solid, &forms, &plan, &scratch, seen.as_ref())?;
+        // Cells that join need those that cannot be seen, too.
+        let hidden_now = seen.as_ref().filter(|_| !self.options.joins());
+        let mut totals = self.scan(solid, &forms, &plan, &scratch, hidden_now)?;
         seconds.scan = started.elapsed().as_secs_f64();
         #[expect(clippy::cast_precision_loss, reason = "a small count")]
         {
@@ -182,7 +184,19 @@ impl Job<'_> {
         }
         let channels = StoredChannels { forms, lod: self.options.lod, leaves: self.options.joins() };
         let mut metadata = self.metadata(solid, &totals.found);
-        metadata.error = self.reduce(solid, &channels, &plan, &scratch, metadata.spacing_mm)?;
+        if let Some(stage) =
+            self.reducer(solid.dims(), &channels, &scratch, metadata.spacing_mm, seen.as_ref())
+        {
+            let (error, hidden) = self.reduce(solid, stage, &plan)?;
+            metadata.error = Some(error);
+            totals.hidden = hidden;
+            if hidden == totals.skin {
+                return Err(BuildError::from(BuildFault::NothingVisible {
+                    name: solid.name(),
+                    boxes: hidden,
+                }));
+            }
+        }
         let census = Census::take(solid.dims(), &region, &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
@@ -380,26 +394,35 @@ impl Job<'_> {
         Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// Joins cells into larger leaves, if that is asked for.
+    /// What joins cells into larger leaves, if that is asked for.
+    fn reducer<'a>(
+        &self,
+        dims: Dims,
+        channels: &'a StoredChannels,
+        scratch: &'a Scratch,
+        spacing_mm: [f64; 3],
+        seen: Option<&'a BitVolume>,
+    ) -> Option<Reduce<'a>> {
+        let error = self.options.error.filter(|_| channels.leaves)?;
+        let bound = Bound::new(error.voxels(spacing_mm), spacing_mm);
+        Some(Reduce::new(dims, scratch, channels, bound, seen))
+    }
+
+    /// Joins cells into larger leaves; gives what was measured, and how many are left out because they cannot be seen.
     fn reduce(
         &self,
         solid: &dyn Solid,
-        channels: &StoredChannels,
+        stage: Reduce<'_>,
         plan: &ColumnPlan,
-        scratch: &Scratch,
-        spacing_mm: [f64; 3],
-    ) -> Result<Option<ErrorBound>, BuildError> {
-        let Some(error) = self.options.error.filter(|_| channels.leaves) else { return Ok(None) };
+    ) -> Result<(ErrorBound, u64), BuildError> {
         let bricks = solid.dims().to_array().map(|n| u64::from(n.div_ceil(BRICK)));
         self.progress.stage("join", bricks.iter().product());
-        let bound = Bound::new(error.voxels(spacing_mm), spacing_mm);
-        let stage = Reduce::new(solid.dims(), scratch, channels, bound);
         parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
-            let _memory = self.part(solid, plan, reduce::worker_bytes(&channels.forms))?;
+            let _memory = self.part(solid, plan, reduce::worker_bytes(stage.forms()))?;
             stage.work(stop, self.progress)
         })?;
         self.progress.check()?;
-        Ok(Some(stage.found()))
+        Ok(stage.found())
     }
 
     fn merge(

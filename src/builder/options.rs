@@ -193,8 +193,6 @@ impl BuildOptions {
             BuildFault::ErrorOfSkin { name: name() }
         } else if !(voxels > 0.0 && voxels <= 1.0) {
             BuildFault::ErrorRange { name: name(), voxels }
-        } else if !self.visible_from.is_empty() {
-            BuildFault::ErrorOfPart { name: name() }
         } else {
             return Ok(());
         };

@@ -11,11 +11,13 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use super::bits::BitVolume;
 use super::brick::{BrickReader, channel_bytes};
 use super::cells::larger::{Bound, Distances, FineBrick, Joiner, Kept, LEVELS};
 use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, StoredChannels, boxes_in_brick};
+use super::solid::BRICK;
 use super::swap::{BrickEntry, EXTENT_BYTES, FragmentWriter, Scratch, read_fragment};
 use super::walk::BrickWalk;
 use crate::format::cell::{CORNERS, HAS_CORNERS};
@@ -25,6 +27,8 @@ use crate::progress::Progress;
 
 /// Bytes of a reduced brick that make a fragment.
 const PART: usize = 128 << 10;
+/// Rows of what can be seen that are read at once, at most.
+const SEEN_BYTES: u64 = 16 << 10;
 /// Cells of a brick.
 const CELLS: u64 = 1 << 15;
 
@@ -42,6 +46,7 @@ pub(super) fn worker_bytes(channels: &[ChannelForm]) -> u64 {
         + Joiner::BYTES
         + CELLS * items
         + EXTENT_BYTES as u64
+        + SEEN_BYTES
         + (96 << 10)
 }
 
@@ -51,20 +56,40 @@ pub(super) struct Reduce<'a> {
     channels: &'a StoredChannels,
     bound: Bound,
     depth: u32,
+    /// The cells that can be seen, if others are not kept.
+    seen: Option<&'a BitVolume>,
     walk: Mutex<BrickWalk>,
-    distances: Mutex<Distances>,
+    found: Mutex<Tally>,
+}
+
+/// What a worker found, or all of them.
+struct Tally {
+    distances: Distances,
+    hidden: u64,
 }
 
 impl<'a> Reduce<'a> {
-    pub(super) fn new(dims: Dims, scratch: &'a Scratch, channels: &'a StoredChannels, bound: Bound) -> Self {
+    pub(super) fn new(
+        dims: Dims,
+        scratch: &'a Scratch,
+        channels: &'a StoredChannels,
+        bound: Bound,
+        seen: Option<&'a BitVolume>,
+    ) -> Self {
         Self {
             scratch,
             channels,
             bound,
             depth: dims.depth(),
             walk: Mutex::new(BrickWalk::new(dims)),
-            distances: Mutex::new(Distances::new(bound.error)),
+            seen,
+            found: Mutex::new(Tally { distances: Distances::new(bound.error), hidden: 0 }),
         }
+    }
+
+    /// The channels that are reduced.
+    pub(super) fn forms(&self) -> &[ChannelForm] {
+        &self.channels.forms
     }
 
     /// One worker: groups until there are none.
@@ -75,7 +100,8 @@ impl<'a> Reduce<'a> {
             corners: Vec::new(),
             writer: FragmentWriter::new(self.scratch),
             payload: Vec::new(),
-            distances: Distances::new(self.bound.error),
+            rows: Vec::new(),
+            found: Tally { distances: Distances::new(self.bound.error), hidden: 0 },
         };
         let (mut found, mut bytes) = (Vec::new(), Vec::new());
         while !stop() {
@@ -88,22 +114,24 @@ impl<'a> Reduce<'a> {
                 break;
             }
             for (code, entry) in &found {
-                let reduced = worker.reduce(self, entry)?;
-                let brick = morton::decode(*code).map(u64::from);
-                self.scratch.put_entries(brick, &[reduced], &mut bytes)?;
+                let brick = morton::decode(*code);
+                let reduced = worker.reduce(self, brick, entry)?;
+                self.scratch.put_entries(brick.map(u64::from), &[reduced], &mut bytes)?;
             }
             progress.advance(found.len() as u64);
         }
         worker.writer.flush()?;
-        self.distances.lock().unwrap_or_else(PoisonError::into_inner).join(&worker.distances);
+        let mut all = self.found.lock().unwrap_or_else(PoisonError::into_inner);
+        all.distances.join(&worker.found.distances);
+        all.hidden += worker.found.hidden;
         Ok(())
     }
 
-    /// The bound, and what was measured.
-    pub(super) fn found(self) -> ErrorBound {
-        let [rms, p99, most] =
-            self.distances.into_inner().unwrap_or_else(PoisonError::into_inner).rms_p99_most();
-        ErrorBound { bound: self.bound.error, rms, p99, most }
+    /// The bound and what was measured, and how many cells are left out because they cannot be seen.
+    pub(super) fn found(self) -> (ErrorBound, u64) {
+        let found = self.found.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let [rms, p99, most] = found.distances.rms_p99_most();
+        (ErrorBound { bound: self.bound.error, rms, p99, most }, found.hidden)
     }
 }
 
@@ -113,13 +141,20 @@ struct Worker<'a> {
     corners: Vec<(u16, [i8; CORNERS])>,
     writer: FragmentWriter<'a>,
     payload: Vec<u8>,
-    distances: Distances,
+    /// Rows of what can be seen.
+    rows: Vec<u8>,
+    found: Tally,
 }
 
 impl Worker<'_> {
     /// Reduces a brick and swaps it back; gives its new entry in the index.
-    fn reduce(&mut self, stage: &Reduce<'_>, entry: &BrickEntry) -> Result<BrickEntry, BuildError> {
-        let Self { reader, joiner, corners, writer, payload, distances } = self;
+    fn reduce(
+        &mut self,
+        stage: &Reduce<'_>,
+        place: [u32; 3],
+        entry: &BrickEntry,
+    ) -> Result<BrickEntry, BuildError> {
+        let Self { reader, joiner, corners, writer, payload, rows, found } = self;
         reader.load(stage.scratch, entry)?;
         corners.clear();
         if let Some(channel) = reader.channels.iter().find(|c| c.is_sparse()) {
@@ -139,14 +174,21 @@ impl Worker<'_> {
             sides: reader.sides(),
         };
         joiner.join(&brick);
-        joiner.measure(&brick, distances);
+        if let Some(seen) = stage.seen {
+            let hidden = joiner.hide(&brick, &seen_in(seen, place, rows)?);
+            found.hidden += hidden;
+            if hidden == offsets.len() as u64 {
+                return Ok(BrickEntry::default());
+            }
+        }
+        joiner.measure(&brick, &mut found.distances);
 
         let levels = stage.depth.min(BRICK_LEVELS) as usize;
         let mut reduced = BrickEntry::default();
         payload.clear();
         for e in 1..=LEVELS {
             let mut boxes = 0;
-            joiner.for_each_kept(&brick, e, |_, kept| {
+            joiner.for_each_kept(e, |_, kept| {
                 boxes += 1;
                 if e <= levels {
                     payload.push(if let Kept::Inner(infobyte) = kept { infobyte } else { 0 });
@@ -158,18 +200,18 @@ impl Worker<'_> {
             }
         }
         for e in 1..=levels {
-            joiner.for_each_kept(&brick, e, |_, kept| {
+            joiner.for_each_kept(e, |_, kept| {
                 if let Kept::Leaf(leaf) = kept {
                     payload.extend(leaf.code.to_le_bytes());
                 }
             });
-            joiner.for_each_kept(&brick, e, |_, kept| {
+            joiner.for_each_kept(e, |_, kept| {
                 if let Kept::Leaf(leaf) = kept {
                     payload.push(leaf.offset.cast_unsigned());
                 }
             });
         }
-        joiner.for_each_run(&brick, |_, cells| {
+        joiner.for_each_run(&brick, |cells| {
             reduced.skin += cells.len() as u32;
             let has_corners = offsets[cells].iter().filter(|o| **o == HAS_CORNERS.cast_unsigned()).count();
             reduced.corners += has_corners as u16;
@@ -188,6 +230,34 @@ impl Worker<'_> {
         }
         Ok(reduced)
     }
+}
+
+/// Which cells of a brick can be seen, in Morton order; `rows` is room for bits as they are stored.
+fn seen_in(seen: &BitVolume, place: [u32; 3], rows: &mut Vec<u8>) -> Result<[u64; 512], BuildError> {
+    const AT_ONCE: usize = SEEN_BYTES as usize / 8;
+    let mut words = [0; 512];
+    let low = place.map(|c| c * BRICK);
+    let sides = seen.dims().to_array();
+    let [width, height, depth] = [0, 1, 2].map(|a| sides[a].saturating_sub(low[a]).min(BRICK));
+    let whole = seen.row_words * height as usize <= AT_ONCE;
+    let (first, across) = if whole { (0, seen.row_words) } else { (low[0] as usize / 64, 1) };
+    let at_once = if whole { height } else { 1 };
+    rows.resize(8 * across * at_once as usize, 0);
+    for z in 0..depth {
+        for y in 0..height {
+            if y % at_once == 0 {
+                let row = seen.row(low[1] + y, low[2] + z);
+                seen.read_bytes(row, first, rows).map_err(|e| seen.failed(e))?;
+            }
+            let at = (y % at_once) as usize * across + low[0] as usize / 64 - first;
+            let word = bytemuck::pod_read_unaligned::<u64>(&rows[8 * at..8 * at + 8]) >> (low[0] % 64);
+            for x in (0..width).filter(|x| word >> x & 1 == 1) {
+                let code = morton::encode(x, y, z);
+                words[code as usize / 64] |= 1 << (code % 64);
+            }
+        }
+    }
+    Ok(words)
 }
 
 /// The cells as the joiner saw them.
@@ -213,7 +283,7 @@ fn put_items(
 ) {
     let (channel, brick) = (&reader.channels[at], brick_of(reader, corners));
     let item = channel.item_bytes();
-    joiner.for_each_run(&brick, |_, cells| {
+    joiner.for_each_run(&brick, |cells| {
         if channel.is_sparse() {
             let from = corners.partition_point(|(cell, _)| usize::from(*cell) < cells.start);
             let own = corners[from..].iter().take_while(|(cell, _)| usize::from(*cell) < cells.end);
@@ -238,31 +308,25 @@ fn put_means(
     sums.fill(Sum::default());
     let brick = brick_of(reader, corners);
     let item = reader.channels[at].item_bytes();
-    // Within a box of 4^3, leaves and runs of cells of its boxes of 2^3 in order.
-    let mut runs = Vec::with_capacity(CELLS as usize / 8);
-    joiner.for_each_run(&brick, |of, cells| runs.push((of, cells)));
-    let mut runs = runs.into_iter().peekable();
-    joiner.for_each_kept(&brick, 1, |of, kept| match kept {
+    joiner.for_each_kept(1, |of, kept| match kept {
         Kept::Leaf(leaf) => rule.add_repeated(&mut sums[of / 8], &leaf.code.to_le_bytes(), 4),
-        Kept::Inner(_) => {
-            if let Some((_, cells)) = runs.next_if(|(run, _)| *run == of) {
-                let items = &reader.channels[at].items[cells.start * item..cells.end * item];
-                rule.add_items(&mut sums[of / 8], items, item);
-            }
-        }
+        Kept::Inner(_) => joiner.for_each_run_of(&brick, of, |cells| {
+            let items = &reader.channels[at].items[cells.start * item..cells.end * item];
+            rule.add_items(&mut sums[of / 8], items, item);
+        }),
     });
     let mut means = Vec::new();
     for e in 2..=LEVELS {
         if e > 2 {
             fold(&mut sums, CELLS as usize >> (3 * e));
         }
-        joiner.for_each_kept(&brick, e, |of, kept| {
+        joiner.for_each_kept(e, |of, kept| {
             if let Kept::Leaf(leaf) = kept {
                 rule.add_repeated(&mut sums[of], &leaf.code.to_le_bytes(), 1 << (2 * e));
             }
         });
         if e <= levels {
-            joiner.for_each_kept(&brick, e, |of, _| means.extend_from_slice(&rule.mean(&sums[of])[..item]));
+            joiner.for_each_kept(e, |of, _| means.extend_from_slice(&rule.mean(&sums[of])[..item]));
         }
     }
     payload.extend(means);

@@ -25,6 +25,7 @@
 
 mod crossings;
 mod distances;
+mod hide;
 mod plane;
 mod polygon;
 #[cfg(test)]
@@ -206,6 +207,8 @@ pub(in crate::builder) struct Joiner {
     normals: Vec<[i8; 3]>,
     /// Cells before each word.
     before: Vec<usize>,
+    /// Which cells are not hidden: a bit each.
+    shown: [u64; WORDS],
     /// Crossings of the brick, or of a box where those are too many.
     crossings: Crossings,
     /// Crossings of the brick before each box of 2^3, and all of them; empty where they are too many.
@@ -251,12 +254,12 @@ impl Kernel for Measure<'_, '_> {
     #[inline(always)]
     fn run(self, _: impl Isa) {
         let Self(joiner, brick, distances) = self;
-        joiner.for_each_run(brick, |_, cells| {
+        joiner.for_each_run(brick, |cells| {
             distances.add_none(brick.sides[cells].iter().map(|sides| crossed_edges(*sides)).sum());
         });
         let mut kept = Vec::new();
         for e in 1..=joiner.levels {
-            joiner.for_each_kept(brick, e, |at, found| {
+            joiner.for_each_kept(e, |at, found| {
                 if let Kept::Leaf(leaf) = found {
                     kept.push((at, e, leaf));
                 }
@@ -278,7 +281,7 @@ impl Joiner {
         + Crossings::BYTES
         + (CELLS / 7 + LEVELS) * size_of::<State>()
         + (CELLS / 8 + 1) * size_of::<u16>()
-        + WORDS * size_of::<usize>()
+        + WORDS * (size_of::<usize>() + size_of::<u64>())
         + 8 * LEVELS * size_of::<Sums>()) as u64;
 
     /// For a grid of this depth, whose root never becomes a leaf.
@@ -289,6 +292,7 @@ impl Joiner {
             places: Vec::with_capacity(CELLS),
             normals: Vec::with_capacity(CELLS),
             before: Vec::with_capacity(WORDS),
+            shown: [0; WORDS],
             crossings: Crossings::new(),
             starts: Vec::with_capacity(CELLS / 8 + 1),
             states: std::array::from_fn(|i| Vec::with_capacity(CELLS >> (3 * (i + 1)))),
@@ -311,6 +315,7 @@ impl Joiner {
     fn list(&mut self, brick: &FineBrick<'_>) {
         self.places.clear();
         self.before.clear();
+        self.shown = *brick.words;
         for (word, bits) in brick.words.iter().enumerate() {
             self.before.push(self.places.len());
             let mut left = *bits;
@@ -419,12 +424,7 @@ impl Joiner {
     }
 
     /// Calls `found` with the nodes of the model that have an edge of 2^e, in Morton order, and their places in it.
-    pub(in crate::builder) fn for_each_kept(
-        &self,
-        brick: &FineBrick<'_>,
-        e: usize,
-        mut found: impl FnMut(usize, Kept),
-    ) {
+    pub(in crate::builder) fn for_each_kept(&self, e: usize, mut found: impl FnMut(usize, Kept)) {
         for (at, state) in self.states[e - 1].iter().enumerate() {
             if e < LEVELS && self.states[e][at / 8] != State::Inner {
                 continue;
@@ -432,28 +432,28 @@ impl Joiner {
             match state {
                 State::Empty => {}
                 State::Leaf(leaf, _) => found(at, Kept::Leaf(*leaf)),
-                State::Inner => found(at, Kept::Inner(self.infobyte(brick, at, e))),
+                State::Inner => found(at, Kept::Inner(self.infobyte(at, e))),
             }
         }
     }
 
-    fn infobyte(&self, brick: &FineBrick<'_>, at: usize, e: usize) -> u8 {
+    fn infobyte(&self, at: usize, e: usize) -> u8 {
         if e == 1 {
-            return brick.words[at / 8].to_le_bytes()[at % 8];
+            return self.shown[at / 8].to_le_bytes()[at % 8];
         }
         let below = &self.states[e - 2][8 * at..8 * at + 8];
         below.iter().enumerate().fold(0, |mask, (i, s)| mask | u8::from(*s != State::Empty) << i)
     }
 
-    /// Calls `found` with the numbers of the cells that stay, in order, a run for each box of 2^3.
+    /// Calls `found` with the numbers of the cells that stay, in order, in runs.
     pub(in crate::builder) fn for_each_run(
         &self,
         brick: &FineBrick<'_>,
-        mut found: impl FnMut(usize, Range<usize>),
+        mut found: impl FnMut(Range<usize>),
     ) {
         for (at, state) in self.states[0].iter().enumerate() {
             if *state == State::Inner {
-                found(at, self.cells(brick, at, 1));
+                self.for_each_run_of(brick, at, &mut found);
             }
         }
     }

@@ -128,11 +128,11 @@ fn check(field: &Field<'_>, error: f64, spacing: [f64; 3]) -> (usize, usize) {
     let finest = spacing.into_iter().fold(f64::INFINITY, f64::min);
     let side = spacing.map(|s| s / finest);
     let mut covered = vec![0_u32; cells.codes.len()];
-    joiner.for_each_run(&brick, |_, run| run.for_each(|cell| covered[cell] += 1));
+    joiner.for_each_run(&brick, |run| run.for_each(|cell| covered[cell] += 1));
     let stay = covered.iter().filter(|n| **n == 1).count();
     let mut leaves = 0;
     for e in 1..=LEVELS {
-        joiner.for_each_kept(&brick, e, |at, kept| {
+        joiner.for_each_kept(e, |at, kept| {
             let Kept::Leaf(leaf) = kept else { return };
             leaves += 1;
             let low = morton::decode((at as u64) << (3 * e)).map(|c| c as usize);
@@ -218,7 +218,7 @@ fn a_plane_becomes_few_leaves_and_the_root_of_a_small_grid_none() {
         joiner.join(&brick);
         let mut largest = 0;
         for e in 1..=LEVELS {
-            joiner.for_each_kept(&brick, e, |_, kept| {
+            joiner.for_each_kept(e, |_, kept| {
                 if let Kept::Leaf(_) = kept {
                     largest = largest.max(e);
                 }
