@@ -131,7 +131,7 @@ impl CornerRankBuilder {
             }
             let room = BLOCK - usize::try_from(self.cells % CORNER_BLOCK).unwrap_or(0);
             let (now, later) = rest.split_at(room.min(rest.len()));
-            self.with_corners += count(now, now.len(), self.value);
+            self.with_corners += count(now, self.value);
             self.cells += now.len() as u64;
             rest = later;
         }
@@ -143,26 +143,15 @@ impl CornerRankBuilder {
     }
 }
 
-/// Bytes that are counted at once.
-const PART: usize = 64;
+/// Most cells that a byte counts, a whole number of vectors.
+const PART: usize = 128;
 
-/// Bytes of a value among the first `before` of these.
+/// Bytes of a value among these.
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "at most PART")]
-fn count(bytes: &[u8], before: usize, value: u8) -> u64 {
-    // Whole parts, with a comparison instead of a loop that ends anywhere: vectors of bytes without a rest.
-    let of = |part: &[u8; PART], before: usize| {
-        let before = before.min(PART) as u8;
-        let is_counted = |(i, byte): (usize, &u8)| u8::from((*byte == value) & ((i as u8) < before));
-        part.iter().enumerate().map(is_counted).fold(0_u8, u8::wrapping_add)
-    };
-    let (parts, rest) = bytes.as_chunks::<PART>();
-    let (mut counted, mut left) = (0, before);
-    for part in parts.iter().take(before.div_ceil(PART)) {
-        counted += u64::from(of(part, left));
-        left = left.saturating_sub(PART);
-    }
-    counted + rest.iter().take(left).filter(|byte| **byte == value).count() as u64
+fn count(offsets: &[u8], value: u8) -> u64 {
+    // In bytes as long as they do not overflow: vectors of bytes are counted at once.
+    let of = |part: &[u8]| part.iter().fold(0_u8, |n, o| n.wrapping_add(u8::from(*o == value)));
+    offsets.chunks(PART).map(|part| u64::from(of(part))).sum()
 }
 
 /// Number of a cell's corners, by the directory. Any bytes are safe: what lies outside counts 0.
@@ -181,9 +170,7 @@ pub(crate) fn leaf_number(infobytes: &[u8], directory: &[[u8; 8]], node: usize) 
 fn number_of(bytes: &[u8], directory: &[[u8; 8]], at: usize, value: u8) -> u64 {
     let block = at / BLOCK;
     let base = directory.get(block).map_or(0, |b| u64::from_le_bytes(*b));
-    let of_block = bytes.get(block * BLOCK..).unwrap_or_default();
-    let of_block = of_block.first_chunk::<BLOCK>().map_or(of_block, |whole| whole);
-    base.wrapping_add(count(of_block, at % BLOCK, value))
+    base.wrapping_add(bytes.get(block * BLOCK..at).map_or(0, |part| count(part, value)))
 }
 
 #[cfg(test)]

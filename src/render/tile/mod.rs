@@ -21,7 +21,8 @@
 //!    rounding and that of the rays. What is left is decided once a ray in integers.
 //! 5. **Surfaces within boxes** are looked at box by box with the ray's integers as doubles (`exact`): nearly
 //!    always that is certain, and what is not is decided in integers. With VBMI2 the pairs of a ray and a plane in a
-//!    brick are listed and compared sixteen at a time in singles first (`planes`), and what is sure is taken.
+//!    brick are listed and compared sixteen at a time in singles first (`planes`), and what is sure is taken. The plane of
+//!    a larger leaf (`larger`) is compared with all 64 rays at once; those of 2 x 2 x 2 cells are listed with the cells.
 //! 6. **Alone** go the rays of a tile in which an axis changes its sign, of one that has looked at more than
 //!    1024 bricks, and those whose candidate was not entered after all.
 //!

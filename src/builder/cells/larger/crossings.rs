@@ -17,7 +17,7 @@ pub(super) struct Crossings {
 
 /// Some of them, all arrays of one length.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Some3<'a> {
+pub(super) struct Points<'a> {
     pub(super) at: [&'a [i32]; 3],
     pub(super) ends: [&'a [u8]; 3],
 }
@@ -41,8 +41,8 @@ impl Crossings {
     }
 
     #[inline(always)]
-    pub(super) fn some(&self, range: Range<usize>) -> Some3<'_> {
-        Some3 {
+    pub(super) fn points(&self, range: Range<usize>) -> Points<'_> {
+        Points {
             at: std::array::from_fn(|a| &self.at[a][range.clone()]),
             ends: std::array::from_fn(|a| &self.ends[a][range.clone()]),
         }
@@ -97,7 +97,7 @@ const PRODUCTS: [(usize, usize); 6] = [(0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (
 
 impl Moments {
     #[inline(always)]
-    pub(super) fn of(points: &Some3<'_>) -> Self {
+    pub(super) fn of(points: &Points<'_>) -> Self {
         let (mut s, mut p) = ([0; 3], [0; 6]);
         for ((x, y), z) in points.at[0].iter().zip(points.at[1]).zip(points.at[2]) {
             let (x, y, z) = (i64::from(*x), i64::from(*y), i64::from(*z));

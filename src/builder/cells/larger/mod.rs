@@ -140,12 +140,27 @@ impl FineBrick<'_> {
     }
 }
 
+/// 1.5 * 2^52: added to a number it leaves the nearest whole one in the low bits.
+const WHOLE: f64 = 6_755_399_441_055_744.0;
+
+/// One by whole numbers, in [`PARTS`]: corners of a cell's edge differ by twice a part of its normal, or of 127.
+const PARTS_BY: [f64; 256] = {
+    let mut parts = [0.0; 256];
+    let mut n = 1;
+    while n < 256 {
+        parts[n] = PARTS as f64 / n as f64;
+        n += 1;
+    }
+    parts
+};
+
 /// Where an edge is crossed whose ends lie so far ahead of the surface, from the first in [`PARTS`].
 #[inline(always)]
-#[expect(clippy::cast_possible_truncation, reason = "0..=PARTS")]
+#[expect(clippy::cast_possible_truncation, reason = "the low bits")]
 fn crossed_at([a, b]: [i32; 2], first_is_inside: bool) -> i32 {
     if (a <= 0) != (b <= 0) {
-        return (f64::from(a) / f64::from(a - b) * f64::from(PARTS) + 0.5) as i32;
+        let along = f64::from(a.abs()) * PARTS_BY[(a - b).unsigned_abs() as usize % 256];
+        return (along + WHOLE).to_bits() as i32;
     }
     // The plane covers the outside corner, too.
     if first_is_inside { PARTS } else { 0 }
@@ -268,7 +283,7 @@ impl Kernel for Measure<'_, '_> {
         for (at, e, leaf) in kept {
             let Some(crossings) = joiner.crossings(brick, at, e) else { continue };
             let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
-            let crossings = joiner.crossings.some(crossings);
+            let crossings = joiner.crossings.points(crossings);
             distances.add_all(leaf.distances(&joiner.bound, low, 1 << e, &crossings));
             distances.add_between(leaf.between);
         }
@@ -408,7 +423,7 @@ impl Joiner {
         let low = morton::decode((at as u64) << (3 * e)).map(u32::cast_signed);
         let Some(range) = self.crossings(brick, at, e) else { return State::Inner };
         let Self { bound, places, normals, before, crossings, .. } = self;
-        let crossings = crossings.some(range);
+        let crossings = crossings.points(range);
         let sums = if e == 1 {
             Sums { normals: plane::sum(bound, &normals[cells.clone()]), moments: Moments::of(&crossings) }
         } else {

@@ -2,9 +2,9 @@
 
 use std::ops::Range;
 
-use super::crossings::{Moments, Some3};
+use super::crossings::{Moments, Points};
 use super::{Bound, CROSSED, FineBrick, PARTS, Sums, polygon};
-use crate::builder::cells::corner::{EDGES, encode};
+use crate::builder::cells::corner::EDGES;
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{add_scaled, cross, dot, morton};
@@ -34,7 +34,7 @@ impl Leaf {
         bound: &Bound,
         low: [i32; 3],
         edge: i32,
-        crossings: &Some3<'a>,
+        crossings: &Points<'a>,
     ) -> impl Iterator<Item = u32> + 'a {
         let scale = Scale::new(self.code, bound, low, edge);
         let plane = i32::from(self.offset) * edge * PARTS;
@@ -75,7 +75,7 @@ impl Scale {
 
     /// Least and greatest value at crossings, and the greatest at the inside ends of their edges, without [`PARTS`].
     #[inline(always)]
-    fn extremes(&self, crossings: &Some3<'_>) -> [i32; 3] {
+    fn extremes(&self, crossings: &Points<'_>) -> [i32; 3] {
         let n = self.n;
         let (mut low, mut high, mut highest) = (i32::MAX, i32::MIN, i32::MIN);
         let ([x, y, z], [u, v, w]) = (crossings.at, crossings.ends);
@@ -103,6 +103,18 @@ pub(super) fn sum(bound: &Bound, normals: &[[i8; 3]]) -> [f64; 3] {
     })
 }
 
+/// Crossings along a stored normal.
+struct Along {
+    code: u16,
+    scale: Scale,
+    /// Least and greatest value, as [`Scale::at`] has them, and the greatest of the edges' inside ends.
+    low: i32,
+    high: i32,
+    highest: i32,
+    /// By how much they differ, in voxels of the finest spacing.
+    range: f64,
+}
+
 /// A box whose children are all leaves.
 pub(super) struct Fit<'a> {
     pub(super) bound: &'a Bound,
@@ -123,23 +135,33 @@ pub(super) struct Fit<'a> {
 impl Fit<'_> {
     /// The leaf that the box becomes, if it does.
     #[inline(always)]
-    pub(super) fn leaf(&self, sums: &Sums, crossings: &Some3<'_>) -> Option<Leaf> {
+    pub(super) fn leaf(&self, sums: &Sums, crossings: &Points<'_>) -> Option<Leaf> {
         let mean = self.mean_normal(sums.normals)?;
-        let (code, range) = self.direction(mean, &sums.moments, crossings)?;
+        let fitted = self.direction(mean, &sums.moments, crossings);
         // Turned by a step, a normal's range shrinks by so much at most.
         let turn = STEP * f64::from(self.edge) * self.bound.diagonal;
-        if range > 2.0 * self.bound.error + turn {
+        if fitted.range > 2.0 * self.bound.error + turn {
             return None;
         }
+        let mut leaf = self.with(&fitted);
+        // A loop: closures are not compiled for the instructions of who calls.
         for step in AROUND {
-            if let Some(code) = stepped(code, step)
-                && let Some(offset) = self.offset(code, crossings)
-                && let Some(between) = polygon::between(self, code, offset)
-            {
-                return Some(Leaf { code, offset, between });
+            if leaf.is_some() {
+                break;
+            }
+            if let Some(code) = stepped(fitted.code, step) {
+                leaf = self.with(&self.along(code, crossings));
             }
         }
-        None
+        leaf
+    }
+
+    /// The leaf with a normal, if there is one.
+    #[inline(always)]
+    fn with(&self, along: &Along) -> Option<Leaf> {
+        let offset = self.offset(along)?;
+        let between = polygon::between(self, along.code, offset)?;
+        Some(Leaf { code: along.code, offset, between })
     }
 
     /// The mean of the fine normals, all within 60 degrees of it, from their sum.
@@ -157,10 +179,9 @@ impl Fit<'_> {
         (length > 0.0 && are_near).then(|| sum.map(|c| c / length))
     }
 
-    /// The code of the direction along which the crossings differ least, that of least squares near the mean normal or
-    /// this, and by how much they do, in voxels of the finest spacing.
+    /// The direction along which the crossings differ least: that of least squares near the mean normal, or this.
     #[inline(always)]
-    fn direction(&self, mean: [f64; 3], moments: &Moments, crossings: &Some3<'_>) -> Option<(u16, f64)> {
+    fn direction(&self, mean: [f64; 3], moments: &Moments, crossings: &Points<'_>) -> Along {
         let sides = self.bound.sides;
         let mut spread = moments.spread();
         for a in 0..3 {
@@ -168,22 +189,29 @@ impl Fit<'_> {
                 spread[a][b] *= sides[a] * sides[b];
             }
         }
-        let fitted = self.along(fitted_near(mean, &spread), crossings)?;
-        if fitted.1 <= 2.0 * self.bound.error {
-            return Some(fitted);
+        let fitted = self.along(self.code(fitted_near(mean, &spread)), crossings);
+        if fitted.range <= 2.0 * self.bound.error {
+            return fitted;
         }
-        let by_mean = self.along(mean, crossings)?;
-        Some(if by_mean.1 < fitted.1 { by_mean } else { fitted })
+        let by_mean = self.along(self.code(mean), crossings);
+        if by_mean.range < fitted.range { by_mean } else { fitted }
     }
 
-    /// The code of a direction, and by how much crossings differ along it.
+    /// The code of a unit vector of the space of lengths.
     #[inline(always)]
-    fn along(&self, direction: [f64; 3], crossings: &Some3<'_>) -> Option<(u16, f64)> {
-        let sides = self.bound.sides;
-        let code = encode([direction[0] * sides[0], direction[1] * sides[1], direction[2] * sides[2]])?;
+    #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
+    fn code(&self, direction: [f64; 3]) -> u16 {
+        let part = |a: usize| (direction[a] * self.bound.sides[a]) as f32;
+        normal::encode([part(0), part(1), part(2)])
+    }
+
+    /// How the crossings lie along a stored normal.
+    #[inline(always)]
+    fn along(&self, code: u16, crossings: &Points<'_>) -> Along {
         let scale = Scale::new(code, self.bound, self.low, self.edge);
-        let [low, high, _] = scale.extremes(crossings);
-        Some((code, f64::from(high - low) / (scale.length * f64::from(PARTS))))
+        let [low, high, highest] = scale.extremes(crossings);
+        let range = f64::from(high - low) / (scale.length * f64::from(PARTS));
+        Along { code, scale, low, high, highest, range }
     }
 
     /// The offset with which a normal's plane leaves every inside corner behind it and is within the bound.
@@ -192,10 +220,10 @@ impl Fit<'_> {
     /// along an edge leads higher, to such an end at last or to a corner of the box.
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "below 2^25; an offset is -127..=127")]
-    fn offset(&self, code: u16, crossings: &Some3<'_>) -> Option<i8> {
-        let scale = Scale::new(code, self.bound, self.low, self.edge);
+    fn offset(&self, along: &Along) -> Option<i8> {
+        let Along { scale, low, high, highest, .. } = along;
+        let (low, high, highest) = (*low, *high, *highest);
         let limit = (scale.length * self.bound.error * f64::from(PARTS)).floor() as i32;
-        let [low, high, highest] = scale.extremes(crossings);
         if i64::from(high) - i64::from(low) > 2 * i64::from(limit) {
             return None;
         }
@@ -289,8 +317,8 @@ pub(super) struct Cut {
     pub(super) point: [f64; 3],
 }
 
-/// From a code to itself and the eight around it.
-const AROUND: [[i32; 2]; 9] = [[0, 0], [1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
+/// From a code to the eight around it.
+const AROUND: [[i32; 2]; 8] = [[1, 0], [-1, 0], [0, 1], [0, -1], [1, 1], [1, -1], [-1, 1], [-1, -1]];
 
 #[inline(always)]
 fn stepped(code: u16, step: [i32; 2]) -> Option<u16> {
