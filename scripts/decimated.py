@@ -2,7 +2,7 @@
 """Models of larger leaves and decimated meshes of the same surface, at equal distance from it: bytes and seconds.
 
 usage: scripts/decimated.py OCT [--side 192] [--mesh FILE.off] [--raw FILE NXxNYxNZ TYPE ISO]
-       needs numpy, VTK and fast-simplification; some 10 minutes
+       needs numpy, VTK, fast-simplification and meshoptimizer; some 10 minutes
 
 The surface is that of the cells, as `oct export` writes it. A model's figure is its own: root of the mean square of how far
 crossings of the cells' edges are from its leaves. A mesh is decimated by quadrics until the vertices of the full one, which
@@ -18,6 +18,7 @@ import tempfile
 import time
 
 import fast_simplification
+import meshoptimizer
 import numpy as np
 import vtk
 from vtk.util.numpy_support import numpy_to_vtk, numpy_to_vtkIdTypeArray
@@ -77,14 +78,29 @@ def distances(points, faces, of):
     return found
 
 
-def decimated(points, faces, spacing, rms):
-    """The smallest mesh that is as near: vertices, farthest distance, seconds."""
+def by_fast_simplification(points, faces, part):
+    """A mesh without this part of its triangles."""
+    return fast_simplification.simplify(points, faces.astype(np.int32), float(part))
+
+
+def by_meshoptimizer(points, faces, part):
+    """The same."""
+    indices = faces.astype(np.uint32).ravel()
+    few = np.empty_like(indices)
+    target = int((1 - part) * len(faces)) * 3
+    count = meshoptimizer.simplify(few, indices, points, target_index_count=target, target_error=1.0)
+    used, triangles = np.unique(few[:count], return_inverse=True)
+    return points[used], triangles.reshape(-1, 3)
+
+
+def decimated(simplify, points, faces, spacing, rms):
+    """The smallest mesh that is as near: vertices, farthest distance, seconds; None where the finest step is not."""
     sample = points[np.random.default_rng(1).choice(len(points), min(len(points), 30000), replace=False)]
     low, high, best = 0.0, 0.9995, None
     for _ in range(STEPS):
         part = 1 - np.sqrt((1 - low) * (1 - high))
         started = time.perf_counter()
-        few, triangles = fast_simplification.simplify(points, faces.astype(np.int32), float(part))
+        few, triangles = simplify(points, faces, part)
         seconds = time.perf_counter() - started
         far = distances(few, triangles, sample) / spacing
         if np.sqrt((far**2).mean()) <= rms:
@@ -107,10 +123,11 @@ def compare(oct, name, source, folder):
         own = model["bytes"] - parts.get("normal_lod", 0)
         text = f"{name:8} {bound:4} rms {found['rms']:.3f} max {found['most']:.2f} {own / 1000:8.0f} kB"
         text += f" {model['wall_s'] - built['wall_s']:6.2f} s more than {built['wall_s']:.2f}"
-        best = decimated(points, faces, spacing, found["rms"])
-        if best:
-            vertices, most, seconds = best
-            text += f" | mesh {36 * vertices / 1000:8.0f} kB max {most:.2f} {seconds:6.2f} s after {len(points)} vertices"
+        for other, simplify in (("fast-simplification", by_fast_simplification), ("meshoptimizer", by_meshoptimizer)):
+            best = decimated(simplify, points, faces, spacing, found["rms"])
+            if best:
+                vertices, most, seconds = best
+                text += f" | {other} {36 * vertices / 1000:.0f} kB max {most:.2f} {seconds:.2f} s"
         print(text, flush=True)
 
 
