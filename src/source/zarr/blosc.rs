@@ -1,6 +1,7 @@
 //! Chunks of C-Blosc 1: blocks of bytes that are shuffled and then packed.
 
 use std::io;
+use std::ops::Range;
 
 use super::array::Place;
 use super::packing::{Sink, chunk_fault, damaged};
@@ -91,12 +92,16 @@ impl Header {
         }
     }
 
-    /// Hands on the plain bytes block by block.
+    pub(super) fn block_bytes(&self) -> u64 {
+        if self.plain { 1 } else { self.block as u64 }
+    }
+
+    /// Hands on those `wanted` of the `bytes` of a chunk, whose stored form is `length` long.
     pub(super) fn unpack(
         &self,
-        place: &Place,
-        length: u64,
+        (place, length): (&Place, u64),
         bytes: u64,
+        wanted: &Range<u64>,
         sink: &mut Sink<'_>,
     ) -> io::Result<()> {
         if self.bytes != bytes {
@@ -110,68 +115,38 @@ impl Header {
                 return Err(damaged("its length"));
             }
             let mut piece = vec![0; super::packing::PIECE];
-            let mut done = 0;
-            while done < bytes {
-                let part = usize::try_from(bytes - done).unwrap_or(usize::MAX).min(piece.len());
+            let mut done = wanted.start;
+            while done < wanted.end {
+                let part = usize::try_from(wanted.end - done).unwrap_or(usize::MAX).min(piece.len());
                 place.file.read_exact_at(&mut piece[..part], place.at + HEADER + done)?;
                 sink(&piece[..part])?;
                 done += part as u64;
             }
             return Ok(());
         }
-        let inner = self.inner()?;
-        let blocks = usize::try_from(self.blocks()).unwrap_or(usize::MAX);
-        if HEADER + 4 * blocks as u64 > self.packed {
+        let mut unpacker = Unpacker {
+            of: self,
+            place,
+            inner: self.inner()?,
+            decoder: None,
+            packed: Vec::new(),
+            shuffled: vec![0; self.block],
+            plain: vec![0; self.block],
+        };
+        let block = self.block as u64;
+        let blocks = wanted.start / block..wanted.end.div_ceil(block);
+        let count = usize::try_from(blocks.end - blocks.start).unwrap_or(usize::MAX);
+        if HEADER + 4 * self.blocks() > self.packed {
             return Err(chunk_fault(ZarrFault::Short));
         }
-        let mut starts = vec![0; 4 * blocks];
-        place.file.read_exact_at(&mut starts, place.at + HEADER)?;
-        let starts: Vec<u32> = starts.as_chunks().0.iter().map(|start| u32::from_le_bytes(*start)).collect();
-        let mut decoder = zstd::bulk::Decompressor::new()?;
-        let (mut packed, mut shuffled, mut plain) = (Vec::new(), vec![0; self.block], vec![0; self.block]);
-        let mut left = bytes;
-        for start in starts.iter().map(|start| u64::from(*start)) {
-            let size = usize::try_from(left).unwrap_or(usize::MAX).min(self.block);
-            let (shuffled, plain) = (&mut shuffled[..size], &mut plain[..size]);
-            let is_last = size < self.block;
-            let is_split = self.split
-                && !is_last
-                && self.sample <= MAX_PARTS
-                && self.block / self.sample >= MIN_PART
-                && self.block.is_multiple_of(self.sample);
-            let parts = if is_split { self.sample } else { 1 };
-            let mut at = start;
-            for part in shuffled.chunks_mut(size / parts) {
-                let mut count = [0; 4];
-                if at.checked_add(4).is_none_or(|end| end > self.packed) {
-                    return Err(damaged("the place of a block"));
-                }
-                place.file.read_exact_at(&mut count, place.at + at)?;
-                let count = u64::from(u32::from_le_bytes(count));
-                at += 4;
-                // A packed part is not longer than a plain one.
-                if count > part.len() as u64 || at + count > self.packed {
-                    return Err(damaged("the length of a block"));
-                }
-                packed.resize(usize::try_from(count).unwrap_or(0), 0);
-                place.file.read_exact_at(&mut packed, place.at + at)?;
-                at += count;
-                if packed.len() == part.len() {
-                    part.copy_from_slice(&packed);
-                    continue;
-                }
-                let made = match inner {
-                    Inner::BloscLz => blosclz(&packed, part),
-                    Inner::Lz4 => lz4_flex::block::decompress_into(&packed, part).ok(),
-                    Inner::Zstd => decoder.decompress_to_buffer(&packed, part).ok(),
-                    Inner::Zlib => inflated(&packed, part),
-                };
-                if made != Some(part.len()) {
-                    return Err(damaged("a block"));
-                }
-            }
-            sink(self.unshuffled(shuffled, plain))?;
-            left -= size as u64;
+        let mut starts = vec![0; 4 * count];
+        place.file.read_exact_at(&mut starts, place.at + HEADER + 4 * blocks.start)?;
+        for (number, start) in blocks.zip(starts.as_chunks().0) {
+            let first = number * block;
+            let size = usize::try_from(bytes - first).unwrap_or(usize::MAX).min(self.block);
+            let samples = unpacker.block(u32::from_le_bytes(*start).into(), size)?;
+            let within = |at: u64| usize::try_from(at.saturating_sub(first)).unwrap_or(size).min(size);
+            sink(&samples[within(wanted.start)..within(wanted.end)])?;
         }
         Ok(())
     }
@@ -189,6 +164,70 @@ impl Header {
             return shuffled;
         }
         plain
+    }
+}
+
+/// Unpacks the blocks of a chunk, one after the other.
+struct Unpacker<'a> {
+    of: &'a Header,
+    place: &'a Place,
+    inner: Inner,
+    /// Made when the first block needs it.
+    decoder: Option<zstd::bulk::Decompressor<'static>>,
+    packed: Vec<u8>,
+    shuffled: Vec<u8>,
+    plain: Vec<u8>,
+}
+
+impl Unpacker<'_> {
+    /// The bytes of a block of this size, which begins there in the chunk.
+    fn block(&mut self, start: u64, size: usize) -> io::Result<&[u8]> {
+        let Self { of, place, inner, decoder, packed, shuffled, plain } = self;
+        let (shuffled, plain) = (&mut shuffled[..size], &mut plain[..size]);
+        let is_last = size < of.block;
+        let is_split = of.split
+            && !is_last
+            && of.sample <= MAX_PARTS
+            && of.block / of.sample >= MIN_PART
+            && of.block.is_multiple_of(of.sample);
+        let parts = if is_split { of.sample } else { 1 };
+        let mut at = start;
+        for part in shuffled.chunks_mut(size / parts) {
+            let mut count = [0; 4];
+            if at.checked_add(4).is_none_or(|end| end > of.packed) {
+                return Err(damaged("the place of a block"));
+            }
+            place.file.read_exact_at(&mut count, place.at + at)?;
+            let count = u64::from(u32::from_le_bytes(count));
+            at += 4;
+            // A packed part is not longer than a plain one.
+            if count > part.len() as u64 || at + count > of.packed {
+                return Err(damaged("the length of a block"));
+            }
+            packed.resize(usize::try_from(count).unwrap_or(0), 0);
+            place.file.read_exact_at(packed, place.at + at)?;
+            at += count;
+            if packed.len() == part.len() {
+                part.copy_from_slice(packed);
+                continue;
+            }
+            let made = match inner {
+                Inner::BloscLz => blosclz(packed, part),
+                Inner::Lz4 => lz4_flex::block::decompress_into(packed, part).ok(),
+                Inner::Zstd => {
+                    let decoder = match decoder {
+                        Some(decoder) => decoder,
+                        None => decoder.insert(zstd::bulk::Decompressor::new()?),
+                    };
+                    decoder.decompress_to_buffer(packed, part).ok()
+                }
+                Inner::Zlib => inflated(packed, part),
+            };
+            if made != Some(part.len()) {
+                return Err(damaged("a block"));
+            }
+        }
+        Ok(of.unshuffled(shuffled, plain))
     }
 }
 
