@@ -102,7 +102,7 @@ impl Header {
         (place, length): (&Place, u64),
         bytes: u64,
         wanted: &Range<u64>,
-        sink: &mut Sink<'_>,
+        (buffers, sink): (&mut Buffers, &mut Sink<'_>),
     ) -> io::Result<()> {
         if self.bytes != bytes {
             return Err(damaged("its length"));
@@ -124,15 +124,7 @@ impl Header {
             }
             return Ok(());
         }
-        let mut unpacker = Unpacker {
-            of: self,
-            place,
-            inner: self.inner()?,
-            decoder: None,
-            packed: Vec::new(),
-            shuffled: vec![0; self.block],
-            plain: vec![0; self.block],
-        };
+        let mut unpacker = Unpacker { of: self, place, inner: self.inner()?, buffers };
         let block = self.block as u64;
         let blocks = wanted.start / block..wanted.end.div_ceil(block);
         let count = usize::try_from(blocks.end - blocks.start).unwrap_or(usize::MAX);
@@ -167,11 +159,9 @@ impl Header {
     }
 }
 
-/// Unpacks the blocks of a chunk, one after the other.
-struct Unpacker<'a> {
-    of: &'a Header,
-    place: &'a Place,
-    inner: Inner,
+/// What unpacks blocks, kept from one slab to the next: pages that are asked for again cost more than what fills them.
+#[derive(Default)]
+pub(super) struct Buffers {
     /// Made when the first block needs it.
     decoder: Option<zstd::bulk::Decompressor<'static>>,
     packed: Vec<u8>,
@@ -179,10 +169,21 @@ struct Unpacker<'a> {
     plain: Vec<u8>,
 }
 
+/// Unpacks the blocks of a chunk, one after the other.
+struct Unpacker<'a> {
+    of: &'a Header,
+    place: &'a Place,
+    inner: Inner,
+    buffers: &'a mut Buffers,
+}
+
 impl Unpacker<'_> {
     /// The bytes of a block of this size, which begins there in the chunk.
     fn block(&mut self, start: u64, size: usize) -> io::Result<&[u8]> {
-        let Self { of, place, inner, decoder, packed, shuffled, plain } = self;
+        let Self { of, place, inner, buffers: Buffers { decoder, packed, shuffled, plain } } = self;
+        for buffer in [&mut *packed, &mut *shuffled, &mut *plain] {
+            buffer.resize(buffer.len().max(of.block), 0);
+        }
         let (shuffled, plain) = (&mut shuffled[..size], &mut plain[..size]);
         let is_last = size < of.block;
         let is_split = of.split
@@ -204,7 +205,7 @@ impl Unpacker<'_> {
             if count > part.len() as u64 || at + count > of.packed {
                 return Err(damaged("the length of a block"));
             }
-            packed.resize(usize::try_from(count).unwrap_or(0), 0);
+            let packed = &mut packed[..usize::try_from(count).unwrap_or(0)];
             place.file.read_exact_at(packed, place.at + at)?;
             at += count;
             if packed.len() == part.len() {
@@ -288,12 +289,19 @@ fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
 
 /// Puts the bytes of samples together: first all first bytes, then all second ones.
 fn unshuffle(shuffled: &[u8], plain: &mut [u8], size: usize) {
-    match size {
-        2 => unshuffle_of::<2>(shuffled, plain),
-        4 => unshuffle_of::<4>(shuffled, plain),
-        8 => unshuffle_of::<8>(shuffled, plain),
+    let count = plain.len() / size;
+    let mut places = shuffled.chunks_exact(count.max(1));
+    // Pairs and fours are put together in registers.
+    match (size, places.next(), places.next(), places.next(), places.next()) {
+        (2, Some(a), Some(b), ..) => {
+            let samples = plain.as_chunks_mut().0.iter_mut();
+            samples.zip(a).zip(b).for_each(|((sample, a), b)| *sample = [*a, *b]);
+        }
+        (4, Some(a), Some(b), Some(c), Some(d)) => {
+            let samples = plain.as_chunks_mut().0.iter_mut().zip(a).zip(b).zip(c).zip(d);
+            samples.for_each(|((((sample, a), b), c), d)| *sample = [*a, *b, *c, *d]);
+        }
         _ => {
-            let count = plain.len() / size;
             for (at, sample) in plain[..count * size].chunks_exact_mut(size).enumerate() {
                 sample.iter_mut().enumerate().for_each(|(byte, to)| *to = shuffled[byte * count + at]);
             }
@@ -301,22 +309,6 @@ fn unshuffle(shuffled: &[u8], plain: &mut [u8], size: usize) {
     }
     let whole = plain.len() / size * size;
     plain[whole..].copy_from_slice(&shuffled[whole..]);
-}
-
-/// The same for samples of a size that is known, in steps that stay in registers.
-fn unshuffle_of<const SIZE: usize>(shuffled: &[u8], plain: &mut [u8]) {
-    const STEP: usize = 32;
-    let count = plain.len() / SIZE;
-    let places: [&[u8]; SIZE] = std::array::from_fn(|byte| &shuffled[byte * count..][..count]);
-    let (samples, _) = plain.as_chunks_mut::<SIZE>();
-    for (step, samples) in samples.chunks_mut(STEP).enumerate() {
-        let from = step * STEP;
-        for (byte, place) in places.iter().enumerate() {
-            for (sample, value) in samples.iter_mut().zip(&place[from..]) {
-                sample[byte] = *value;
-            }
-        }
-    }
 }
 
 /// Puts the bits of samples together: row `8 * byte + bit` holds this bit of each sample.

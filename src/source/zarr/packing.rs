@@ -5,6 +5,7 @@ use std::io::{self, Read as _};
 use std::ops::Range;
 
 use super::array::{Place, unread};
+use super::blosc::Buffers;
 use super::{Read, blosc};
 use crate::facts::Fault;
 use crate::facts::zarr::ZarrFault;
@@ -109,7 +110,7 @@ impl Packing {
         place: &Place,
         (bytes, wanted): (u64, Range<u64>),
         allowed_bytes: u64,
-        sink: &mut Sink<'_>,
+        (buffers, sink): (&mut Buffers, &mut Sink<'_>),
     ) -> io::Result<()> {
         let needed_bytes = self.memory_bytes(place, bytes)?;
         if needed_bytes > allowed_bytes {
@@ -150,7 +151,9 @@ impl Packing {
                     _ => Err(damaged("LZ4")),
                 }
             }
-            Codec::Blosc => blosc::Header::read(place)?.unpack((place, length), bytes, &wanted, sink),
+            Codec::Blosc => {
+                blosc::Header::read(place)?.unpack((place, length), bytes, &wanted, (buffers, sink))
+            }
         }
     }
 }

@@ -8,6 +8,7 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
 
 use super::array::{Array, Place};
+use super::blosc::Buffers;
 use super::packing::{PIECE, chunk_fault};
 use crate::budget::Reservation;
 use crate::facts::SourceFault;
@@ -89,6 +90,8 @@ struct Unpacked {
     places: RwLock<Places>,
     /// Held by the thread that unpacks a slab.
     locks: [Mutex<()>; LOCKS],
+    /// Buffers of threads that have unpacked a slab.
+    idle: Mutex<Vec<Buffers>>,
     /// That of the places.
     _memory: Reservation,
 }
@@ -287,7 +290,12 @@ impl ZarrVolume {
             pending: Vec::new(),
         };
         let allowed = self.unpacking().bytes;
-        self.array.packing.unpack(place, (bytes, wanted), allowed, &mut |piece| writer.take(piece))?;
+        let idle = || unpacked.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut buffers = idle().pop().unwrap_or_default();
+        let sink = &mut |piece: &[u8]| writer.take(piece);
+        let done = self.array.packing.unpack(place, (bytes, wanted), allowed, (&mut buffers, sink));
+        idle().push(buffers);
+        done?;
         writer.flush()
     }
 
@@ -437,6 +445,7 @@ impl VolumeSource for ZarrVolume {
                 scratch,
                 places: RwLock::new(Places { of: HashMap::new(), owners, next: 0 }),
                 locks: std::array::from_fn(|_| Mutex::default()),
+                idle: Mutex::default(),
                 _memory: memory,
             }));
         }

@@ -177,24 +177,27 @@ fn chunks_make_the_model_of_their_samples_however_they_are_stored() {
 }
 
 #[test]
-fn chunks_of_many_blocks_are_unpacked_in_slabs_wherever_blocks_end() {
-    // Slices of 17 blocks and a bit, and of 18.
-    for sides in [[70, 91, 95], [72, 96, 96]] {
+fn chunks_are_unpacked_in_slabs_which_take_the_places_of_one_another() {
+    // Slices of 17 blocks and a bit, and of 18; and more chunks than have a place at a time.
+    let cases =
+        [([100, 99, 150], [70, 91, 95]), ([100, 99, 150], [72, 96, 96]), ([40, 300, 300], [4, 4, 40])];
+    for (dims, sides) in cases {
         let folder = tempfile::tempdir().unwrap();
         let at = folder.path();
-        let object = Object::new([100, 99, 150], ScalarType::U16, [1.0; 3]);
+        let object = Object::new(dims, ScalarType::U16, [1.0; 3]);
         let raw = file(at, "a.raw", &object.bytes);
-        let layout = ["--dims", "100x99x150", "--dtype", "u16", "--spacing", "1x1x1"];
+        let size = dims.map(|side| side.to_string()).join("x");
+        let layout = ["--dims", &size, "--dtype", "u16", "--spacing", "1x1x1"];
         let zarr = at.join("zarr");
-        let what = json!({"zarr_format": 2, "shape": [150, 99, 100], "chunks": sides, "dtype": "<u2",
+        let [x, y, z] = dims;
+        let what = json!({"zarr_format": 2, "shape": [z, y, x], "chunks": sides, "dtype": "<u2",
             "compressor": {"id": "blosc"}, "fill_value": 0, "order": "C", "filters": null});
         put_in(&zarr, ".zarray", what.to_string().as_bytes());
         for ([z, y, x], bytes) in chunks(&object, sides) {
             put_in(&zarr, &format!("{z}.{y}.{x}"), &blosc(&bytes, 2, false, true));
         }
-        for extra in
-            [&["--iso", "1000"][..], &["--threads", "1"], &["--downsample", "2"], &["--fill-cavities"]]
-        {
+        let some = ["--iso", "1000", "--threads", "3"];
+        for extra in [&some[..], &["--threads", "1"], &["--downsample", "2"], &["--fill-cavities"]] {
             let wanted = built(at, &raw, &[&layout[..], extra].concat());
             assert!(built(at, &zarr, extra) == wanted, "{sides:?} {extra:?}");
         }
