@@ -214,7 +214,7 @@ impl Unpacker<'_> {
             }
             let made = match inner {
                 Inner::BloscLz => blosclz(packed, part),
-                Inner::Lz4 => lz4_flex::block::decompress_into(packed, part).ok(),
+                Inner::Lz4 => lz4(packed, part),
                 Inner::Zstd => {
                     let decoder = match decoder {
                         Some(decoder) => decoder,
@@ -236,6 +236,50 @@ fn inflated(packed: &[u8], out: &mut [u8]) -> Option<usize> {
     let mut stream = flate2::Decompress::new(true);
     stream.decompress(packed, out, flate2::FlushDecompress::Finish).ok()?;
     usize::try_from(stream.total_out()).ok()
+}
+
+/// Unpacks a block of LZ4. Shuffled samples are long runs of few bytes, which `lz4_flex` without `unsafe` copies one by
+/// one: a tenth of the time of a build.
+fn lz4(packed: &[u8], out: &mut [u8]) -> Option<usize> {
+    let (mut at, mut made) = (0, 0);
+    let extended = |at: &mut usize, short: usize| {
+        let mut length = short;
+        let mut more = if short == 15 { 255 } else { 0 };
+        while more == 255 {
+            more = *packed.get(*at)?;
+            length += usize::from(more);
+            *at += 1;
+        }
+        Some(length)
+    };
+    loop {
+        let token = usize::from(*packed.get(at)?);
+        at += 1;
+        let literals = extended(&mut at, token >> 4)?;
+        let run = packed.get(at..at + literals)?;
+        out.get_mut(made..made + literals)?.copy_from_slice(run);
+        (at, made) = (at + literals, made + literals);
+        if at == packed.len() {
+            return Some(made);
+        }
+        let back = packed.get(at..)?.first_chunk()?;
+        at += 2;
+        let length = extended(&mut at, token & 15)? + 4;
+        repeat(out, made, u16::from_le_bytes(*back).into(), length)?;
+        made += length;
+    }
+}
+
+/// Copies what lies `back` bytes before, of which there may be less than is copied: it doubles with every step.
+fn repeat(out: &mut [u8], made: usize, back: usize, length: usize) -> Option<()> {
+    let from = made.checked_sub(back).filter(|_| back > 0 && made + length <= out.len())?;
+    let mut done = 0;
+    while done < length {
+        let now = (back + done).min(length - done);
+        out.copy_within(from..from + now, made + done);
+        done += now;
+    }
+    Some(())
 }
 
 /// Unpacks BloscLZ, a kind of FastLZ: runs of literal bytes, and copies of what came before, within 8 KiB in two bytes
@@ -268,16 +312,7 @@ fn blosclz(packed: &[u8], out: &mut [u8]) -> Option<usize> {
             if high == 31 && low == 255 {
                 back = (usize::from(input.next()?) << 8) + usize::from(input.next()?) + NEAR + 1;
             }
-            let from = made.checked_sub(back)?;
-            if made + length > out.len() {
-                return None;
-            }
-            if back >= length {
-                out.copy_within(from..from + length, made);
-            } else {
-                // What is copied overlaps what it makes.
-                (0..length).for_each(|at| out[made + at] = out[from + at]);
-            }
+            repeat(out, made, back, length)?;
             made += length;
         }
         match input.next() {
@@ -345,6 +380,33 @@ fn transposed(mut bits: u64) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn blocks_of_lz4_are_unpacked_as_by_its_library_whole_or_damaged() {
+        let mut state = 7_u64;
+        let mut random = move |below: usize| {
+            state = state.wrapping_mul(6_364_136_223_846_793_005).wrapping_add(1);
+            usize::try_from(state >> 33).unwrap() % below
+        };
+        let byte = |value: usize| u8::try_from(value).unwrap();
+        for _ in 0..500 {
+            let (count, kinds) = (random(3000), 1 + random(5));
+            let mut plain = Vec::new();
+            while plain.len() < count {
+                let (value, run) = (byte(random(kinds)), 1 + random(40));
+                plain.extend(std::iter::repeat_n(value, run));
+            }
+            let mut packed = lz4_flex::block::compress(&plain);
+            let mut out = vec![0; plain.len()];
+            assert_eq!(lz4(&packed, &mut out), Some(plain.len()));
+            assert_eq!(out, plain);
+            // Anything may come of damage but a panic, and nothing beyond the block.
+            let at = random(packed.len());
+            packed[at] = byte(random(256));
+            let made = lz4(&packed, &mut out);
+            assert!(made.is_none_or(|made| made <= out.len()));
+        }
+    }
 
     #[test]
     fn bytes_and_bits_return_to_their_places() {

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, TryLockError};
 
 use super::array::{Array, Place};
 use super::blosc::Buffers;
@@ -240,15 +240,26 @@ impl ZarrVolume {
         self.unpacking().slices.saturating_mul(self.slice_bytes())
     }
 
-    /// Writes a slab to the scratch file, unless it is there.
-    fn unpack(&self, unpacked: &Unpacked, slab: &Slab) -> io::Result<()> {
-        let lock = usize::try_from(slab.number % LOCKS as u64).unwrap_or(0);
-        // A thread that panicked has left its place busy, and given it to no slab.
-        let _only = unpacked.locks[lock].lock().unwrap_or_else(PoisonError::into_inner);
-        let places = || unpacked.places.write().unwrap_or_else(PoisonError::into_inner);
-        if unpacked.places.read().unwrap_or_else(PoisonError::into_inner).of.contains_key(&slab.number) {
+    /// Writes a slab to the scratch file, unless it is there; one that another thread unpacks is waited for, or left to it.
+    fn unpack(&self, unpacked: &Unpacked, slab: &Slab, waits: bool) -> io::Result<()> {
+        // Neighbours along any axis seldom share a lock (Fibonacci hashing).
+        let hash = slab.number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+        let lock = &unpacked.locks[usize::try_from(hash).unwrap_or(0) % LOCKS];
+        let is_there =
+            || unpacked.places.read().unwrap_or_else(PoisonError::into_inner).of.contains_key(&slab.number);
+        if !waits && is_there() {
             return Ok(());
         }
+        // A thread that panicked has left its place busy, and given it to no slab.
+        let _only = match lock.try_lock() {
+            Ok(held) => held,
+            Err(TryLockError::WouldBlock) if !waits => return Ok(()),
+            Err(_) => lock.lock().unwrap_or_else(PoisonError::into_inner),
+        };
+        if is_there() {
+            return Ok(());
+        }
+        let places = || unpacked.places.write().unwrap_or_else(PoisonError::into_inner);
         let stored = self.array.place(self.number, slab.chunk)?;
         let at = places().take();
         let offset = at as u64 * self.place_bytes();
@@ -272,7 +283,7 @@ impl ZarrVolume {
                 Some(None) => return Ok(false),
                 None => drop(places),
             }
-            self.unpack(unpacked, slab)?;
+            self.unpack(unpacked, slab, true)?;
         }
     }
 
@@ -474,8 +485,19 @@ impl VolumeSource for ZarrVolume {
         }
         let [cz, cy, cx] = self.array.chunk;
         let mut span = Vec::new();
-        for y in u64::from(rows.start) / cy..=u64::from(rows.end - 1) / cy {
-            for x in u64::from(cols.start) / cx..=u64::from(cols.end - 1) / cx {
+        let along =
+            |range: &Range<u32>, side| u64::from(range.start) / side..=u64::from(range.end - 1) / side;
+        if let Way::Packed(Some(unpacked)) = &self.way {
+            // Threads read the same slabs at about the same time: together they unpack those of a row of chunks.
+            for chunk in
+                along(&rows, cy).flat_map(|y| along(&cols, cx).map(move |x| [u64::from(z) / cz, y, x]))
+            {
+                self.unpack(unpacked, &self.slab(chunk, u64::from(z) % cz), false)
+                    .map_err(|cause| self.failed(chunk, z, cause))?;
+            }
+        }
+        for y in along(&rows, cy) {
+            for x in along(&cols, cx) {
                 let chunk = [u64::from(z) / cz, y, x];
                 let (in_rows, to_row) = overlap(&rows, y * cy, cy);
                 let (in_cols, to_col) = overlap(&cols, x * cx, cx);
