@@ -236,6 +236,7 @@ impl Build {
             raw,
             gaps: args.which.gaps.policy(),
             volume: args.which.volume,
+            index: args.which.index.clone(),
             follow_links: args.which.links.follow_links,
             placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
             ..OpenOptions::default()

@@ -92,6 +92,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
         let build = Build::of(&planned(&plan)?)?;
+        infobyte::jobs::give_back();
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
         return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);
     }
@@ -99,6 +100,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     refuse_dash([output], Dash::Model)?;
     check_suffixes([output], Written::Model, args.force)?;
     let plan = Plan::read(&args.plan)?;
+    infobyte::jobs::give_back();
     let report = parts::merge(&plan, output, &bars);
     bars.finish();
     let report = report?;

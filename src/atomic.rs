@@ -7,6 +7,9 @@
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
+use std::sync::mpsc;
+use std::thread;
+use std::time::Duration;
 
 use crate::platform;
 
@@ -88,6 +91,28 @@ impl AtomicFile {
             Storage::Unnamed(file) => file,
             Storage::Named(file) => file.as_file(),
         }
+    }
+
+    /// Does some work that writes the file, whose bytes meanwhile go to the disk: then [`Self::commit`] has little to wait
+    /// for.
+    ///
+    /// # Errors
+    /// The disk failed, which the system may say only once.
+    pub(crate) fn written_behind<T>(&self, work: impl FnOnce() -> T) -> io::Result<T> {
+        /// Between two syncs; small files are written before the first.
+        const PAUSE: Duration = Duration::from_millis(50);
+        thread::scope(|scope| {
+            let (working, done) = mpsc::channel::<()>();
+            let syncing = scope.spawn(move || {
+                while done.recv_timeout(PAUSE) == Err(mpsc::RecvTimeoutError::Timeout) {
+                    self.file().sync_data()?;
+                }
+                Ok(())
+            });
+            let result = work();
+            drop(working);
+            syncing.join().unwrap_or(Ok(())).map(|()| result)
+        })
     }
 
     /// Syncs the bytes and puts the file in the target's place.

@@ -53,6 +53,14 @@ pub(super) fn volume_number(text: &str) -> Result<usize, String> {
     number.ok_or_else(|| format!("'{text}' is not the number of a volume; they are counted from 1"))
 }
 
+/// Parses `t=12`.
+pub(super) fn place_on_axis(text: &str) -> Result<(String, u64), String> {
+    let parsed =
+        text.split_once('=').and_then(|(axis, place)| Some((axis.trim(), place.trim().parse().ok()?)));
+    let found = parsed.filter(|(axis, _)| !axis.is_empty()).map(|(axis, place)| (axis.to_owned(), place));
+    found.ok_or_else(|| format!("'{text}' is not a place on an axis; write for example t=12,c=0"))
+}
+
 /// Parses `26` or `6`, which stand for these two.
 fn either<T>(text: &str, of_26: T, of_6: T) -> Result<T, String> {
     match text {

@@ -304,6 +304,9 @@ pub(crate) struct WhichArgs {
     /// Take the volume of this number in the list of `oct scan`; the largest by default
     #[arg(long, value_name = "N", value_parser = parse::volume_number)]
     pub(crate) volume: Option<usize>,
+    /// Of OME-Zarr and Zarr, places on the axes before z by their names, from 0 on, such as t=12,c=0
+    #[arg(long, value_name = "AXIS=N,...", value_delimiter = ',', value_parser = parse::place_on_axis, conflicts_with = "volume")]
+    pub(crate) index: Vec<(String, u64)>,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
     #[command(flatten)]
@@ -479,6 +482,7 @@ impl BuildArgs {
             ("--skip", raw.skip.is_some()),
             ("--orientation", raw.orientation.is_some()),
             ("--volume", which.volume.is_some()),
+            ("--index", !which.index.is_empty()),
             // With both it is the size of the grid.
             ("--dims", raw.dims.is_some() && (mesh.grid.voxel.is_none() || mesh.origin.is_none())),
         ];

@@ -247,14 +247,16 @@ impl Tally {
     }
 
     /// The tally of such words, if they are one.
-    pub(crate) fn parse(words: &[u64]) -> Option<Self> {
-        let (evidence, counted) = words.split_first_chunk()?;
-        let mut tally = Self { evidence: Evidence::parse(evidence), ..Self::default() };
-        let (pairs, rest) = counted.as_chunks();
-        for [bin, n] in pairs {
-            *tally.counts.get_mut(usize::try_from(*bin).ok()?)? = *n;
+    pub(crate) fn parse(words: &mut dyn Iterator<Item = u64>) -> Option<Self> {
+        let mut evidence = [0; 13];
+        for word in &mut evidence {
+            *word = words.next()?;
         }
-        rest.is_empty().then_some(tally)
+        let mut tally = Self { evidence: Evidence::parse(&evidence), ..Self::default() };
+        while let Some(bin) = words.next() {
+            *tally.counts.get_mut(usize::try_from(bin).ok()?)? = words.next()?;
+        }
+        Some(tally)
     }
 }
 

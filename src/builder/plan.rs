@@ -167,9 +167,10 @@ impl ColumnPlan {
         [parts(x, self.tile), parts(y, BRICK), parts(z, SEGMENT)]
     }
 
-    /// Column number `at`: tiles along x first, then segments along z, then rows of bricks.
+    /// Column number `at`: tiles along x first, then rows of bricks, then segments along z, so that what is read of files
+    /// in slices or chunks lies together.
     pub(super) fn column(&self, at: u64) -> VoxelBox {
-        let [tiles, _, segments] = self.column_grid();
+        let [tiles, rows, _] = self.column_grid();
         let span = |index: u64, step: u32, side: &Range<u32>| -> Range<u32> {
             #[expect(clippy::cast_possible_truncation, reason = "below the side of the volume")]
             let start = side.start + (index * u64::from(step)) as u32;
@@ -177,8 +178,8 @@ impl ColumnPlan {
         };
         VoxelBox {
             x: span(at % tiles, self.tile, &self.region.x),
-            z: span(at / tiles % segments, SEGMENT, &self.region.z),
-            y: span(at / tiles / segments, BRICK, &self.region.y),
+            y: span(at / tiles % rows, BRICK, &self.region.y),
+            z: span(at / tiles / rows, SEGMENT, &self.region.z),
         }
     }
 }

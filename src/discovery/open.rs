@@ -9,6 +9,7 @@ use std::sync::Arc;
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
+use crate::facts::zarr::IndexFault;
 use crate::facts::{
     Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, SourceFault, StatedBy,
     SyntheticFault,
@@ -76,6 +77,17 @@ pub(crate) fn open_unprepared_in(
     options: &OpenOptions,
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>> {
+    let volume = found(inputs, options, scratch)?;
+    if !options.index.is_empty() && volume.info().description.format != "zarr" {
+        let path = inputs.first().cloned().unwrap_or_default();
+        let misuse = Misuse::Index(IndexFault { axes: Vec::new() });
+        return Err(SourceFault::Usage { path, misuse }.into());
+    }
+    Ok(volume)
+}
+
+/// The volume that is meant.
+fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
             return Err(synthetic::usage(described, SyntheticFault::Described));

@@ -25,7 +25,7 @@ use super::sidecar::SideCarFault;
 use super::stated::StatedBy;
 use super::synthetic::SyntheticFault;
 use super::tiff::TiffFault;
-use super::zarr::ZarrFault;
+use super::zarr::{IndexFault, ZarrFault};
 use crate::budget::Bytes;
 use crate::exit::{ExitKind, opaque_error};
 use crate::geom::Dims;
@@ -345,6 +345,8 @@ pub(crate) enum Misuse {
     SeveralTrees,
     #[error("no volume was found")]
     NoneFound,
+    #[error("{0}")]
+    Index(IndexFault),
     #[error(
         "lies on another grid than {first}; masks of one grid become one map of labels: give those, or choose a volume with {VOLUME} N"
     )]

@@ -1,6 +1,10 @@
 //! What can be wrong with Zarr arrays.
 
+use std::fmt;
+
 use thiserror::Error;
+
+use crate::text::names::INDEX;
 
 /// Why a Zarr array, or one of its chunks, is refused.
 #[non_exhaustive]
@@ -24,4 +28,26 @@ pub(crate) enum ZarrFault {
         "is a chunk whose blocks need {needed_bytes} bytes to be unpacked, more than the first chunk ({allowed_bytes})"
     )]
     Uneven { needed_bytes: u64, allowed_bytes: u64 },
+}
+
+/// Why no volume was chosen by its places on the axes before z: those there are, each with its length.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) struct IndexFault {
+    pub(crate) axes: Vec<(String, u64)>,
+}
+
+impl fmt::Display for IndexFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.axes.is_empty() {
+            return write!(f, "has no axes before z, y and x, on which {INDEX} could choose; leave it out");
+        }
+        write!(
+            f,
+            "{INDEX} has to say one place, from 0 on, on each axis before z, y and x that is longer than 1:"
+        )?;
+        for (at, (name, length)) in self.axes.iter().enumerate() {
+            write!(f, "{} {} (of {length})", if at > 0 { "," } else { "" }, name.escape_debug())?;
+        }
+        Ok(())
+    }
 }

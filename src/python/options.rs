@@ -76,6 +76,7 @@ pub(super) struct BuildAsked {
     fill: Option<String>,
     keep_thin: bool,
     volume: Option<usize>,
+    index: Vec<(String, u64)>,
     gaps: String,
     follow_links: bool,
     spacing: Option<[f64; 3]>,
@@ -292,10 +293,14 @@ impl BuildAsked {
             (None, None) if self.skip.is_none() => None,
             _ => return Err("headerless files need dims and dtype".into()),
         };
+        if self.volume.is_some() && !self.index.is_empty() {
+            return Err("volume and index exclude each other; give one".into());
+        }
         Ok(OpenOptions {
             raw,
             gaps: choice("gaps", &self.gaps, policies.map(|(name, policy)| (name.to_owned(), policy)))?,
             volume: self.volume,
+            index: self.index.clone(),
             follow_links: self.follow_links,
             placement: Placement { spacing_mm: self.spacing, orientation },
             ..OpenOptions::default()

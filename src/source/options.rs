@@ -15,6 +15,9 @@ pub struct OpenOptions {
     /// Which of several volumes [`fn@crate::discovery::open`] takes, counted from 1 over all volumes of a [`Catalogue`](crate::discovery::Catalogue)
     /// in its order, refused ones included; the largest if none is chosen.
     pub volume: Option<usize>,
+    /// Places on the axes before z of an array in chunks (OME-Zarr, Zarr), by their names and counted from 0: moment and
+    /// channel, `t` and `c`. An axis without a name has its number. Then that is the only volume of the array.
+    pub index: Vec<(String, u64)>,
     /// A folder (canonical) that is not searched: that of the results.
     pub skip: Option<PathBuf>,
     /// Spacing and directions that come before what the files state; of [`OpenOptions::raw`] its own count.

@@ -51,6 +51,7 @@ names! {
     GAPS = "gaps",
     GRADIENT = "gradient",
     GRID = "grid",
+    INDEX = "index",
     ISO = "Threshold::Iso",
     KEEP_THIN = "keep_thin",
     LABELS = "labels",

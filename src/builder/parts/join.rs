@@ -67,22 +67,26 @@ pub(crate) fn join(
     let atomic = AtomicFile::create(output).map_err(written)?;
     let target = Target { file: atomic.file(), path: output, layout: &layout, channels: &channels, progress };
     progress.stage("merge", groups);
-    let mut joiner = Joiner::new(&target, &census, &parts.form);
-    parts.rewind();
-    parts.for_each_group(progress, |id, file, form, entry| {
-        joiner.record(file, form, entry).map_err(|fault| match fault {
-            Stop::Part(fault) => at(&id.path(folder), damaged_by(fault, id.number)),
-            Stop::Damaged => at(&id.path(folder), PartFault::Damaged { number: id.number }),
-            Stop::Build(error) => error,
+    let entries = atomic.written_behind(|| {
+        let mut joiner = Joiner::new(&target, &census, &parts.form);
+        parts.rewind();
+        parts.for_each_group(progress, |id, file, form, entry| {
+            joiner.record(file, form, entry).map_err(|fault| match fault {
+                Stop::Part(fault) => at(&id.path(folder), damaged_by(fault, id.number)),
+                Stop::Damaged => at(&id.path(folder), PartFault::Damaged { number: id.number }),
+                Stop::Build(error) => error,
+            })?;
+            progress.advance(1);
+            Ok(())
         })?;
-        progress.advance(1);
-        Ok(())
-    })?;
-    joiner.finish()?;
-    seconds.merge = started.elapsed().as_secs_f64();
-    let started = Instant::now();
-    let entries = seal::seal(&target, cuts.dims, surface, &census, [&metadata, &[]])?;
-    seconds.seal = started.elapsed().as_secs_f64();
+        joiner.finish()?;
+        seconds.merge = started.elapsed().as_secs_f64();
+        let started = Instant::now();
+        let entries = seal::seal(&target, cuts.dims, surface, &census, [&metadata, &[]])?;
+        seconds.seal = started.elapsed().as_secs_f64();
+        Ok::<_, BuildError>(entries)
+    });
+    let entries = entries.map_err(written)??;
     let started = Instant::now();
     atomic.file().sync_all().map_err(written)?;
     progress.check()?;

@@ -10,6 +10,7 @@
 //! CRC of all that. Words are counts, or the bits of numbers, so that nothing is rounded on the way.
 
 use std::fmt;
+use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -116,14 +117,17 @@ impl Finding {
         }
     }
 
-    fn parse(stage: Stage, is_whole: bool, words: &[u64]) -> Option<Self> {
-        Some(match (stage, is_whole, words) {
-            (Stage::Extremes, _, []) => Self::Extremes(None),
-            (Stage::Extremes, _, [min, max]) => {
+    fn parse(stage: Stage, is_whole: bool, words: &mut dyn Iterator<Item = u64>) -> Option<Self> {
+        if (stage, is_whole) == (Stage::Histogram, false) {
+            return Tally::parse(words).map(Self::Tally);
+        }
+        let words: Vec<u64> = words.take(6).collect();
+        Some(match (stage, words.as_slice()) {
+            (Stage::Extremes, []) => Self::Extremes(None),
+            (Stage::Extremes, [min, max]) => {
                 Self::Extremes(Some((f64::from_bits(*min), f64::from_bits(*max))))
             }
-            (Stage::Histogram, false, words) => Self::Tally(Tally::parse(words)?),
-            (Stage::Histogram, true, [is_otsu, lo, hi, what, of]) => {
+            (Stage::Histogram, [is_otsu, lo, hi, what, of]) => {
                 let kind = if *is_otsu == 1 { SelectionKind::Otsu } else { SelectionKind::Iso };
                 let note = match what {
                     1 => Some(BuildNote::Labels { count: usize::try_from(*of).ok()? }),
@@ -262,7 +266,12 @@ pub(crate) fn read(
 ) -> Result<Option<Finding>, BuildError> {
     let path = if is_whole { stage.whole_path(part, folder) } else { stage.path(part, folder) };
     let mut bytes = Vec::new();
-    match open_file(&path).and_then(|file| file.take(MAX_BYTES + 1).read_to_end(&mut bytes)) {
+    let all = |file: File| {
+        let length = file.metadata()?.len().min(MAX_BYTES + 1);
+        bytes.reserve_exact(usize::try_from(length).unwrap_or(0));
+        file.take(length).read_to_end(&mut bytes)
+    };
+    match open_file(&path).and_then(all) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(cause) => return Err(at(&path, PartFault::Unreadable(cause))),
         Ok(_) => {}
@@ -273,8 +282,8 @@ pub(crate) fn read(
         let (own, words) = content.split_first_chunk::<HEAD_BYTES>()?;
         let (words, rest) = words.as_chunks::<8>();
         let is_it = is_sound && rest.is_empty() && *own == head(stage, part, is_whole);
-        let words: Vec<u64> = words.iter().map(|word| u64::from_le_bytes(*word)).collect();
-        Finding::parse(stage, is_whole, &words).filter(|_| is_it)
+        let mut words = words.iter().map(|word| u64::from_le_bytes(*word));
+        Finding::parse(stage, is_whole, &mut words).filter(|_| is_it)
     };
     match parsed() {
         Some(finding) => Ok(Some(finding)),

@@ -275,6 +275,7 @@ pub fn merge_stage(plan: &Plan, stage: Stage, input: &PartsInput<'_>) -> Result<
     let (id, folder) = (plan.part(0)?, plan.folder());
     let (opened, extremes) = open(plan, stage, &id, input)?;
     let Some(source) = opened.volume() else { return Err(refused(&plan.path, PartFault::OtherPlan)) };
+    input.job.give_back();
     let (mut threshold, mut note, mut cleaning) = (None, None, None);
     if stage == Stage::Occupancy {
         let threshold = input.threshold_of(&opened, &id, folder)?;

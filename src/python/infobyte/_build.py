@@ -62,6 +62,7 @@ def build(
     fill: str | None = None,
     keep_thin: bool = False,
     volume: int | None = None,
+    index: Mapping[str, int] | None = None,
     gaps: str = "error",
     follow_links: bool = False,
     orientation: str | None = None,
@@ -119,7 +120,7 @@ def build(
       with `voxel` and `dims` gives the grid in full.
 
     Files
-    - `volume`, `gaps`, `follow_links`, `orientation`; `dims` (x, y, z), `dtype` and `skip` of headerless files.
+    - `volume`, `gaps`, `follow_links`, `orientation`; `index` of OME-Zarr and Zarr: `{'t': 12, 'c': 0}`; `dims` (x, y, z), `dtype` and `skip` of headerless files.
 
     Returns the open model; its `report` has the figures of the build.
 
@@ -152,7 +153,8 @@ def build(
         "downsample": downsample, "close": close, "fill_cavities": bool(fill_cavities), "keep_largest": keep_largest,
         "drop_below": _limit(drop_below), "component_connectivity": component_connectivity, "grid": grid,
         "voxel": voxel, "origin": None, "margin": margin, "unit": UNITS[unit], "fill": fill,
-        "keep_thin": bool(keep_thin), "volume": volume, "gaps": gaps, "follow_links": bool(follow_links),
+        "keep_thin": bool(keep_thin), "volume": volume,
+        "index": [(axis, int(place)) for axis, place in (index or {}).items()], "gaps": gaps, "follow_links": bool(follow_links),
         "spacing": None, "orientation": orientation, "dims": None if dims is None else [int(side) for side in dims],
         "dtype": dtype, "skip": skip, "affine": None, "rescale": None,
     }

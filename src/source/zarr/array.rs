@@ -234,9 +234,14 @@ impl Array {
         self.leading.len() + if self.flat { 2 } else { 3 }
     }
 
+    /// Sides of the axes before z.
+    pub(super) fn leading_sides(&self) -> impl Iterator<Item = u64> {
+        self.leading.iter().map(|[side, _]| *side)
+    }
+
     /// Volumes: combinations of the axes before z.
     pub(super) fn leading_count(&self) -> u64 {
-        self.leading.iter().fold(1_u64, |all, [side, _]| all.saturating_mul(*side))
+        self.leading_sides().fold(1_u64, u64::saturating_mul)
     }
 
     /// Bytes of a chunk of one volume, as it is stored.

@@ -73,6 +73,11 @@ impl Image {
         Ok((Self { axes, scale, shift }, name))
     }
 
+    /// Name of an axis.
+    pub(super) fn axis(&self, at: usize) -> Option<&str> {
+        self.axes.get(at).map(|(name, _)| name.as_str())
+    }
+
     /// Spacing and place of the first voxel along x, y and z, in mm, of an array with so many axes.
     pub(super) fn placed(&self, axes: usize, notes: &mut Vec<Note>) -> Read<([f64; 3], [f64; 3])> {
         let names: Vec<&str> = self.axes.iter().map(|(name, _)| name.as_str()).collect();

@@ -7,7 +7,8 @@
 //! | `packing`, `blosc` | chunks unpacked in pieces |
 //! | `volume` | rows read of chunks, which are unpacked when they are first asked for |
 //!
-//! The last three axes are z, y and x. Each combination of the axes before them (time, channel) is a volume of its own.
+//! The last three axes are z, y and x. Each combination of the axes before them (time, channel) is a volume of its own,
+//! and the caller may choose one by its places on them.
 //! Of an image its finest level is taken; another one is a folder of its own, which is named instead, and finds its
 //! scale in the folder above. Sources: Zarr specifications 2 and 3.1, OME-NGFF 0.4 and 0.5, the format of C-Blosc 1.
 
@@ -18,6 +19,7 @@ mod packing;
 mod volume;
 
 use std::fs;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -26,10 +28,10 @@ use serde_json::Value;
 use super::OpenOptions;
 use super::files::base_name;
 use super::header::{unreadable, unusable};
-use crate::facts::zarr::ZarrFault;
-use crate::facts::{Carrier, Fault, Note};
+use crate::facts::zarr::{IndexFault, ZarrFault};
+use crate::facts::{Carrier, Fault, Misuse, Note, SourceFault};
 use crate::geom::{Affine, Dims};
-use crate::volume::{Rescale, Result, SourceDescription, VolumeInfo, VolumeSource};
+use crate::volume::{Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use array::Array;
 use image::Image;
 use volume::ZarrVolume;
@@ -108,7 +110,45 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         unusable(&head, ZarrFault::Json { cause: "it cannot be parsed as JSON".to_owned() })
     })?;
     let array = Array::read(&array_folder, &what).map_err(|fault| unusable(&head, fault))?;
-    volumes(array, image, name, &head)
+    let mut numbers = 0..array.leading_count().min(MAX_VOLUMES);
+    if !options.index.is_empty() {
+        let axes = leading_axes(&array, image.as_ref(), &what, &array_folder);
+        let number = chosen(&axes, &options.index).ok_or_else(|| {
+            let misuse = Misuse::Index(IndexFault { axes });
+            SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse })
+        })?;
+        numbers = number..number + 1;
+    }
+    volumes(array, image, name, (&head, numbers))
+}
+
+/// Names and lengths of the axes before z, as the image or the array names them, or by their numbers.
+fn leading_axes(array: &Array, image: Option<&Image>, what: &Value, folder: &Path) -> Vec<(String, u64)> {
+    // Of version 2 as xarray has them.
+    let beside = || metadata(&folder.join(HEADS[2])).ok()?;
+    let named = |key: &str, of: Option<Value>| of?.get(key).and_then(Value::as_array).cloned();
+    let named = named("dimension_names", Some(what.clone())).or_else(|| named("_ARRAY_DIMENSIONS", beside()));
+    let name = |axis: usize| match image {
+        Some(image) => image.axis(axis).map(str::to_owned),
+        None => named.as_ref()?.get(axis)?.as_str().map(str::to_owned),
+    };
+    let sides = array.leading_sides().enumerate();
+    sides.map(|(axis, side)| (name(axis).unwrap_or_else(|| axis.to_string()), side)).collect()
+}
+
+/// The number of the volume at some places on the axes before z; an axis of length 1 need not be named.
+fn chosen(axes: &[(String, u64)], index: &[(String, u64)]) -> Option<u64> {
+    let place = |(name, length): &(String, u64)| {
+        let mut places = index.iter().filter(|(axis, _)| axis == name).map(|(_, place)| *place);
+        match (places.next(), places.next()) {
+            (None, _) => (*length == 1).then_some(0),
+            (Some(place), None) => (place < *length).then_some(place),
+            _ => None,
+        }
+    };
+    let are_known = index.iter().all(|(name, _)| axes.iter().any(|(axis, _)| axis == name));
+    let join = |number: u64, axis: &(String, u64)| number.checked_mul(axis.1)?.checked_add(place(axis)?);
+    axes.iter().try_fold(0, join).filter(|_| are_known && !axes.is_empty())
 }
 
 /// What an image in the folder above states of this level.
@@ -119,12 +159,12 @@ fn of_level(folder: &Path) -> Option<Image> {
     Image::is_there(&what).then(|| Image::read(&what, Some(level)).ok()).flatten().map(|(image, _)| image)
 }
 
-/// The volumes of an array.
+/// The volumes of these numbers.
 fn volumes(
     array: Array,
     image: Option<Image>,
     name: String,
-    head: &Path,
+    (head, numbers): (&Path, Range<u64>),
 ) -> Result<Vec<Box<dyn VolumeSource>>> {
     let refused = |fault: Fault| unusable(head, fault);
     let side = |side: u64| u32::try_from(side).unwrap_or(u32::MAX);
@@ -147,7 +187,6 @@ fn volumes(
     notes.extend(array.samples.note());
     let scalar = array.samples.delivered();
     let array = Arc::new(array);
-    let count = array.leading_count().min(MAX_VOLUMES);
     let volume = |number: u64| -> Box<dyn VolumeSource> {
         let info = VolumeInfo {
             dims,
@@ -166,5 +205,5 @@ fn volumes(
         };
         Box::new(ZarrVolume::new(Arc::clone(&array), number, info))
     };
-    Ok((0..count).map(volume).collect())
+    Ok(numbers.map(volume).collect())
 }

@@ -2,8 +2,10 @@
 
 use std::fs::File;
 use std::io::{self, Read as _};
+use std::ops::Range;
 
 use super::array::{Place, unread};
+use super::blosc::Buffers;
 use super::{Read, blosc};
 use crate::facts::Fault;
 use crate::facts::zarr::ZarrFault;
@@ -93,16 +95,22 @@ impl Packing {
             })
     }
 
-    /// Hands the bytes of a chunk to `sink`; they are `bytes` long.
+    /// Bytes of the blocks that are packed one by one, if a chunk has them and may be unpacked in parts.
+    pub(super) fn block_bytes(self, place: &Place) -> Option<u64> {
+        let may = self.codec == Codec::Blosc && !self.checked;
+        may.then(|| blosc::Header::read(place).ok()).flatten().map(|header| header.block_bytes())
+    }
+
+    /// Hands those `wanted` of the `bytes` of a chunk to `sink`. Only what cannot be unpacked on its own is read besides.
     ///
     /// # Errors
     /// The chunk cannot be read, is damaged or of another length, or needs more memory than `allowed_bytes`.
     pub(super) fn unpack(
         self,
         place: &Place,
-        bytes: u64,
+        (bytes, wanted): (u64, Range<u64>),
         allowed_bytes: u64,
-        sink: &mut Sink<'_>,
+        (buffers, sink): (&mut Buffers, &mut Sink<'_>),
     ) -> io::Result<()> {
         let needed_bytes = self.memory_bytes(place, bytes)?;
         if needed_bytes > allowed_bytes {
@@ -115,11 +123,19 @@ impl Packing {
             check(file, *at, length)?;
         }
         let input = || section(file, *at, length);
+        let mut left = wanted.clone();
+        // Hands on what is wanted of a piece, and goes on from there.
+        let trimmed = &mut |piece: &[u8]| {
+            let skipped = usize::try_from(left.start).unwrap_or(usize::MAX).min(piece.len());
+            let taken = usize::try_from(left.end).unwrap_or(usize::MAX).min(piece.len());
+            left = left.start - skipped as u64..left.end - taken as u64;
+            if skipped < taken { sink(&piece[skipped..taken]) } else { Ok(()) }
+        };
         match self.codec {
-            Codec::None => copy(input(), bytes, sink),
-            Codec::Gzip => copy(flate2::bufread::MultiGzDecoder::new(input()), bytes, sink),
-            Codec::Zlib => copy(flate2::bufread::ZlibDecoder::new(input()), bytes, sink),
-            Codec::Zstd => copy(zstd::stream::read::Decoder::with_buffer(input())?, bytes, sink),
+            Codec::None => copy(input(), bytes, trimmed),
+            Codec::Gzip => copy(flate2::bufread::MultiGzDecoder::new(input()), bytes, trimmed),
+            Codec::Zlib => copy(flate2::bufread::ZlibDecoder::new(input()), bytes, trimmed),
+            Codec::Zstd => copy(zstd::stream::read::Decoder::with_buffer(input())?, bytes, trimmed),
             Codec::Lz4 => {
                 let mut packed = vec![0; usize::try_from(length).unwrap_or(usize::MAX)];
                 file.read_exact_at(&mut packed, *at)?;
@@ -131,11 +147,13 @@ impl Packing {
                 }
                 let mut plain = vec![0; stated as usize];
                 match lz4_flex::block::decompress_into(packed, &mut plain) {
-                    Ok(count) if count == plain.len() => plain.chunks(PIECE).try_for_each(sink),
+                    Ok(count) if count == plain.len() => plain.chunks(PIECE).try_for_each(trimmed),
                     _ => Err(damaged("LZ4")),
                 }
             }
-            Codec::Blosc => blosc::Header::read(place)?.unpack(place, length, bytes, sink),
+            Codec::Blosc => {
+                blosc::Header::read(place)?.unpack((place, length), bytes, &wanted, (buffers, sink))
+            }
         }
     }
 }

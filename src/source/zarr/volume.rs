@@ -1,13 +1,14 @@
 //! Rows read of chunks, which are unpacked when they are first asked for.
 
+use std::collections::HashMap;
 use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
-use std::sync::atomic::{AtomicU32, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock};
+use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, TryLockError};
 
 use super::array::{Array, Place};
+use super::blosc::Buffers;
 use super::packing::{PIECE, chunk_fault};
 use crate::budget::Reservation;
 use crate::facts::SourceFault;
@@ -27,16 +28,22 @@ const OPEN: usize = 32;
 /// Bytes of rows that are read together.
 const SPAN: usize = 32 << 10;
 
-/// Place of a chunk that was never written.
-const NOWHERE: u32 = u32::MAX;
-
-/// Locks of chunks that are being unpacked, and of the places that they are read from.
+/// Locks of slabs that are being unpacked: so many are at most.
 const LOCKS: usize = 64;
 
-/// Rows and slices that are read of chunks at about the same time, at most: by a build, of two rows of bricks and a few
-/// beyond them; by passes over whole slices, of a few. Chunks that are read once more after that are unpacked again.
+/// Fewest bytes of a slab, where a chunk has more, and most of one that ends where blocks do.
+const SLAB: u64 = 1 << 20;
+const WIDE_SLAB: u64 = 4 << 20;
+
+/// What is read of slabs at about the same time, at most: by a build two rows of bricks with a few rows beyond them, of a
+/// column with a few slices beyond it; by passes over whole slices a few slices. Slabs that are read once more after that
+/// are unpacked again.
 const ROWS_AT_A_TIME: u64 = 70;
+const COLUMN_AT_A_TIME: u64 = 264;
 const SLICES_AT_A_TIME: u64 = 8;
+
+/// Memory of a place of the scratch file: its owner, and that one's entry in a map that may be half empty.
+const PLACE_BYTES: u64 = 56;
 
 /// Most files that are named for a volume, to notice that one of them changes.
 const NAMED: u64 = 1 << 16;
@@ -44,18 +51,27 @@ const NAMED: u64 = 1 << 16;
 /// One volume of an array.
 ///
 /// Plain chunks are read where they lie. Packed ones are written to an anonymous scratch file when they are asked for, by
-/// the thread that asks: what no one reads is not unpacked. The file has places for some rows or layers of chunks, and a
-/// new chunk takes the place of the one that was unpacked longest ago: pages that the system has given once are written
-/// at half the price of fresh ones. Memory: eight bytes a chunk at most, and for each reading thread what unpacks a chunk
-/// (for Blosc three of its blocks, for zstd its window).
+/// the thread that asks: what no one reads is not unpacked. That is done in slabs: some slices of a chunk where its blocks
+/// are packed one by one, else all of them. The file has places for the slabs that are read at a time, and a new slab takes
+/// the place of the one that was unpacked longest ago: pages that the system has given once are written at half the price
+/// of fresh ones. Memory: [`PLACE_BYTES`] a place, and for each reading thread what unpacks a slab (for Blosc three of its
+/// blocks, for zstd its window).
 pub(super) struct ZarrVolume {
     array: Arc<Array>,
     /// Which volume of the array.
     number: u64,
     info: VolumeInfo,
-    /// Memory that unpacking a chunk takes.
-    unpacking_bytes: OnceLock<u64>,
+    unpacking: OnceLock<Unpacking>,
     way: Way,
+}
+
+/// How chunks are unpacked.
+#[derive(Clone, Copy, Debug)]
+struct Unpacking {
+    /// Memory that it takes.
+    bytes: u64,
+    /// Slices of a slab, as many as a chunk's at most.
+    slices: u64,
 }
 
 /// Files of chunks by their numbers; `None` where there is none.
@@ -67,21 +83,65 @@ enum Way {
     Packed(Option<Box<Unpacked>>),
 }
 
-/// Chunks that were unpacked.
+/// Slabs that were unpacked.
 struct Unpacked {
     scratch: File,
-    /// Place of each chunk in the file, in chunks from 1 on; 0 where it is not there.
-    places: Box<[AtomicU32]>,
-    /// The chunk that each place was given to last, from 1 on.
-    owners: Box<[AtomicU32]>,
-    /// Places that were given, one after the other and then again from the first.
-    given: AtomicU64,
-    /// Held by the thread that unpacks a chunk.
+    /// Held by those that read a slab, and alone by the one that gives or takes away a place.
+    places: RwLock<Places>,
+    /// Held by the thread that unpacks a slab.
     locks: [Mutex<()>; LOCKS],
-    /// Held by those that read a place, and alone by the one that writes it.
-    readers: [RwLock<()>; LOCKS],
-    /// That of places and owners.
+    /// Buffers of threads that have unpacked a slab.
+    idle: Mutex<Vec<Buffers>>,
+    /// That of the places.
     _memory: Reservation,
+}
+
+/// The places of the scratch file.
+struct Places {
+    /// Place of each slab that is there; `None` of one that was never stored.
+    of: HashMap<u64, Option<u64>>,
+    /// The slab that each place was given to last.
+    owners: Box<[Owner]>,
+    next: usize,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq)]
+enum Owner {
+    None,
+    /// A thread writes to the place.
+    Busy,
+    Slab(u64),
+}
+
+impl Places {
+    /// Takes a place from the slab that has had it longest. There are more of them than slabs that are being unpacked, or
+    /// as many as slabs.
+    fn take(&mut self) -> usize {
+        loop {
+            let at = self.next;
+            self.next = (at + 1) % self.owners.len();
+            match std::mem::replace(&mut self.owners[at], Owner::Busy) {
+                Owner::Busy => continue,
+                Owner::Slab(number) => drop(self.of.remove(&number)),
+                Owner::None => {}
+            }
+            return at;
+        }
+    }
+
+    fn give(&mut self, at: usize, owner: Owner, place: Option<u64>) {
+        self.owners[at] = owner;
+        if let Owner::Slab(number) = owner {
+            self.of.insert(number, place);
+        }
+    }
+}
+
+/// A slab: its chunk, and its slices within it.
+struct Slab {
+    number: u64,
+    chunk: [u64; 3],
+    slices: Range<u64>,
 }
 
 impl ZarrVolume {
@@ -89,45 +149,66 @@ impl ZarrVolume {
         let is_plain = !array.packing.is_packed() && !array.packing.is_checked() && !array.is_sharded();
         let is_plain = is_plain && matches!(array.samples, Samples::Plain(_));
         let way = if is_plain { Way::Plain(Mutex::default()) } else { Way::Packed(None) };
-        Self { array, number, info, unpacking_bytes: OnceLock::new(), way }
+        Self { array, number, info, unpacking: OnceLock::new(), way }
     }
 
-    /// Memory that unpacking a chunk takes, by the first ones that are there: chunks are of one size, and packed in one
-    /// way. A damaged one is met again when it is read.
-    fn unpacking_bytes(&self) -> u64 {
-        match self.way {
-            Way::Plain(_) => 0,
-            Way::Packed(_) => *self.unpacking_bytes.get_or_init(|| self.probe()),
-        }
+    /// How chunks are unpacked, by the first ones that are there: chunks are of one size, and packed in one way. A damaged
+    /// one is met again when it is read.
+    fn unpacking(&self) -> Unpacking {
+        *self.unpacking.get_or_init(|| self.probe())
     }
 
-    fn probe(&self) -> u64 {
+    fn probe(&self) -> Unpacking {
         const FOUND: usize = 8;
         const LOOKED_FOR: u64 = 4096;
         let (bytes, _) = self.array.within(self.number);
+        let packing = self.array.packing;
         let all = self.chunk_count();
         let step = all.div_ceil(LOOKED_FOR).max(1);
         let found = (0..all).step_by(usize::try_from(step).unwrap_or(usize::MAX)).filter_map(|at| {
             let place = self.array.place(self.number, self.chunk_at(at)).ok().flatten()?;
-            self.array.packing.memory_bytes(&place, bytes).ok()
+            Some((packing.memory_bytes(&place, bytes).ok()?, packing.block_bytes(&place)))
         });
-        found.take(FOUND).max().unwrap_or(0) + 3 * PIECE as u64
+        let found: Vec<_> = found.take(FOUND).collect();
+        let most = found.iter().map(|(bytes, _)| *bytes).max().unwrap_or(0);
+        let block = found.first().and_then(|(_, block)| *block);
+        Unpacking { bytes: most + 3 * PIECE as u64, slices: self.slab_slices(block) }
+    }
+
+    /// Slices of a slab of chunks with such blocks.
+    fn slab_slices(&self, block: Option<u64>) -> u64 {
+        let [cz, ..] = self.array.chunk;
+        let Some(block) = block else { return cz };
+        let slice = self.array.volume_bytes() / cz;
+        let fewest = SLAB.div_ceil(slice).min(cz);
+        // No block is unpacked twice where slabs end with blocks.
+        let whole =
+            (fewest..=(WIDE_SLAB / slice).min(cz)).find(|slices| (slices * slice).is_multiple_of(block));
+        whole.unwrap_or(fewest)
     }
 
     fn chunk_count(&self) -> u64 {
         self.array.chunks().iter().product()
     }
 
+    /// Slabs of a chunk.
+    fn slabs(&self) -> u64 {
+        self.array.chunk[0].div_ceil(self.unpacking().slices)
+    }
+
     /// Places of the scratch file.
     fn place_count(&self) -> u64 {
-        let [[nz, ny, nx], [cz, cy, _]] = [self.array.chunks(), self.array.chunk];
-        let rows = (1 + ROWS_AT_A_TIME.div_ceil(cy)).min(ny).saturating_mul(nz);
-        let layers = (1 + SLICES_AT_A_TIME.div_ceil(cz)).min(nz).saturating_mul(ny);
-        rows.max(layers).saturating_mul(nx).max(LOCKS as u64).min(self.chunk_count())
+        let [[nz, ny, nx], [_, cy, _]] = [self.array.chunks(), self.array.chunk];
+        let (slices, all) = (self.unpacking().slices, nz.saturating_mul(self.slabs()));
+        let layers = |count: u64| (1 + count.div_ceil(slices)).min(all);
+        let rows = (1 + ROWS_AT_A_TIME.div_ceil(cy)).min(ny).saturating_mul(layers(COLUMN_AT_A_TIME));
+        let whole = layers(SLICES_AT_A_TIME).saturating_mul(ny);
+        let most = self.chunk_count().saturating_mul(self.slabs());
+        rows.max(whole).saturating_mul(nx).max(2 * LOCKS as u64).min(most)
     }
 
     fn places_bytes(&self) -> u64 {
-        (self.chunk_count() + self.place_count()).saturating_mul(size_of::<AtomicU32>() as u64)
+        self.place_count().saturating_mul(PLACE_BYTES)
     }
 
     fn chunk_at(&self, at: u64) -> [u64; 3] {
@@ -140,103 +221,111 @@ impl ZarrVolume {
         (z * ny + y) * nx + x
     }
 
-    /// Bytes of a chunk in the scratch file.
-    fn delivered_bytes(&self) -> u64 {
-        self.array.chunk.iter().product::<u64>() * self.info.scalar.bytes() as u64
+    /// The slab of a chunk in which its slice `z` lies.
+    fn slab(&self, chunk: [u64; 3], z: u64) -> Slab {
+        let (slices, [cz, ..]) = (self.unpacking().slices, self.array.chunk);
+        let at = z / slices;
+        let number = self.chunk_number(chunk) * self.slabs() + at;
+        Slab { number, chunk, slices: at * slices..((at + 1) * slices).min(cz) }
     }
 
-    /// Place of a chunk in the scratch file, to which it is written unless it is there; [`NOWHERE`] if it was never stored.
-    fn unpack(&self, unpacked: &Unpacked, chunk: [u64; 3], known: &AtomicU32) -> io::Result<u32> {
-        if let place @ 1.. = known.load(Ordering::Acquire) {
-            return Ok(place);
+    /// Bytes of a slice of a chunk in the scratch file.
+    fn slice_bytes(&self) -> u64 {
+        let [_, cy, cx] = self.array.chunk;
+        cy * cx * self.info.scalar.bytes() as u64
+    }
+
+    /// Bytes of a place.
+    fn place_bytes(&self) -> u64 {
+        self.unpacking().slices.saturating_mul(self.slice_bytes())
+    }
+
+    /// Writes a slab to the scratch file, unless it is there; one that another thread unpacks is waited for, or left to it.
+    fn unpack(&self, unpacked: &Unpacked, slab: &Slab, waits: bool) -> io::Result<()> {
+        // Neighbours along any axis seldom share a lock (Fibonacci hashing).
+        let hash = slab.number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 32;
+        let lock = &unpacked.locks[usize::try_from(hash).unwrap_or(0) % LOCKS];
+        let is_there =
+            || unpacked.places.read().unwrap_or_else(PoisonError::into_inner).of.contains_key(&slab.number);
+        if !waits && is_there() {
+            return Ok(());
         }
-        let number = self.chunk_number(chunk);
-        let lock = |n: u64| usize::try_from(n % LOCKS as u64).unwrap_or(0);
-        // A thread that panicked has given its chunk no place.
-        let _only = unpacked.locks[lock(number)].lock().unwrap_or_else(PoisonError::into_inner);
-        if let place @ 1.. = known.load(Ordering::Acquire) {
-            return Ok(place);
-        }
-        let place = match self.array.place(self.number, chunk)? {
-            None => NOWHERE,
-            Some(stored) => {
-                let at = unpacked.given.fetch_add(1, Ordering::Relaxed) % unpacked.owners.len() as u64;
-                let place = u32::try_from(at + 1).unwrap_or(NOWHERE);
-                let _alone =
-                    unpacked.readers[lock(place.into())].write().unwrap_or_else(PoisonError::into_inner);
-                let owner = u32::try_from(number + 1).unwrap_or(0);
-                let before = unpacked.owners[place as usize - 1].swap(owner, Ordering::AcqRel);
-                if let Some(known) = before.checked_sub(1).and_then(|n| unpacked.places.get(n as usize)) {
-                    // Not if it has got another place meanwhile.
-                    let _ = known.compare_exchange(place, 0, Ordering::AcqRel, Ordering::Acquire);
-                }
-                self.write(unpacked, &stored, at * self.delivered_bytes())?;
-                known.store(place, Ordering::Release);
-                return Ok(place);
-            }
+        // A thread that panicked has left its place busy, and given it to no slab.
+        let _only = match lock.try_lock() {
+            Ok(held) => held,
+            Err(TryLockError::WouldBlock) if !waits => return Ok(()),
+            Err(_) => lock.lock().unwrap_or_else(PoisonError::into_inner),
         };
-        known.store(place, Ordering::Release);
-        Ok(place)
+        if is_there() {
+            return Ok(());
+        }
+        let places = || unpacked.places.write().unwrap_or_else(PoisonError::into_inner);
+        let stored = self.array.place(self.number, slab.chunk)?;
+        let at = places().take();
+        let offset = at as u64 * self.place_bytes();
+        let written =
+            stored.as_ref().map(|stored| self.write(unpacked, (stored, &slab.slices), offset)).transpose();
+        let owner = if written.is_ok() { Owner::Slab(slab.number) } else { Owner::None };
+        places().give(at, owner, stored.map(|_| offset));
+        written.map(drop)
     }
 
-    /// Reads bytes of a chunk from the scratch file; `false` if the chunk was never stored.
-    fn read_unpacked(
-        &self,
-        unpacked: &Unpacked,
-        chunk: [u64; 3],
-        at: u64,
-        out: &mut [u8],
-    ) -> io::Result<bool> {
-        let slot = usize::try_from(self.chunk_number(chunk)).unwrap_or(usize::MAX);
-        let Some(known) = unpacked.places.get(slot) else { return Err(ReadFault::NotUnrolled.into()) };
+    /// Reads bytes of a slab from the scratch file; `false` if its chunk was never stored.
+    fn read_unpacked(&self, unpacked: &Unpacked, slab: &Slab, at: u64, out: &mut [u8]) -> io::Result<bool> {
         loop {
-            let place = self.unpack(unpacked, chunk, known)?;
-            if place == NOWHERE {
-                return Ok(false);
+            // No place is taken away while it is read.
+            let places = unpacked.places.read().unwrap_or_else(PoisonError::into_inner);
+            match places.of.get(&slab.number) {
+                Some(Some(place)) => {
+                    unpacked.scratch.read_exact_at(out, place + at)?;
+                    return Ok(true);
+                }
+                Some(None) => return Ok(false),
+                None => drop(places),
             }
-            let held =
-                unpacked.readers[place as usize % LOCKS].read().unwrap_or_else(PoisonError::into_inner);
-            // Another chunk may have taken the place before it was held.
-            if known.load(Ordering::Acquire) == place {
-                unpacked.scratch.read_exact_at(out, u64::from(place - 1) * self.delivered_bytes() + at)?;
-                return Ok(true);
-            }
-            drop(held);
+            self.unpack(unpacked, slab, true)?;
         }
     }
 
-    fn write(&self, unpacked: &Unpacked, place: &Place, at: u64) -> io::Result<()> {
+    fn write(&self, unpacked: &Unpacked, (place, slices): (&Place, &Range<u64>), at: u64) -> io::Result<()> {
         let (bytes, skip) = self.array.within(self.number);
+        let slice = self.array.volume_bytes() / self.array.chunk[0];
+        let wanted = skip + slices.start * slice..skip + slices.end * slice;
         let samples = self.array.samples;
         let native = cfg!(target_endian = "little") == (self.array.endian == Endian::Little);
         let is_same = matches!(samples, Samples::Plain(scalar) if native || scalar.bytes() == 1);
         let mut writer = Writer {
             scratch: &unpacked.scratch,
-            skip,
-            left: self.array.volume_bytes(),
             at,
             turn: (!is_same).then_some((samples, self.array.endian)),
             pending: Vec::new(),
         };
-        self.array.packing.unpack(place, bytes, self.unpacking_bytes(), &mut |piece| writer.take(piece))?;
-        writer.flush()?;
-        if writer.left > 0 { Err(chunk_fault(ZarrFault::Short)) } else { Ok(()) }
+        let allowed = self.unpacking().bytes;
+        let idle = || unpacked.idle.lock().unwrap_or_else(PoisonError::into_inner);
+        let mut buffers = idle().pop().unwrap_or_default();
+        let sink = &mut |piece: &[u8]| writer.take(piece);
+        let done = self.array.packing.unpack(place, (bytes, wanted), allowed, (&mut buffers, sink));
+        idle().push(buffers);
+        done?;
+        writer.flush()
     }
 
     /// Reads bytes of one chunk, from byte `at` of its slice `z` on.
     fn read_chunk(&self, (z, chunk): (u64, [u64; 3]), at: u64, out: &mut [u8]) -> io::Result<()> {
-        let [cz, cy, cx] = self.array.chunk;
+        let [cz, ..] = self.array.chunk;
         let size = self.info.scalar.bytes();
-        let at = z % cz * cy * cx * size as u64 + at;
         match &self.way {
             Way::Packed(None) => Err(ReadFault::NotUnrolled.into()),
             Way::Packed(Some(unpacked)) => {
-                if !self.read_unpacked(unpacked, chunk, at, out)? {
+                let slab = self.slab(chunk, z % cz);
+                let at = (z % cz - slab.slices.start) * self.slice_bytes() + at;
+                if !self.read_unpacked(unpacked, &slab, at, out)? {
                     self.fill(out);
                 }
                 Ok(())
             }
             Way::Plain(open) => {
+                let at = z % cz * self.slice_bytes() + at;
                 let Some(file) = self.plain(open, chunk)? else {
                     self.fill(out);
                     return Ok(());
@@ -290,12 +379,9 @@ impl ZarrVolume {
     }
 }
 
-/// Writes the bytes of a chunk that belong to a volume, as samples that are delivered.
+/// Writes the bytes of a chunk that belong to a slab, as samples that are delivered.
 struct Writer<'a> {
     scratch: &'a File,
-    /// Bytes of other volumes before those of this one.
-    skip: u64,
-    left: u64,
     at: u64,
     /// How stored samples become delivered ones, where they differ.
     turn: Option<(Samples, Endian)>,
@@ -304,11 +390,6 @@ struct Writer<'a> {
 
 impl Writer<'_> {
     fn take(&mut self, piece: &[u8]) -> io::Result<()> {
-        let skipped = usize::try_from(self.skip).unwrap_or(usize::MAX).min(piece.len());
-        self.skip -= skipped as u64;
-        let piece = &piece[skipped..];
-        let piece = &piece[..usize::try_from(self.left).unwrap_or(usize::MAX).min(piece.len())];
-        self.left -= piece.len() as u64;
         if self.turn.is_none() {
             return self.write(piece);
         }
@@ -355,7 +436,7 @@ impl VolumeSource for ZarrVolume {
     fn preparation(&self) -> Preparation {
         match &self.way {
             Way::Packed(None) => Preparation {
-                scratch_bytes: self.place_count().saturating_mul(self.delivered_bytes()),
+                scratch_bytes: self.place_count().saturating_mul(self.place_bytes()),
                 memory_bytes: self.places_bytes(),
                 on_demand: true,
             },
@@ -364,22 +445,18 @@ impl VolumeSource for ZarrVolume {
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
-        let (chunks, place_count, places_bytes) =
-            (self.chunk_count(), self.place_count(), self.places_bytes());
+        let (place_count, places_bytes) = (self.place_count(), self.places_bytes());
         if let Way::Packed(way @ None) = &mut self.way {
             let memory = workspace.reserve(places_bytes, || self.array.path(self.number, [0; 3]))?;
-            let numbers = |count: u64| (0..count).map(|_| AtomicU32::new(0)).collect();
-            let (places, owners) = (numbers(chunks), numbers(place_count));
             let scratch = unnamed(workspace.scratch).map_err(|cause| {
                 SourceError::from(SourceFault::Scratch { path: workspace.scratch.to_path_buf(), cause })
             })?;
+            let owners = (0..place_count).map(|_| Owner::None).collect();
             *way = Some(Box::new(Unpacked {
                 scratch,
-                places,
-                owners,
-                given: AtomicU64::new(0),
+                places: RwLock::new(Places { of: HashMap::new(), owners, next: 0 }),
                 locks: std::array::from_fn(|_| Mutex::default()),
-                readers: std::array::from_fn(|_| RwLock::default()),
+                idle: Mutex::default(),
                 _memory: memory,
             }));
         }
@@ -408,8 +485,19 @@ impl VolumeSource for ZarrVolume {
         }
         let [cz, cy, cx] = self.array.chunk;
         let mut span = Vec::new();
-        for y in u64::from(rows.start) / cy..=u64::from(rows.end - 1) / cy {
-            for x in u64::from(cols.start) / cx..=u64::from(cols.end - 1) / cx {
+        let along =
+            |range: &Range<u32>, side| u64::from(range.start) / side..=u64::from(range.end - 1) / side;
+        if let Way::Packed(Some(unpacked)) = &self.way {
+            // Threads read the same slabs at about the same time: together they unpack those of a row of chunks.
+            for chunk in
+                along(&rows, cy).flat_map(|y| along(&cols, cx).map(move |x| [u64::from(z) / cz, y, x]))
+            {
+                self.unpack(unpacked, &self.slab(chunk, u64::from(z) % cz), false)
+                    .map_err(|cause| self.failed(chunk, z, cause))?;
+            }
+        }
+        for y in along(&rows, cy) {
+            for x in along(&cols, cx) {
                 let chunk = [u64::from(z) / cz, y, x];
                 let (in_rows, to_row) = overlap(&rows, y * cy, cy);
                 let (in_cols, to_col) = overlap(&cols, x * cx, cx);
@@ -433,7 +521,10 @@ impl VolumeSource for ZarrVolume {
     }
 
     fn resident_bytes(&self) -> u64 {
-        self.unpacking_bytes()
+        match self.way {
+            Way::Plain(_) => 0,
+            Way::Packed(_) => self.unpacking().bytes,
+        }
     }
 }
 

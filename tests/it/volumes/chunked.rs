@@ -10,14 +10,15 @@ use serde_json::{Value, json};
 const DIMS: [u32; 3] = [37, 29, 23];
 const CHUNK: [usize; 3] = [8, 16, 16];
 
-/// Samples of a chunk at this place, x fastest; zero outside.
-fn chunk(object: &Object, at: [usize; 3]) -> Vec<u8> {
+/// Samples of a chunk of these sides at this place, x fastest; zero outside.
+fn chunk(object: &Object, sides: [usize; 3], at: [usize; 3]) -> Vec<u8> {
     let size = object.scalar.bytes();
-    let [nx, ny, nz] = DIMS.map(|side| side as usize);
+    let [nx, ny, nz] = object.dims.map(|side| side as usize);
     let mut bytes = Vec::new();
-    for z in at[0] * CHUNK[0]..(at[0] + 1) * CHUNK[0] {
-        for y in at[1] * CHUNK[1]..(at[1] + 1) * CHUNK[1] {
-            for x in at[2] * CHUNK[2]..(at[2] + 1) * CHUNK[2] {
+    let [zs, ys, xs] = std::array::from_fn(|axis| at[axis] * sides[axis]..(at[axis] + 1) * sides[axis]);
+    for z in zs {
+        for y in ys.clone() {
+            for x in xs.clone() {
                 let from = ((z * ny + y) * nx + x) * size;
                 let is_inside = z < nz && y < ny && x < nx;
                 bytes.extend_from_slice(if is_inside {
@@ -31,13 +32,14 @@ fn chunk(object: &Object, at: [usize; 3]) -> Vec<u8> {
     bytes
 }
 
-/// Places of all chunks, and their samples.
-fn chunks(object: &Object) -> Vec<([usize; 3], Vec<u8>)> {
-    let counts: [usize; 3] = std::array::from_fn(|axis| (DIMS[2 - axis] as usize).div_ceil(CHUNK[axis]));
+/// Places of all chunks of these sides, and their samples.
+fn chunks(object: &Object, sides: [usize; 3]) -> Vec<([usize; 3], Vec<u8>)> {
+    let counts: [usize; 3] =
+        std::array::from_fn(|axis| (object.dims[2 - axis] as usize).div_ceil(sides[axis]));
     let mut all = Vec::new();
     for z in 0..counts[0] {
         for y in 0..counts[1] {
-            (0..counts[2]).for_each(|x| all.push(([z, y, x], chunk(object, [z, y, x]))));
+            (0..counts[2]).for_each(|x| all.push(([z, y, x], chunk(object, sides, [z, y, x]))));
         }
     }
     all
@@ -80,7 +82,7 @@ fn version_3(object: &Object, chunk: [usize; 3], codecs: &Value) -> Value {
 /// An array of version 2, packed by `pack`.
 fn put_2(at: &Path, object: &Object, compressor: &Value, pack: &dyn Fn(&[u8]) -> Vec<u8>) {
     put_in(at, ".zarray", version_2(object, compressor).to_string().as_bytes());
-    for ([z, y, x], bytes) in chunks(object) {
+    for ([z, y, x], bytes) in chunks(object, CHUNK) {
         put_in(at, &format!("{z}.{y}.{x}"), &pack(&bytes));
     }
 }
@@ -99,7 +101,7 @@ fn put_shards(at: &Path, object: &Object) {
         {"chunk_shape": CHUNK, "codecs": inner, "index_codecs": index, "index_location": "end"}}]);
     put_in(at, "zarr.json", version_3(object, CHUNK.map(|side| 2 * side), &sharding).to_string().as_bytes());
     let mut shards = std::collections::BTreeMap::new();
-    for (place, bytes) in chunks(object) {
+    for (place, bytes) in chunks(object, CHUNK) {
         let (shard, within) = (place.map(|at| at / 2), place.map(|at| at % 2));
         let (body, entries): &mut (Vec<u8>, [[u64; 2]; 8]) =
             shards.entry(shard).or_insert((Vec::new(), [[u64::MAX; 2]; 8]));
@@ -172,6 +174,104 @@ fn chunks_make_the_model_of_their_samples_however_they_are_stored() {
         }
         assert!(built(at, &at.join("zstd"), &["--iso", iso]) == wanted(at, &holed, &["--iso", iso]));
     }
+}
+
+#[test]
+fn chunks_are_unpacked_in_slabs_which_take_the_places_of_one_another() {
+    // Slices of 17 blocks and a bit, and of 18; and more chunks than have a place at a time.
+    let cases =
+        [([100, 99, 150], [70, 91, 95]), ([100, 99, 150], [72, 96, 96]), ([40, 300, 300], [4, 4, 40])];
+    for (dims, sides) in cases {
+        let folder = tempfile::tempdir().unwrap();
+        let at = folder.path();
+        let object = Object::new(dims, ScalarType::U16, [1.0; 3]);
+        let raw = file(at, "a.raw", &object.bytes);
+        let size = dims.map(|side| side.to_string()).join("x");
+        let layout = ["--dims", &size, "--dtype", "u16", "--spacing", "1x1x1"];
+        let zarr = at.join("zarr");
+        let [x, y, z] = dims;
+        let what = json!({"zarr_format": 2, "shape": [z, y, x], "chunks": sides, "dtype": "<u2",
+            "compressor": {"id": "blosc"}, "fill_value": 0, "order": "C", "filters": null});
+        put_in(&zarr, ".zarray", what.to_string().as_bytes());
+        for ([z, y, x], bytes) in chunks(&object, sides) {
+            put_in(&zarr, &format!("{z}.{y}.{x}"), &blosc(&bytes, 2, false, true));
+        }
+        let some = ["--iso", "1000", "--threads", "3"];
+        for extra in [&some[..], &["--threads", "1"], &["--downsample", "2"], &["--fill-cavities"]] {
+            let wanted = built(at, &raw, &[&layout[..], extra].concat());
+            assert!(built(at, &zarr, extra) == wanted, "{sides:?} {extra:?}");
+        }
+    }
+}
+
+#[test]
+fn times_and_channels_are_chosen_by_the_names_of_their_axes() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = folder.path();
+    let objects: Vec<Object> = (0..6)
+        .map(|number: u16| {
+            let mut object = Object::new(DIMS, ScalarType::U16, [1.0; 3]);
+            let moved =
+                |sample: &[u8]| (u16::from_le_bytes([sample[0], sample[1]]) + 40 * number).to_le_bytes();
+            object.bytes = object.bytes.chunks(2).flat_map(moved).collect();
+            object
+        })
+        .collect();
+    // Two times, in chunks of three channels.
+    let (image, array) = (at.join("image"), at.join("image/0"));
+    let axes = ["t", "c", "z", "y", "x"].map(|name| json!({"name": name}));
+    let level =
+        json!({"path": "0", "coordinateTransformations": [{"type": "scale", "scale": [1, 1, 1, 1, 1]}]});
+    let what = json!({"multiscales": [{"axes": axes, "datasets": [level]}]});
+    put_in(&image, ".zattrs", what.to_string().as_bytes());
+    let (whole, part) = ([&[2, 3], &shape()[..]].concat(), [&[1, 3], &CHUNK[..]].concat());
+    let what = json!({"zarr_format": 2, "shape": whole, "chunks": part, "dtype": "<u2",
+        "compressor": {"id": "blosc"}, "fill_value": 0, "order": "C", "filters": null});
+    put_in(&array, ".zarray", what.to_string().as_bytes());
+    for (time, channels) in objects.chunks(3).enumerate() {
+        let all: Vec<_> = channels.iter().map(|object| chunks(object, CHUNK)).collect();
+        for (number, ([z, y, x], _)) in all[0].iter().enumerate() {
+            let bytes: Vec<u8> = all.iter().flat_map(|chunks| chunks[number].1.clone()).collect();
+            put_in(&array, &format!("{time}.0.{z}.{y}.{x}"), &blosc(&bytes, 2, false, true));
+        }
+    }
+    for (number, object) in objects.iter().enumerate() {
+        let model = wanted(at, object, &["--iso", "1000"]);
+        let (index, volume) = (format!("c={},t={}", number % 3, number / 3), (number + 1).to_string());
+        for extra in [["--index", &index], ["--volume", &volume]] {
+            assert!(built(at, &image, &[&extra[..], &["--iso", "1000"]].concat()) == model, "{extra:?}");
+        }
+        let level = ["--index", &format!("t={},c={}", number / 3, number % 3), "--iso", "1000"];
+        assert!(built(at, &array, &level) == model, "{level:?}");
+    }
+    // The parts of a plan are those of the same volume.
+    let job = at.join("job");
+    let words =
+        ["--index", "t=1,c=0", "--iso", "1000", "--channels", "normal,value", "--parts", "2", "--out"];
+    let planned = oct(&[&["plan", image.to_str().unwrap()], &words[..], &[job.to_str().unwrap()]].concat());
+    assert_eq!(planned.code, 0, "{planned:?}");
+    let plan = job.join("plan.json");
+    for number in ["0", "1"] {
+        assert_eq!(oct(&["part", plan.to_str().unwrap(), number]).code, 0);
+    }
+    let merged = at.join("merged.oct");
+    assert_eq!(oct(&["merge", plan.to_str().unwrap(), "-o", merged.to_str().unwrap()]).code, 0);
+    assert!(sections(&merged) == wanted(at, &objects[3], &["--iso", "1000"]));
+
+    let refused = |input: &Path, index: &str, words: &[&str]| {
+        command::build(&[&input], &at.join("m.oct"), &["--index", index]).refused(2, words);
+    };
+    for index in ["t=1", "t=1,c=3", "t=1,c=0,q=0", "t=1,c=0,c=1"] {
+        refused(&image, index, &["--index", "t (of 2), c (of 3)"]);
+    }
+    refused(&image, "t", &["'t' is not a place", "t=12,c=0"]);
+    let one = at.join("one");
+    put_2(&one, &objects[0], &Value::Null, &<[u8]>::to_vec);
+    refused(&one, "t=0", &["has no axes before z"]);
+    put_in(at, "v.nrrd", b"NRRD0004\ntype: uint8\ndimension: 3\nsizes: 1 1 2\nencoding: raw\n\n\x00\x01");
+    refused(&at.join("v.nrrd"), "t=0", &["has no axes before z"]);
+    command::build(&[&image], &at.join("m.oct"), &["--index", "t=0,c=0", "--volume", "1"])
+        .refused(2, &["--volume"]);
 }
 
 #[test]
