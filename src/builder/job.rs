@@ -190,7 +190,8 @@ impl Job<'_> {
             let (error, hidden) = self.reduce(solid, stage, &plan)?;
             metadata.error = Some(error);
             totals.hidden = hidden;
-            if hidden == totals.skin {
+            totals.skin -= hidden;
+            if totals.skin == 0 && hidden > 0 {
                 return Err(BuildError::from(BuildFault::NothingVisible {
                     name: solid.name(),
                     boxes: hidden,
@@ -242,6 +243,7 @@ impl Job<'_> {
             selection,
             skin_voxels: census.voxels,
             hidden: seen.map(|_| totals.hidden),
+            shown: totals.skin,
             nodes: census.nodes(),
             file_bytes,
             section_bytes: entries

@@ -103,7 +103,7 @@ impl<'a> Reduce<'a> {
             rows: Vec::new(),
             found: Tally { distances: Distances::new(self.bound.error), hidden: 0 },
         };
-        let (mut found, mut bytes) = (Vec::new(), Vec::new());
+        let mut found = Vec::new();
         while !stop() {
             let more = self
                 .walk
@@ -116,7 +116,7 @@ impl<'a> Reduce<'a> {
             for (code, entry) in &found {
                 let brick = morton::decode(*code);
                 let reduced = worker.reduce(self, brick, entry)?;
-                self.scratch.put_entries(brick.map(u64::from), &[reduced], &mut bytes)?;
+                self.scratch.replace_entry(brick.map(u64::from), reduced)?;
             }
             progress.advance(found.len() as u64);
         }

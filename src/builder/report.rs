@@ -15,6 +15,8 @@ pub struct BuildReport {
     pub skin_voxels: u64,
     /// Boxes of the surface that cannot be seen and are not kept; `None` if not asked for.
     pub hidden: Option<u64>,
+    /// Boxes of the surface that the model stands for: those that larger leaves have taken the place of, too.
+    pub shown: u64,
     /// Infobytes.
     pub nodes: u64,
     /// Length of the file.
@@ -39,7 +41,7 @@ impl BuildReport {
     /// Bytes that the boxes left out would have taken, if they take as many as those that are kept.
     pub fn bytes_saved_about(&self) -> u64 {
         let all = u128::from(self.file_bytes) * u128::from(self.hidden.unwrap_or(0));
-        u64::try_from(all / u128::from(self.skin_voxels.max(1))).unwrap_or(u64::MAX)
+        u64::try_from(all / u128::from(self.shown.max(1))).unwrap_or(u64::MAX)
     }
 }
 

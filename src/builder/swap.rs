@@ -150,6 +150,11 @@ impl Scratch {
         self.write(bytes, self.entry_offset(first))
     }
 
+    /// Writes the entry of a brick that had another one.
+    pub(super) fn replace_entry(&self, brick: [u64; 3], entry: BrickEntry) -> Result<(), BuildError> {
+        self.write(&entry.to_bytes(), self.entry_offset(brick))
+    }
+
     /// Reads up to 4 entries of neighbouring bricks along x; those outside the volume are empty.
     pub(super) fn entries(&self, first: [u64; 3]) -> Result<[BrickEntry; 4], BuildError> {
         let mut out = [BrickEntry::default(); 4];
