@@ -9,7 +9,7 @@ use std::arch::x86_64::*;
 use crate::format::cell::HAS_CORNERS;
 
 use super::lanes::SINGLES;
-use super::pairs::{CELLS, Compared, LISTED, Lines, Planes};
+use super::pairs::{ALL_CELLS, CELLS, Compared, LISTED, Lines, Planes};
 
 /// Whole numbers from 0, with a factor and an offset.
 const fn bytes(first: u8, step: u8) -> [u8; CELLS] {
@@ -58,7 +58,7 @@ pub(super) unsafe fn planes(
     flip: u32,
 ) -> Planes {
     let (normal, offset) = ([[0; CELLS]; 3], [0; CELLS]);
-    let mut planes = Planes { normal, offset, number: [0; CELLS], cells: CELLS as u8 };
+    let mut planes = Planes { normal, offset, number: [0; CELLS], cells: ALL_CELLS };
     // SAFETY: see the top of this file.
     unsafe {
         let codes = codes.as_ptr().cast::<u8>();

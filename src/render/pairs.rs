@@ -40,6 +40,8 @@ use super::lanes::{SINGLES, each3};
 
 /// Cells of a brick, and rays of a tile.
 pub(crate) const CELLS: usize = 64;
+/// A brick without larger leaves.
+pub(crate) const ALL_CELLS: u8 = 64;
 
 /// Most cells of a brick that are listed of a ray; more are intersected along edges of cells only.
 pub(crate) const LISTED: usize = 16;
@@ -57,7 +59,7 @@ pub(crate) struct Planes {
     pub(crate) offset: [i8; CELLS],
     /// Which cell of the stored order stands at a place of the mirrored one; 0 where there is none.
     pub(crate) number: [u8; CELLS],
-    /// How many are cells; what follows are larger leaves of 2 x 2 x 2 cells, at the place of their lowest one.
+    /// How many are cells, at most [`CELLS`]; what follows are larger leaves of 2 x 2 x 2 cells, at the place of their lowest one.
     pub(crate) cells: u8,
 }
 
@@ -99,8 +101,8 @@ pub(crate) fn list(boxes: u64, places: &mut [u8; LISTED]) {
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "components of L1-127 vectors; below 64")]
 pub(crate) fn planes(codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
-    let (offset, cells) = (offsets.map(u8::cast_signed), CELLS as u8);
-    let mut planes = Planes { normal: [[0; CELLS]; 3], offset, number: [0; CELLS], cells };
+    let offset = offsets.map(u8::cast_signed);
+    let mut planes = Planes { normal: [[0; CELLS]; 3], offset, number: [0; CELLS], cells: ALL_CELLS };
     for (i, code) in codes.iter().enumerate() {
         let normal = normal::decode_l1(u16::from_le_bytes(*code));
         for (a, of_axis) in planes.normal.iter_mut().enumerate() {
@@ -211,7 +213,7 @@ mod tests {
                 offsets: std::array::from_fn(|_| random.bits() as u8),
                 stored: random.bits(),
                 flip: if round % 8 == 0 { random.bits() as u32 & 7 } else { (random.bits() as u32 & 7) * 9 },
-                cells: if round % 4 == 0 { random.bits() as u8 % 64 } else { CELLS as u8 },
+                cells: if round % 4 == 0 { random.bits() as u8 % 64 } else { ALL_CELLS },
                 direction,
                 beside,
                 rays: std::array::from_fn(|_| random.bits() as u8 % 64),
@@ -243,8 +245,8 @@ mod tests {
             let code = random.bits() as u16;
             let offset = random.bits() as i8;
             // A cell, or a larger leaf at the place of its lowest cell.
-            let edge = if random.bits() % 3 == 0 { 2.0 } else { 1.0 };
-            let place = random.bits() as u8 % 64 & if edge > 1.0 { 56 } else { 63 };
+            let (edge, places) = if random.bits().is_multiple_of(3) { (2.0, 56) } else { (1.0, 63) };
+            let place = random.bits() as u8 & places;
             let (o, d): ([f64; 3], [f64; 3]) = (
                 [0.0; 3].map(|_: f64| edge * random.range(-0.5, 0.5)),
                 [0.0; 3].map(|_: f64| random.range(0.0, 1.0)),
@@ -263,7 +265,7 @@ mod tests {
             let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS * slack as f32 };
             let mut planes =
                 planes(&[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
-            planes.cells = if edge > 1.0 { 0 } else { CELLS as u8 };
+            planes.cells = if edge > 1.0 { 0 } else { ALL_CELLS };
             let compared = compare(&planes, &lines, &[place; SINGLES], &[0; SINGLES]);
             let n = normal::decode_l1(code).map(f64::from);
             let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];

@@ -13,8 +13,9 @@ const MIN_COSINE: f64 = 0.5;
 
 /// Boxes that are kept.
 const KEPT: usize = 256;
-/// Levels of the deepest octree (SPEC 4.1), and the root.
-const NODES: usize = 17;
+/// Levels of the deepest octree (SPEC 4.1); its nodes with the root.
+const MAX_DEPTH: u32 = 16;
+const NODES: usize = MAX_DEPTH as usize + 1;
 
 /// The normal of a box, as a vector of length 1; `None` where nothing is.
 type BoxNormal = Option<[f64; 3]>;
@@ -43,8 +44,8 @@ impl Kept {
         if self.found.is_empty() {
             self.found = vec![(u64::MAX, None); KEPT];
         }
-        let [x, y, z] = place.map(|c| u64::from(c >> edge_log2));
-        let key = x | y << 16 | z << 32 | u64::from(edge_log2) << 48;
+        let [x, y, z] = place.map(|c| c >> edge_log2);
+        let key = u64::from(x) | u64::from(y) << 16 | u64::from(z) << 32 | u64::from(edge_log2) << 48;
         let at = (x & 7 | (y & 7) << 3 | (z & 3) << 6) as usize % KEPT;
         if self.found[at].0 != key {
             self.found[at] = (key, self.walk(view, place, edge_log2).map(unit));
@@ -53,7 +54,7 @@ impl Kept {
     }
 
     fn walk(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> Option<[i32; 3]> {
-        let depth = view.depth().min(NODES as u32 - 1);
+        let depth = view.depth().min(MAX_DEPTH);
         let apart = (0..3).fold(0, |apart, a| apart | place[a] ^ self.to[a]);
         // The nodes of boxes that hold both places, from the root on.
         let shared = depth.saturating_sub(u32::BITS - apart.leading_zeros());

@@ -69,7 +69,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
     #[inline(always)]
     fn take(&mut self, leaf: &LargerLeaf, plane: &Plane, met: u64, mirror: u32, unit: u32) {
         let bytes = each3!(A => if mirror >> A & 1 == 1 { -plane.normal[A] } else { plane.normal[A] });
-        let bytes = [bytes[0], bytes[1], bytes[2], plane.offset.into()].map(|n| n.to_le_bytes()[0]);
+        let bytes = [bytes[0], bytes[1], bytes[2], plane.offset].map(|n| n.to_le_bytes()[0]);
         let plane = u64::from(u32::from_le_bytes(bytes) ^ 0x8080_8080);
         let low = packed(leaf.low.map(|c| c.wrapping_shl(unit))) | packed_edge(leaf.edge.wrapping_add(unit));
         self.pairs.met |= met;
