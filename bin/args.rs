@@ -148,15 +148,22 @@ pub(crate) struct ExportArgs {
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
     /// The file to write; - for standard output
-    #[arg(short, long, value_name = "FILE")]
-    pub(crate) output: PathBuf,
-    /// What to write: triangles (stl, ply, obj, glb), points (a PLY of the skin), a mask (nrrd, nii, nii.gz), or
-    /// a page that shows the model in a browser (html); by default what the name says
+    #[arg(short, long, value_name = "FILE", required_unless_present = "each", conflicts_with = "each")]
+    pub(crate) output: Option<PathBuf>,
+    /// Write the surface of each label into a file of its own in this folder, named by the label
+    #[arg(long, value_name = "FOLDER")]
+    pub(crate) each: Option<PathBuf>,
+    /// What to write: triangles (stl, ply, obj, glb, 3mf; of labels a part for each), points (a PLY of the skin), a mask
+    /// (nrrd, nii, nii.gz), or a page that shows the model in a browser (html); by default what the name says
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SIMPLIFIED)))]
     pub(crate) simplify: u32,
+    /// Most voxels that walls of labels are moved along each axis to be smooth, 0 to 0.5; at 0 they are the voxels' sides
+    /// [default: 0.5]
+    #[arg(long, value_name = "VOXELS", value_parser = parse::smooth)]
+    pub(crate) smooth: Option<f64>,
     /// In a mask set only the skin, not what it encloses
     #[arg(long)]
     pub(crate) skin: bool,

@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 23] = [
+const OTHERWISE: [(&str, &str); 24] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -15,6 +15,7 @@ const OTHERWISE: [(&str, &str); 23] = [
     ("build", "oct build"),
     ("jobs::build(MESH)", "oct build MESH -o MODEL.oct --grid 256"),
     ("jobs::build(TREE.csg)", "oct build TREE.csg -o MODEL.oct --grid 256"),
+    ("jobs::export::export_each", "--each"),
     ("jobs::info", "oct info"),
     ("jobs::parts::Stage", "--stage"),
     ("jobs::parts::merge", "oct merge"),

@@ -407,30 +407,58 @@ fn raw_options(raw: &args::RawArgs) -> Result<Option<RawOptions>, Refusal> {
 }
 
 fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
-    let Some(form) = args.form.or_else(|| ExportForm::of(&args.output)) else {
-        return Err(Refusal::NoForm { path: args.output.clone() }.into());
+    let Some(named) = &args.output else { return export_each(args) };
+    let Some(form) = args.form.or_else(|| ExportForm::of(named)) else {
+        return Err(Refusal::NoForm { path: named.clone() }.into());
     };
-    let named = ExportForm::of(&args.output).map_or("", ExportForm::suffix);
-    if !args.force && !named.is_empty() && named != form.suffix() {
-        return Err(Refusal::OtherForm { path: args.output.clone(), form }.into());
+    let suffix = ExportForm::of(named).map_or("", ExportForm::suffix);
+    if !args.force && !suffix.is_empty() && suffix != form.suffix() {
+        return Err(Refusal::OtherForm { path: named.clone(), form }.into());
     }
-    if args.skin && !form.is_mask() {
-        return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" }.into());
-    }
-    if args.simplify > 0 && !form.has_triangles() {
-        return Err(Refusal::NotOf { flag: "--simplify", of: "triangles (stl, ply, obj, glb)" }.into());
-    }
-    let output = Output::of(&args.output, Written::Export, args.force, args.json)?;
+    let request = export_request(args, form)?;
+    let output = Output::of(named, Written::Export, args.force, args.json)?;
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);
     let bars = Bars::new(args.quiet || args.json);
-    let request = ExportRequest { form, skin_only: args.skin, simplify: args.simplify };
     let report = jobs::export::export(model.path(), output.path(), request, &bars);
     bars.finish();
     let mut report = report?;
-    (report.input, report.output) = (data(&args.model), data(&args.output));
+    (report.input, report.output) = (data(&args.model), data(named));
     let text = || if args.quiet { String::new() } else { report.text() };
     output.finish(|| print(args.json, || &report, text))
+}
+
+/// A file for each label.
+fn export_each(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
+    let folder = args.each.clone().unwrap_or_default();
+    let request = export_request(args, args.form.unwrap_or(ExportForm::Stl))?;
+    if !request.form.has_triangles() {
+        return Err(Refusal::NotOf { flag: "--each", of: TRIANGLES }.into());
+    }
+    refuse_dash([folder.as_path()], Dash::Folder)?;
+    let model = Input::of(&args.model)?;
+    platform::tell_of(&args.model, args.json);
+    let bars = Bars::new(args.quiet || args.json);
+    let report = jobs::export::export_each(model.path(), &folder, request, &bars);
+    bars.finish();
+    let mut report = report?;
+    report.input = data(&args.model);
+    let text = || if args.quiet { String::new() } else { report.text() };
+    Ok(print(args.json, || &report, text)?)
+}
+
+/// Forms that options of surfaces are for.
+const TRIANGLES: &str = "triangles (stl, ply, obj, glb, 3mf)";
+
+fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportRequest, Refusal> {
+    if args.skin && !form.is_mask() {
+        return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" });
+    }
+    let of_triangles = [("--simplify", args.simplify > 0), ("--smooth", args.smooth.is_some())];
+    if let Some((flag, _)) = of_triangles.iter().find(|(_, given)| *given && !form.has_triangles()) {
+        return Err(Refusal::NotOf { flag, of: TRIANGLES });
+    }
+    Ok(ExportRequest { form, skin_only: args.skin, simplify: args.simplify, smooth: args.smooth })
 }
 
 fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {

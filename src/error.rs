@@ -20,7 +20,8 @@ use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
-    CHANNELS, ERROR, FORM, GRADIENT, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, VISIBLE_FROM,
+    CHANNELS, EACH, ERROR, FORM, GRADIENT, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, SMOOTH,
+    VISIBLE_FROM,
 };
 use crate::text::{shown, writing};
 
@@ -82,6 +83,8 @@ pub enum UsageError {
     LabelTwice { path: PathBuf, number: u16 },
     #[error("{}: has no labels that could be hidden; build a map of labels with {LABELS}", shown(.path))]
     Unlabelled { path: PathBuf },
+    #[error("{}: has no labels but one surface; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}", shown(.path))]
+    OneSurface { path: PathBuf },
     #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
     NoLabel {
         path: PathBuf,

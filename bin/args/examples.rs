@@ -46,7 +46,7 @@ pub(crate) const STRIP: &str = "Examples:
 
 pub(crate) const EXPORT: &str = "Examples:
   oct export jaw.oct -o jaw.stl
-  oct export jaw.oct -o jaw.nii.gz";
+  oct export organs.oct --each organs --as obj";
 
 pub(crate) const INTERSECT: &str = "Examples:
   oct intersect jaw.oct implant.oct

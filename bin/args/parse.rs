@@ -9,6 +9,7 @@ use infobyte::export::ExportForm;
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims, Orientation};
+use infobyte::jobs::export::MAX_SMOOTH;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples};
 use infobyte::scene::LabelRule;
@@ -403,6 +404,12 @@ pub(super) fn placement(text: &str) -> Result<Affine, String> {
         (&[x, y, z], []) => Ok(Affine { rows: [x, y, z] }),
         _ => Err(format!("'{text}' is not three rows of four numbers, with commas between all of them")),
     }
+}
+
+/// How far walls may be moved, in voxels.
+pub(super) fn smooth(text: &str) -> Result<f64, String> {
+    let voxels = text.parse().ok().filter(|voxels| (0.0..=MAX_SMOOTH).contains(voxels));
+    voxels.ok_or_else(|| format!("'{text}' is not a distance from 0 to {MAX_SMOOTH} voxel"))
 }
 
 pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {

@@ -30,7 +30,7 @@ use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Label, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SourceMeta};
 use crate::geom::Dims;
-use crate::volume::{Fault, ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
+use crate::volume::{Fault, ScalarType, SourceError, SourceFault, StatedLabel, VolumeInfo, VolumeSource};
 
 /// Columns and rows of the ring before the tile, and slices before the present one.
 const HALO: usize = REACH as usize;
@@ -105,11 +105,15 @@ pub(super) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
 }
 
 /// What a table states of labels; what the input states where there is no table.
-fn names<'a>(table: &'a [LabelName], stated: &[(u16, String)]) -> Cow<'a, [LabelName]> {
+fn names<'a>(table: &'a [LabelName], stated: &[StatedLabel]) -> Cow<'a, [LabelName]> {
     if !table.is_empty() {
         return Cow::Borrowed(table);
     }
-    let of = |(number, name): &(u16, String)| LabelName { number: *number, name: name.clone(), color: None };
+    let of = |StatedLabel { number, name, color }: &StatedLabel| LabelName {
+        number: *number,
+        name: name.clone(),
+        color: *color,
+    };
     stated.iter().map(of).collect()
 }
 

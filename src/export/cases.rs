@@ -84,7 +84,7 @@ pub(super) const fn is_ambiguous(case: u8, axis: usize, side: usize) -> bool {
 
 pub(super) static CASES: [Case; 256] = all();
 
-const fn all() -> [Case; 256] {
+pub(super) const fn all() -> [Case; 256] {
     let mut cases = [Case { patch_of: [NO_PATCH; EDGES], patches: 0 }; 256];
     let mut case = 0;
     while case < 256 {
@@ -133,7 +133,7 @@ const fn patches(case: u8) -> Case {
 }
 
 /// Two crossed edges become one patch; others stay as they are.
-const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8; EDGES] {
+pub(super) const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8; EDGES] {
     let (from, to) = (patch_of[a], patch_of[b]);
     if from == NO_PATCH || to == NO_PATCH {
         return patch_of;
@@ -149,7 +149,7 @@ const fn joined(mut patch_of: [u8; EDGES], a: usize, b: usize) -> [u8; EDGES] {
 }
 
 /// Patches by numbers from 0 on, in the order of their first edges.
-const fn numbered(names: [u8; EDGES]) -> Case {
+pub(super) const fn numbered(names: [u8; EDGES]) -> Case {
     let mut patch_of = [NO_PATCH; EDGES];
     let mut patches = 0;
     let mut edge = 0;

@@ -415,14 +415,14 @@ impl<'a> Mesher<'a> {
 
 /// The square of the distance of two places.
 #[inline(always)]
-fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
+pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
     let [x, y, z] = [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     x * x + y * y + z * z
 }
 
 /// A row of an affine applied to a place.
 #[inline(always)]
-fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
+pub(super) fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
     row[0] * at[0] + row[1] * at[1] + row[2] * at[2] + row[3]
 }
 

@@ -1,4 +1,4 @@
-//! Masks: one byte a voxel, 1 inside and 0 outside, as NRRD (nrrd.sourceforge.net, format 5) or NIfTI-1 (nifti_1.h).
+//! Masks: one byte a voxel, 1 inside and 0 outside, or two with the number of its label; as NRRD (nrrd.sourceforge.net, format 5) or NIfTI-1 (nifti_1.h).
 
 use std::fs::File;
 use std::io::{self, BufWriter, Write};
@@ -6,11 +6,13 @@ use std::io::{self, BufWriter, Write};
 use flate2::Compression;
 use flate2::write::GzEncoder;
 
+use super::ExportForm;
 use super::bits::Bits;
+use super::fault::ExportFault;
 use crate::geom::{Affine, Dims};
 
 /// The longest side that a header of NIfTI-1 can state.
-pub(super) const NIFTI_MOST: u32 = 32767;
+const NIFTI_MOST: u32 = 32767;
 
 /// The form of a mask's file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -21,6 +23,17 @@ pub(super) enum MaskForm {
     Nifti,
     /// The same, gzipped altogether.
     NiftiGz,
+}
+
+impl MaskForm {
+    pub(super) fn of(form: ExportForm) -> Option<Self> {
+        match form {
+            ExportForm::Nrrd => Some(Self::Nrrd),
+            ExportForm::Nifti => Some(Self::Nifti),
+            ExportForm::NiftiGz => Some(Self::NiftiGz),
+            _ => None,
+        }
+    }
 }
 
 enum Out {
@@ -42,30 +55,45 @@ pub(super) struct Mask {
     out: Out,
     dims: Dims,
     row: Vec<u8>,
+    /// A row of labels, if they are written.
+    labels: Option<Vec<u16>>,
     slices: u32,
     inside: u64,
 }
 
 impl Mask {
-    /// Begins a mask of `dims` voxels; `affine` leads from indices to LPS mm.
-    pub(super) fn new(out: File, form: MaskForm, dims: Dims, affine: &Affine) -> io::Result<Self> {
+    /// Begins a mask of `dims` voxels, or a map of labels; `affine` leads from indices to LPS mm.
+    pub(super) fn new(
+        out: File,
+        form: MaskForm,
+        dims: Dims,
+        affine: &Affine,
+        labelled: bool,
+    ) -> io::Result<Self> {
+        let side = dims.to_array().into_iter().max().unwrap_or(0);
+        if form != MaskForm::Nrrd && side > NIFTI_MOST {
+            return Err(ExportFault::TooWide { side }.into());
+        }
+        let width = dims.nx() as usize;
         let mut plain = BufWriter::with_capacity(1 << 18, out);
         let out = match form {
             MaskForm::Nrrd => {
-                plain.write_all(nrrd(dims, affine).as_bytes())?;
+                plain.write_all(nrrd(dims, affine, labelled).as_bytes())?;
                 Out::Gzip(GzEncoder::new(plain, Compression::fast()))
             }
             MaskForm::Nifti => {
-                plain.write_all(&nifti(dims, affine))?;
+                plain.write_all(&nifti(dims, affine, labelled))?;
                 Out::Plain(plain)
             }
             MaskForm::NiftiGz => {
                 let mut out = GzEncoder::new(plain, Compression::fast());
-                out.write_all(&nifti(dims, affine))?;
+                out.write_all(&nifti(dims, affine, labelled))?;
                 Out::Gzip(out)
             }
         };
-        Ok(Self { out, dims, row: vec![0; dims.nx() as usize], slices: 0, inside: 0 })
+        let row = vec![0; if labelled { 2 * width } else { width }];
+        let labels = labelled.then(|| vec![0; width]);
+        Ok(Self { out, dims, row, labels, slices: 0, inside: 0 })
     }
 
     /// Voxels inside so far.
@@ -105,6 +133,25 @@ impl Mask {
         Ok(())
     }
 
+    /// The next slice of labels; `fill` puts those of a row into a row of zeros.
+    pub(super) fn label_slice(&mut self, fill: impl Fn(u32, &mut [u16])) -> io::Result<()> {
+        let Some(labels) = &mut self.labels else { return Ok(()) };
+        if self.slices >= self.dims.nz() {
+            return Ok(());
+        }
+        self.slices += 1;
+        for y in 0..self.dims.ny() {
+            labels.fill(0);
+            fill(y, labels);
+            self.inside += labels.iter().filter(|label| **label != 0).count() as u64;
+            for (bytes, label) in self.row.as_chunks_mut().0.iter_mut().zip(&*labels) {
+                *bytes = label.to_le_bytes();
+            }
+            self.out.put(&self.row)?;
+        }
+        Ok(())
+    }
+
     /// Completes the file.
     pub(super) fn finish(mut self) -> io::Result<()> {
         self.empty_until(self.dims.nz())?;
@@ -115,12 +162,13 @@ impl Mask {
     }
 }
 
-fn nrrd(dims: Dims, affine: &Affine) -> String {
+fn nrrd(dims: Dims, affine: &Affine, labelled: bool) -> String {
+    let kind = if labelled { "uint16\nendian: little" } else { "uint8" };
     let vector = |v: [f64; 3]| format!("({},{},{})", v[0], v[1], v[2]);
     let [nx, ny, nz] = dims.to_array();
     let axes = [0, 1, 2].map(|axis| vector(affine.column(axis))).join(" ");
     format!(
-        "NRRD0005\ntype: uint8\ndimension: 3\nspace: left-posterior-superior\nsizes: {nx} {ny} {nz}\n\
+        "NRRD0005\ntype: {kind}\ndimension: 3\nspace: left-posterior-superior\nsizes: {nx} {ny} {nz}\n\
          space directions: {axes}\nkinds: domain domain domain\nencoding: gzip\nspace origin: {}\n\n",
         vector(affine.origin())
     )
@@ -131,7 +179,7 @@ fn nrrd(dims: Dims, affine: &Affine) -> String {
     clippy::cast_possible_truncation,
     reason = "sides are checked before; the header holds 32-bit floats"
 )]
-fn nifti(dims: Dims, affine: &Affine) -> Vec<u8> {
+fn nifti(dims: Dims, affine: &Affine, labelled: bool) -> Vec<u8> {
     let mut head = vec![0; 352];
     let mut put = |at: usize, bytes: &[u8]| {
         if let Some(place) = head.get_mut(at..at + bytes.len()) {
@@ -142,9 +190,10 @@ fn nifti(dims: Dims, affine: &Affine) -> Vec<u8> {
     let sides = dims.to_array().map(|n| n.min(NIFTI_MOST) as i16);
     let dim = [3, sides[0], sides[1], sides[2], 1, 1, 1, 1];
     dim.iter().enumerate().for_each(|(i, n)| put(40 + 2 * i, &n.to_le_bytes()));
-    // Unsigned bytes.
-    put(70, &2_i16.to_le_bytes());
-    put(72, &8_i16.to_le_bytes());
+    // Unsigned, of one byte or two.
+    let (code, bits) = if labelled { (512_i16, 16_i16) } else { (2, 8) };
+    put(70, &code.to_le_bytes());
+    put(72, &bits.to_le_bytes());
     let spacing = affine.spacing_mm().map(|s| s as f32);
     [1.0, spacing[0], spacing[1], spacing[2]]
         .iter()

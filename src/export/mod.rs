@@ -3,7 +3,7 @@
 //! ```text
 //!   octree --> skin of a slice --> where all else lies --> samples inside, as bits --> cubes between two slices
 //!     (enclosed)                      (signs)                                            |
-//!   memory, STL, PLY, OBJ, GLB <-- triangles <-- a vertex for each patch, a polygon around each crossed edge (dual)
+//!   memory, STL, PLY, OBJ, GLB, 3MF <-- triangles <-- a vertex for each patch, a polygon around each crossed edge (dual)
 //! ```
 //!
 //! The model is swept slice by slice; memory follows the largest slice, not the model, unless the triangles are to stay
@@ -18,16 +18,18 @@
 //! | `patch` | where a patch lies in its cube, and its normal |
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
+//! | `labels` | the same for models of labels, a part for each label |
 //! | `mask` | NRRD and NIfTI |
 //! | [`Mesh`] | triangles in memory |
 //! | `tint` | colours of vertices |
-//! | `write` | STL, PLY, OBJ and GLB |
+//! | `write` | STL, PLY, OBJ, GLB and 3MF |
 
 mod bits;
 mod cases;
 mod coarse;
 mod dual;
 mod fault;
+mod labels;
 mod mask;
 mod mesh;
 mod patch;
@@ -36,6 +38,7 @@ mod tint;
 mod write;
 
 pub use fault::ExportFault;
+pub(crate) use labels::{LabelMesh, part_name};
 pub use mesh::Mesh;
 
 use std::fs::File;
@@ -54,11 +57,11 @@ use crate::scratch;
 use bits::Bits;
 use coarse::Coarse;
 use dual::Mesher;
-use mask::{Mask, MaskForm, NIFTI_MOST};
+use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
 use signs::{Boxes, Extent};
-use tint::Lights;
-use write::{Glb, Obj, Ply, Sink, Stl, Vertex, unit};
+use tint::{Lights, UNCOLORED};
+use write::{Glb, Obj, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
 
 /// The form of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -73,6 +76,9 @@ pub enum ExportForm {
     Obj,
     /// Triangles, binary glTF.
     Glb,
+    /// Triangles, 3MF.
+    #[serde(rename = "3mf")]
+    ThreeMf,
     /// Skin voxels (their middles) or cells (a point of the surface), binary PLY.
     Points,
     /// A mask, NRRD.
@@ -89,11 +95,12 @@ pub enum ExportForm {
 
 impl ExportForm {
     /// All forms.
-    pub const ALL: [Self; 9] = [
+    pub const ALL: [Self; 10] = [
         Self::Stl,
         Self::Ply,
         Self::Obj,
         Self::Glb,
+        Self::ThreeMf,
         Self::Points,
         Self::Nrrd,
         Self::Nifti,
@@ -121,7 +128,7 @@ impl ExportForm {
 
     /// Is it a surface?
     pub fn has_triangles(self) -> bool {
-        matches!(self, Self::Stl | Self::Ply | Self::Obj | Self::Glb)
+        matches!(self, Self::Stl | Self::Ply | Self::Obj | Self::Glb | Self::ThreeMf)
     }
 
     /// Suffix of its files.
@@ -139,6 +146,7 @@ impl ExportForm {
             Self::Ply => "ply",
             Self::Obj => "obj",
             Self::Glb => "glb",
+            Self::ThreeMf => "3mf",
             Self::Points => "points",
             Self::Nrrd => "nrrd",
             Self::Nifti => "nii",
@@ -228,17 +236,15 @@ impl Exporter<'_> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [normals, colors] = self.has();
         let copy = || out.try_clone();
-        let mask = match form {
+        match form {
             ExportForm::Points => {
                 return self.points(Box::new(Ply::new(copy()?, None, normals, colors)?), bounds, progress);
             }
-            ExportForm::Nrrd => Some(MaskForm::Nrrd),
-            ExportForm::Nifti => Some(MaskForm::Nifti),
-            ExportForm::NiftiGz => Some(MaskForm::NiftiGz),
             // Not of what is inside, and made elsewhere.
             ExportForm::Html => return Err(io::Error::from(io::ErrorKind::Unsupported).into()),
-            _ => None,
-        };
+            _ => {}
+        }
+        let mask = MaskForm::of(form);
         self.knowing_inside(bounds, progress, &mut |fates| {
             let mut out = copy()?;
             out.set_len(0)?;
@@ -320,7 +326,7 @@ impl Exporter<'_> {
             sweep.slice(self.view, skin);
             Ok(Some(progress.step(1)?))
         })?;
-        let (enclosed, fates) = sweep.finish();
+        let (enclosed, fates) = sweep.finish(&|_| 0);
         Ok((enclosed.unknown, fates))
     }
 
@@ -366,12 +372,8 @@ impl Exporter<'_> {
         let (less, later) = if self.cells() { (1, 0.5) } else { (0, 0.0) };
         let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
-        let side = dims.to_array().into_iter().max().unwrap_or(0);
-        if form != MaskForm::Nrrd && side > NIFTI_MOST {
-            return Err(ExportStop::Output(ExportFault::TooWide { side }.into()));
-        }
         let affine = self.affine.starting_at([later; 3]);
-        let product = Product::Mask(Mask::new(out, form, dims, &affine)?);
+        let product = Product::Mask(Mask::new(out, form, dims, &affine, false)?);
         let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
         let Product::Mask(mask) = product else { return Err(ExportStop::Damaged) };
         let inside = mask.inside();
@@ -541,6 +543,12 @@ fn sink(
         ExportForm::Glb => {
             let normals = normals.then(waiting).transpose()?;
             Box::new(Glb::new(out, normals, colors.then(waiting).transpose()?, waiting()?)?)
+        }
+        ExportForm::ThreeMf => {
+            let model = PartHead { name: "model".into(), color: UNCOLORED, ..PartHead::default() };
+            let mut sink = ThreeMf::new(out, std::slice::from_ref(&model), waiting()?)?;
+            sink.part(&model)?;
+            Box::new(sink)
         }
         _ => Box::new(Stl::new(out)?),
     })

@@ -11,7 +11,7 @@ use crate::render::shade::linear;
 pub(super) type Light = [u16; 3];
 
 /// Colour of what has none, as such models are shown (sRGB).
-const UNCOLORED: [u8; 3] = [236, 226, 208];
+pub(super) const UNCOLORED: [u8; 3] = [236, 226, 208];
 
 /// The linear light of every stored value, in 65535ths.
 #[derive(Debug)]

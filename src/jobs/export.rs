@@ -1,5 +1,9 @@
 //! `oct export`: a model as triangles, points or a mask, in files that other programs read, or as a page.
 
+mod labels;
+
+pub use labels::{LabelSurface, export_each};
+
 use std::io::{self, BufWriter};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -14,7 +18,7 @@ use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
-use crate::load::{Model, verify};
+use crate::load::{Model, ModelView, verify};
 use crate::page::{self, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
@@ -23,8 +27,11 @@ use crate::text::{Short, data, shown};
 /// Most that triangles can be simplified.
 pub const MAX_SIMPLIFIED: u32 = 6;
 
+/// Most voxels that a corner of a label's wall moves along an axis: it stays within its cell.
+pub const MAX_SMOOTH: f64 = 0.5;
+
 /// What to make of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ExportRequest {
     /// Kind of file.
     pub form: ExportForm,
@@ -32,6 +39,9 @@ pub struct ExportRequest {
     pub skin_only: bool,
     /// Triangles are made of blocks of 2^n samples along each axis: about 4^n times fewer.
     pub simplify: u32,
+    /// Of labels: most voxels along each axis that walls are moved from the voxels' sides to be smooth, 0 to
+    /// [`MAX_SMOOTH`], which is the default. At 0 they are the voxels' sides, and volumes are exact.
+    pub smooth: Option<f64>,
 }
 
 impl ExportRequest {
@@ -59,6 +69,9 @@ pub struct ExportReport {
     pub inside_voxels: u64,
     /// Enclosed voxels that may be inside or outside by the normals; written as the likelier, inside without normals.
     pub unknown_voxels: u64,
+    /// Of a model of labels: the surface of each.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub surfaces: Vec<LabelSurface>,
     /// Are coordinates of 32 bits too coarse for the place of the model: more than 1/128 of a voxel?
     #[serde(skip)]
     pub is_far: bool,
@@ -81,6 +94,9 @@ pub struct ExportReport {
 /// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples. Larger
 /// leaves are taken apart into cells: it lies on their planes, as far from the surface as these do.
 ///
+/// A model of labels becomes a closed part for each label, with its name and colour where the format has them; where two
+/// labels touch, both have the same triangles. As a mask it becomes the map of its labels again.
+///
 /// Memory: four slices of skin, some bits a box of two slices, and two layers of corners; for voxels 5 bytes more for each
 /// separate part of the outside and the inside; the model is mapped. Temporary disk: for PLY and GLB as much as the
 /// triangles take, and the unpacked model if it is packed. Cost: the checks of `oct verify`, and one pass over a model of
@@ -97,19 +113,18 @@ pub fn export(
 ) -> Result<ExportReport, Error> {
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
-    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
-        && from == to
-    {
-        return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
-    }
+    refuse_input(input, output)?;
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
     if request.form == ExportForm::Html {
         return export_page(input, output, progress);
     }
     let model = open_model(input)?;
-    if request.form.has_triangles() || request.form.is_mask() {
-        refuse_labels(&model, input, "exported to triangles or masks")?;
+    if (request.form.has_triangles() || request.form.is_mask()) && !model.frame().labels.is_empty() {
+        return labels::export_labels(input, output, &model, request, progress);
+    }
+    if request.smooth.is_some() {
+        return Err(UsageError::OneSurface { path: input.to_path_buf() }.into());
     }
     if let (true, Some(seen_from)) = (request.needs_inside(), model.metadata().seen_from()) {
         let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
@@ -117,28 +132,12 @@ pub fn export(
     }
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let space = GridSpace::new(model.dims(), &model.affine())?;
-    let exporter = Exporter {
-        view: &model.view(),
-        dims: model.dims(),
-        affine: model.affine(),
-        space: &space,
-        skin_only: request.skin_only,
-        step: 1 << request.simplify.min(MAX_SIMPLIFIED),
-        give_back: &|| model.give_back(),
-    };
-    let folder = output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let made = exporter.write(request.form, out.file(), folder, progress).map_err(|stop| match stop {
-        // Checking all of it says what is wrong.
-        ExportStop::Damaged => {
-            let changed = model.check_unchanged(input).map_err(Error::from);
-            changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
-        }
-        ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
-            None => unwritable(cause),
-        },
-        ExportStop::Stopped => Error::Stopped,
-    })?;
+    let view = model.view();
+    let give_back = || model.give_back();
+    let exporter = exporter_of(&model, &view, &space, request, &give_back);
+    let made = exporter
+        .write(request.form, out.file(), folder_of(output), progress)
+        .map_err(|stop| failed(stop, &model, input, output))?;
     model.check_unchanged(input)?;
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     if progress.stopped() {
@@ -154,6 +153,7 @@ pub fn export(
         triangles: made.triangles,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
+        surfaces: Vec::new(),
         is_far,
         warnings: warnings(made.unknown, is_far),
         apart_voxels: model.metadata().error.map(|found| found.most),
@@ -161,6 +161,55 @@ pub fn export(
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
+}
+
+/// Refuses an output that is the input.
+fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
+    match (input.canonicalize(), output.canonicalize()) {
+        (Ok(from), Ok(to)) if from == to => {
+            Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into())
+        }
+        _ => Ok(()),
+    }
+}
+
+fn exporter_of<'a>(
+    model: &'a Model,
+    view: &'a ModelView<'a>,
+    space: &'a GridSpace,
+    request: ExportRequest,
+    give_back: &'a dyn Fn(),
+) -> Exporter<'a> {
+    Exporter {
+        view,
+        dims: model.dims(),
+        affine: model.affine(),
+        space,
+        skin_only: request.skin_only,
+        step: 1 << request.simplify.min(MAX_SIMPLIFIED),
+        give_back,
+    }
+}
+
+/// Where data of a file waits: in its folder.
+fn folder_of(output: &Path) -> &Path {
+    output.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))
+}
+
+/// Why an export failed.
+fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
+    match stop {
+        // Checking all of it says what is wrong.
+        ExportStop::Damaged => {
+            let changed = model.check_unchanged(input).map_err(Error::from);
+            changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
+        }
+        ExportStop::Output(cause) => match fault_of(&cause) {
+            Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
+            None => Error::Output { path: output.to_path_buf(), cause },
+        },
+        ExportStop::Stopped => Error::Stopped,
+    }
 }
 
 /// Pixels along a side of the picture that a page shows where it cannot draw the model.
@@ -213,6 +262,7 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
         triangles: 0,
         inside_voxels: 0,
         unknown_voxels: 0,
+        surfaces: Vec::new(),
         is_far: false,
         warnings: Vec::new(),
         apart_voxels: None,
@@ -307,7 +357,15 @@ impl ExportReport {
             ExportForm::Nrrd | ExportForm::Nifti | ExportForm::NiftiGz => {
                 format!("{} voxels inside", self.inside_voxels)
             }
-            _ => format!("{} triangles, {} corners", self.triangles, self.vertices),
+            _ if self.surfaces.is_empty() => {
+                format!("{} triangles, {} corners", self.triangles, self.vertices)
+            }
+            _ => format!(
+                "{} labels, {} triangles, {} corners",
+                self.surfaces.len(),
+                self.triangles,
+                self.vertices
+            ),
         };
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);

@@ -173,6 +173,7 @@ pub(super) fn export(
     output: PathBuf,
     form: Option<&str>,
     simplify: u32,
+    smooth: Option<f64>,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let form = match form {
@@ -183,7 +184,7 @@ pub(super) fn export(
         let names = ExportForm::ALL.map(ExportForm::name).join(", ");
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
-    let request = ExportRequest { form, skin_only: false, simplify };
+    let request = ExportRequest { form, skin_only: false, simplify, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

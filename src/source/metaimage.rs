@@ -216,6 +216,7 @@ impl Header {
             rescale: Rescale::IDENTITY,
             affine,
             notes,
+            labels: Vec::new(),
         })
     }
 

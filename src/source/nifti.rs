@@ -125,6 +125,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         rescale,
         affine,
         notes,
+        labels: Vec::new(),
     }
     .open()
 }

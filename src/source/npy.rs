@@ -80,6 +80,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         rescale: Rescale::IDENTITY,
         affine: Affine::from_spacing([1.0; 3]),
         notes: vec![Note::AssumedSpacing { by }, Note::AssumedDirections { by }],
+        labels: Vec::new(),
     }
     .open()?;
     if array.fortran {

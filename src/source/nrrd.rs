@@ -3,9 +3,11 @@
 //!
 //! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS
 //! millimetres; without them `spacings` and `axis mins` do. A last axis that is not a direction in space (a
-//! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name.
+//! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name. Names and
+//! colours of segments, as 3D Slicer writes them, are those of labels.
 
 mod geometry;
+mod segments;
 
 use std::fs::File;
 use std::path::Path;
@@ -23,6 +25,7 @@ use crate::facts::{Fault, Note};
 use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
+use segments::Segments;
 
 /// Most axes that the format allows.
 const MAX_AXES: usize = 16;
@@ -100,6 +103,7 @@ struct Header {
     /// Does each frame have a transform?
     placed_one_by_one: bool,
     data: Option<DataFiles>,
+    segments: Segments,
 }
 
 impl Header {
@@ -127,7 +131,8 @@ impl Header {
                 continue;
             };
             let (field, value) = (field.trim().to_lowercase(), value.trim());
-            if value.starts_with('=') {
+            if let Some(value) = value.strip_prefix('=') {
+                header.segments.pair(&field, value.trim());
                 header.placed_one_by_one |= field.starts_with("seq_frame") && field.ends_with("transform");
                 continue;
             }
@@ -305,6 +310,7 @@ impl Header {
             rescale: Rescale::IDENTITY,
             affine,
             notes,
+            labels: self.segments.labels(),
         })
     }
 }

@@ -17,12 +17,23 @@ pub struct SourceDescription {
     pub kind: ImageKind,
     /// Treatments of the volume, in order.
     pub treatments: Vec<Treatment>,
-    /// Names of labels by their numbers, where the input states them; they may come from names of files.
-    pub labels: Vec<(u16, String)>,
+    /// What the input states of its labels; names may come from names of files.
+    pub labels: Vec<StatedLabel>,
     /// Number of files read.
     pub files: u64,
     /// Bytes of voxel data.
     pub bytes: u64,
+}
+
+/// What an input states of one of its labels.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct StatedLabel {
+    /// Its number in the volume.
+    pub number: u16,
+    /// Its name; may be empty.
+    pub name: String,
+    /// Its colour (sRGB), if one is stated.
+    pub color: Option<[u8; 3]>,
 }
 
 /// Kinds of images.

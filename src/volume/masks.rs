@@ -3,7 +3,7 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{Preparation, Rescale, Result, ScalarType, VolumeInfo, VolumeSource, Workspace};
+use super::{Preparation, Rescale, Result, ScalarType, StatedLabel, VolumeInfo, VolumeSource, Workspace};
 use crate::facts::{Fault, Misuse, Note, SourceFault};
 use crate::geom::Dims;
 
@@ -95,7 +95,9 @@ impl Masks {
         let places =
             ranges.iter().map(|r| std::array::from_fn(|a| u32::try_from(r[a].start - low[a]).unwrap_or(0)));
         let places = places.collect();
-        info.description.labels = parts.iter().map(|part| (part.number, part.name.clone())).collect();
+        let stated =
+            |part: &MaskPart| StatedLabel { number: part.number, name: part.name.clone(), color: None };
+        info.description.labels = parts.iter().map(stated).collect();
         info.description.files = parts.iter().map(|part| part.source.info().description.files).sum();
         info.description.bytes = parts.iter().map(|part| part.source.info().description.bytes).sum();
         // Each mask says the same of itself.

@@ -33,7 +33,7 @@ pub use crate::facts::{SourceError, sentences};
 pub(crate) use blend::{blend_rows, neighbour_bytes};
 pub(crate) use block::{check_request, read_block};
 pub use crop::Crop;
-pub use description::{ImageKind, SourceDescription, Treatment};
+pub use description::{ImageKind, SourceDescription, StatedLabel, Treatment};
 pub use downsample::Downsample;
 pub(crate) use gap_fill::GapFill;
 pub use masks::Overlap;

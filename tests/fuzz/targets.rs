@@ -460,7 +460,7 @@ fn model(bytes: &[u8]) -> bool {
     // A mask of the largest grid takes longer than a case may.
     if view.depth() <= 8 {
         for (form, simplify) in ExportForm::ALL.into_iter().zip(0..) {
-            let request = ExportRequest { form, skin_only: false, simplify: simplify % 3 };
+            let request = ExportRequest { form, skin_only: false, simplify: simplify % 3, smooth: None };
             if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
                 told(&refused.to_string());
             }

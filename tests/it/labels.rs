@@ -241,16 +241,26 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     let told: Vec<_> = table.iter().map(|label| (label.number, label.name.as_str())).collect();
     assert_eq!(told, [(1, "liver"), (2, ""), (3, "left rib")]);
     assert_eq!(table[0].color, [0x10, 0x20, 0x30]);
+    // 3D Slicer states names and colours in the header.
+    let stated =
+        "Segment0_Name:=spleen\nSegment0_Color:=1 0 0.2\nSegment0_LabelValue:=2\nSegment0_Layer:=0\n";
+    let bytes = [nrrd(&object, "raw", false, stated), b"\n".to_vec(), object.bytes.clone()].concat();
+    let segmented = file(folder.path(), "a.seg.nrrd", &bytes);
+    let slicer = folder.path().join("slicer.oct");
+    assert_eq!(command::build(&[&segmented], &slicer, &["--labels", "all"]).code, 0);
+    let table = Model::open(&slicer).unwrap().frame().labels.clone();
+    assert_eq!(
+        (table[0].name.as_str(), table[1].name.as_str(), table[1].color),
+        ("", "spleen", [255, 0, 51])
+    );
     let shown = oct(&["info", named.to_str().unwrap()]);
     assert!(shown.stdout.contains("liver, #102030, "), "{}", shown.stdout);
     let text = oct(&["info", path.to_str().unwrap()]);
     assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
-    for name in ["m.stl", "m.ply", "m.glb", "m.nrrd", "m.html"] {
-        let out = folder.path().join(name);
-        let run = oct(&["export", path.to_str().unwrap(), "-o", out.to_str().unwrap()]);
-        run.refused(2, &["has labels, and cannot be"]);
-        assert!(!out.exists());
-    }
+    let page = folder.path().join("m.html");
+    let run = oct(&["export", path.to_str().unwrap(), "-o", page.to_str().unwrap()]);
+    run.refused(2, &["has labels, and cannot be"]);
+    assert!(!page.exists());
     let picture = folder.path().join("m.png");
     assert_eq!(oct(&["render", path.to_str().unwrap(), "-o", picture.to_str().unwrap()]).code, 0);
 }

@@ -24,6 +24,7 @@ mod csg;
 mod damage;
 mod dicom;
 mod export;
+mod export_labels;
 mod fixtures;
 mod foreign_text;
 mod hard_cases;

@@ -16,9 +16,18 @@ const JSON_BYTES: usize = 1536;
 /// Bytes before the positions: the file's header, the JSON with its own, and the header of what follows.
 const HEAD_BYTES: usize = 12 + 8 + JSON_BYTES + 8;
 
-const FLOAT: u32 = 5126;
-const UNSIGNED_INT: u32 = 5125;
+pub(super) const FLOAT: u32 = 5126;
+pub(super) const UNSIGNED_INT: u32 = 5125;
 const UNSIGNED_SHORT: u32 = 5123;
+
+/// From LPS millimetres to metres with the head up (y) and the face forward (z), column by column.
+pub(super) const TO_METRES: [f64; 16] =
+    [0.001, 0.0, 0.0, 0.0, 0.0, 0.0, -0.001, 0.0, 0.0, 0.001, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0];
+
+/// A vertex's normal, which must have the length 1.
+pub(super) fn normal_of(vertex: &Vertex) -> [f32; 3] {
+    if vertex.normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { vertex.normal }
+}
 
 pub(in crate::export) struct Glb {
     out: BufWriter<File>,
@@ -95,7 +104,7 @@ impl Glb {
             "scenes": [{"nodes": [0]}],
             "nodes": [{
                 "mesh": 0,
-                "matrix": [0.001, 0, 0, 0, 0, 0, -0.001, 0, 0, 0.001, 0, 0, 0, 0, 0, 1],
+                "matrix": TO_METRES,
             }],
             "meshes": [{"primitives": [{"attributes": attributes, "indices": last, "material": 0}]}],
             "materials": [{
@@ -124,11 +133,7 @@ impl Sink for Glb {
             colors.0.write_all(&bytemuck::cast::<_, [u8; 8]>([r, g, b, [255; 2]]))?;
         }
         match &mut self.normals {
-            // A normal must have the length 1.
-            Some(normals) => {
-                let normal = if vertex.normal == [0.0; 3] { [0.0, 0.0, 1.0] } else { vertex.normal };
-                normals.0.write_all(&bytes_of(normal))
-            }
+            Some(normals) => normals.0.write_all(&bytes_of(normal_of(vertex))),
             None => Ok(()),
         }
     }

@@ -4,14 +4,18 @@
 
 mod digits;
 mod glb;
+mod glb_parts;
 mod obj;
 mod ply;
 mod stl;
+mod threemf;
 
 pub(super) use glb::Glb;
+pub(super) use glb_parts::GlbParts;
 pub(super) use obj::Obj;
 pub(super) use ply::Ply;
 pub(super) use stl::Stl;
+pub(super) use threemf::ThreeMf;
 
 use std::fs::File;
 use std::io::{self, BufReader, BufWriter, Seek, Write};
@@ -27,8 +31,32 @@ pub(in crate::export) struct Vertex {
     pub(in crate::export) light: Light,
 }
 
+/// What is known of a part before its vertices: those of one part follow each other, with their triangles behind them.
+#[derive(Clone, Debug, Default)]
+pub(in crate::export) struct PartHead {
+    pub(in crate::export) label: u16,
+    pub(in crate::export) name: String,
+    /// sRGB.
+    pub(in crate::export) color: [u8; 3],
+    pub(in crate::export) vertices: u64,
+    pub(in crate::export) triangles: u64,
+    /// Least and greatest coordinates in mm.
+    pub(in crate::export) low: [f32; 3],
+    pub(in crate::export) high: [f32; 3],
+    /// Number of its first vertex in the file.
+    pub(in crate::export) first: u32,
+}
+
 /// Takes the vertices in order, and triangles of vertices that came before.
 pub(in crate::export) trait Sink {
+    /// Begins a part; not called for a surface that is one.
+    ///
+    /// # Errors
+    /// The disk's.
+    fn part(&mut self, _: &PartHead) -> io::Result<()> {
+        Ok(())
+    }
+
     /// # Errors
     /// The disk's.
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()>;

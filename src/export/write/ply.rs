@@ -1,9 +1,10 @@
-//! Binary PLY, little-endian: corners with normals and colours (sRGB), then triangles; or corners alone.
+//! Binary PLY, little-endian: corners with normals and colours (sRGB), then triangles, of parts with their labels; or
+//! corners alone.
 
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::{Sink, Vertex, Waiting, bytes_of};
+use super::{PartHead, Sink, Vertex, Waiting, bytes_of};
 use crate::render::shade::Shader;
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.
@@ -16,6 +17,8 @@ pub(in crate::export) struct Ply {
     normals: bool,
     /// Turns light into colours, if there are any.
     colors: Option<Shader>,
+    /// The label of the present part, if triangles have labels.
+    label: Option<u16>,
     vertices: u64,
     triangles: u64,
 }
@@ -30,7 +33,12 @@ impl Ply {
         let mut out = BufWriter::with_capacity(1 << 18, out);
         out.write_all(&[b' '; HEAD_BYTES])?;
         let (faces, colors) = (faces.map(Waiting::new), colors.then(Shader::new));
-        Ok(Self { out, faces, normals, colors, vertices: 0, triangles: 0 })
+        Ok(Self { out, faces, normals, colors, label: None, vertices: 0, triangles: 0 })
+    }
+
+    /// The same, with the label of each triangle.
+    pub(in crate::export) fn with_labels(self) -> Self {
+        Self { label: Some(0), ..self }
     }
 
     fn head(&self) -> Vec<u8> {
@@ -47,6 +55,9 @@ impl Ply {
         if self.faces.is_some() {
             head += &format!("element face {}\nproperty list uchar uint vertex_indices\n", self.triangles);
         }
+        if self.label.is_some() {
+            head += "property ushort label\n";
+        }
         let end = "\nend_header\n";
         head += "comment ";
         head += &".".repeat(HEAD_BYTES.saturating_sub(head.len() + end.len()));
@@ -56,6 +67,11 @@ impl Ply {
 }
 
 impl Sink for Ply {
+    fn part(&mut self, part: &PartHead) -> io::Result<()> {
+        self.label = self.label.map(|_| part.label);
+        Ok(())
+    }
+
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         self.vertices += 1;
         self.out.write_all(&bytes_of(vertex.at))?;
@@ -77,7 +93,8 @@ impl Sink for Ply {
         for (bytes, corner) in record[1..].as_chunks_mut().0.iter_mut().zip(corners) {
             *bytes = corner.to_le_bytes();
         }
-        faces.0.write_all(&record)
+        faces.0.write_all(&record)?;
+        self.label.map_or(Ok(()), |label| faces.0.write_all(&label.to_le_bytes()))
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

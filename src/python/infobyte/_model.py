@@ -350,9 +350,14 @@ class Model:
         """
         return self._handle.stored("label")
 
-    def export(self, output: Path, form: str | None = None, *, simplify: int = 0) -> dict[str, Any]:
-        """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given."""
-        return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, None))
+    def export(
+        self, output: Path, form: str | None = None, *, simplify: int = 0, smooth: float | None = None
+    ) -> dict[str, Any]:
+        """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given.
+
+        Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`.
+        """
+        return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, smooth, None))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""

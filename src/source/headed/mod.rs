@@ -61,6 +61,7 @@ impl Headed {
             rescale: Rescale::IDENTITY,
             affine,
             notes,
+            labels: Vec::new(),
         }
         .open()
     }

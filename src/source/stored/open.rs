@@ -11,7 +11,9 @@ use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{
+    Endian, Rescale, Result, SourceDescription, SourceError, StatedLabel, VolumeInfo, VolumeSource,
+};
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
 const MAX_VOLUMES: u64 = 2048;
@@ -54,6 +56,8 @@ pub(in crate::source) struct StoredLayout {
     pub(in crate::source) affine: Affine,
     /// Notes on all volumes.
     pub(in crate::source) notes: Vec<Note>,
+    /// What the header states of labels; of several volumes nothing is taken.
+    pub(in crate::source) labels: Vec<StatedLabel>,
 }
 
 impl StoredLayout {
@@ -110,6 +114,7 @@ impl StoredLayout {
                     name: name.clone(),
                     files: count,
                     bytes: dims.voxels() * self.samples.bytes() as u64,
+                    labels: if self.volumes == 1 { self.labels.clone() } else { Vec::new() },
                     ..SourceDescription::default()
                 },
                 notes,

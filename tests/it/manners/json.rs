@@ -91,6 +91,7 @@ fn every_report_is_what_its_schema_says() {
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("build", build(&["--labels", "500..2000"])),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
+        ("export", oct(&["export", &at("m.oct"), "--each", &at("each"), "--json"]).json()),
         ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
         ("info", oct(&["info", &model, "--json"]).json()),
         ("verify", oct(&["verify", &model, "--json"]).json()),

@@ -1,0 +1,100 @@
+//! A cell between eight labelled samples: which labels it has, and in which sheets each label's surface passes through it.
+//!
+//! Every edge between two labels is crossed by one polygon, which is part of the surface of both. Where a face between
+//! two cells has four crossed edges and a label on a diagonal, four polygons meet in the line that joins the cells'
+//! corners. They are joined in pairs, around two opposite samples of the face, and each pair has a knot of its own on
+//! that line, moved towards its sample: so all labels see the same pairs, and every edge of each has two polygons.
+
+use crate::export::cases::{Case, EDGES, NO_PATCH, edge_at, ends, face, joined, numbered, others};
+
+/// Labels of the samples, by corner; 0 for none.
+pub(super) type Corners = [u16; 8];
+
+/// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where no more than
+/// two polygons of a label meet. Where the labels of both diagonals are alike, those of the lower number are
+/// connected: what has no label is.
+#[inline(always)]
+pub(super) fn knots(corners: &Corners, axis: usize, side: usize) -> Option<[usize; 2]> {
+    let [p, q, r, s] = face(axis, side);
+    let (a, b, c, d) = (corners[p], corners[q], corners[r], corners[s]);
+    if a == b || b == d || d == c || c == a {
+        return None;
+    }
+    match (a == d, b == c) {
+        (true, true) => Some(if a < b { [q, r] } else { [p, s] }),
+        (true, false) => Some([q, r]),
+        (false, true) => Some([p, s]),
+        (false, false) => None,
+    }
+}
+
+/// The corners that have a label, as bits.
+#[inline(always)]
+pub(super) fn mask(corners: &Corners, label: u16) -> u8 {
+    corners.iter().enumerate().fold(0, |mask, (i, corner)| mask | u8::from(*corner == label) << i)
+}
+
+/// The cases of one sheet and without a face that could be joined in two ways.
+static IS_PLAIN: [bool; 256] = {
+    let all = crate::export::cases::all();
+    let mut plain = [false; 256];
+    let mut case = 0;
+    while case < 256 {
+        let mut side = 0;
+        let mut ambiguous = false;
+        while side < 6 {
+            #[expect(clippy::cast_possible_truncation, reason = "256 cases")]
+            {
+                ambiguous |= crate::export::cases::is_ambiguous(case as u8, side / 2, side % 2);
+            }
+            side += 1;
+        }
+        plain[case] = all[case].patches == 1 && !ambiguous;
+        case += 1;
+    }
+    plain
+};
+
+/// The sheets of a label's surface: the sheet that each crossed edge belongs to.
+pub(super) fn sheets(corners: &Corners, label: u16) -> Option<Case> {
+    let mask = mask(corners, label);
+    if IS_PLAIN[usize::from(mask)] {
+        return None;
+    }
+    let mut sheet_of = [NO_PATCH; EDGES];
+    for (edge, sheet) in (0..).zip(&mut sheet_of) {
+        let [low, high] = ends(usize::from(edge)).map(|corner| corners[corner] == label);
+        if low != high {
+            *sheet = edge;
+        }
+    }
+    for (axis, side) in (0..3).flat_map(|axis| [(axis, 0), (axis, 1)]) {
+        let [b, c] = others(axis);
+        if let Some(around) = knots(corners, axis, side) {
+            for corner in around {
+                sheet_of = joined(sheet_of, edge_at(corner, b), edge_at(corner, c));
+            }
+            continue;
+        }
+        for corner in face(axis, side) {
+            let opposite = corner ^ 1 << b ^ 1 << c;
+            sheet_of = joined(sheet_of, edge_at(corner, b), edge_at(corner, c));
+            sheet_of = joined(sheet_of, edge_at(corner, b), edge_at(opposite, b));
+            sheet_of = joined(sheet_of, edge_at(corner, c), edge_at(opposite, c));
+        }
+    }
+    Some(numbered(sheet_of))
+}
+
+/// The labels of a cell, each once, without 0; and how many they are.
+#[inline(always)]
+pub(super) fn distinct(corners: &Corners) -> ([u16; 8], usize) {
+    let (mut found, mut count) = ([0; 8], 0);
+    for label in corners {
+        if *label != 0 && !found[..count].contains(label) {
+            found[count] = *label;
+            count += 1;
+        }
+    }
+    (found, count)
+}

@@ -1,0 +1,140 @@
+//! The labels of all samples, slice by slice: those of the skin, and of what it encloses.
+//!
+//! Memory: the last eight slices of the model's box, two bytes a sample.
+
+use crate::enclosed::{Side, Sweep};
+
+use super::fit::{Members, WINDOW};
+
+/// Columns and rows without labels around the box, and slices before and behind it: half of a window.
+pub(super) const MARGIN: usize = WINDOW / 2;
+
+/// The last slices; samples are parts of a table of labels, from 1 on, and 0 for none.
+pub(super) struct Field {
+    width: usize,
+    height: usize,
+    ring: [Vec<u16>; WINDOW],
+    /// Which slices have labels.
+    filled: [bool; WINDOW],
+    /// Slices so far.
+    taken: usize,
+}
+
+impl Field {
+    /// A box of so many samples, behind [`MARGIN`] slices without labels.
+    pub(super) fn new([width, height]: [usize; 2]) -> Self {
+        let [width, height] = [width, height].map(|side| side + 2 * MARGIN);
+        Self {
+            width,
+            height,
+            ring: std::array::from_fn(|_| vec![0; width * height]),
+            filled: [false; WINDOW],
+            taken: 0,
+        }
+    }
+
+    pub(super) fn height(&self) -> usize {
+        self.height
+    }
+
+    pub(super) fn width(&self) -> usize {
+        self.width
+    }
+
+    /// Slices so far.
+    pub(super) fn taken(&self) -> usize {
+        self.taken
+    }
+
+    /// Takes the next slice: the one that the sweep took last, or one without labels. `part_of` gives the parts of
+    /// labels by number.
+    pub(super) fn take(&mut self, sweep: Option<&Sweep>, part_of: &[u16]) {
+        let at = self.taken % WINDOW;
+        self.taken += 1;
+        let slice = &mut self.ring[at];
+        if std::mem::take(&mut self.filled[at]) {
+            slice.fill(0);
+        }
+        let Some(sweep) = sweep else { return };
+        let found = sweep.last();
+        // A sweep begins one sample before the box.
+        for (row, samples) in slice.chunks_exact_mut(self.width).skip(MARGIN - 1).enumerate() {
+            let part = |number: u16| part_of.get(usize::from(number)).copied().unwrap_or(0);
+            let mut runs = found.runs.row(row).iter().peekable();
+            for item in found.skin.row(row) {
+                self.filled[at] = true;
+                let x = item.x as usize + MARGIN - 1;
+                let label = part(item.label);
+                if let Some(sample) = samples.get_mut(x) {
+                    *sample = label;
+                }
+                // What lies inside behind a voxel has its label.
+                while runs.next_if(|run| run.end <= item.x).is_some() {}
+                if let Some(run) = runs.next_if(|run| run.start == item.x + 1)
+                    && sweep.side(*run) == Side::Inside
+                    && let Some(inside) = samples.get_mut(x + 1..run.end as usize + MARGIN - 1)
+                {
+                    inside.fill(label);
+                }
+            }
+        }
+    }
+
+    /// A row of the box in the slice that was taken last.
+    pub(super) fn last_row(&self, y: usize) -> Option<&[u16]> {
+        let first = (y + MARGIN) * self.width + MARGIN;
+        let slice = &self.ring[self.taken.checked_sub(1)? % WINDOW];
+        slice.get(first..first + self.width - 2 * MARGIN).filter(|_| y + 2 * MARGIN < self.height)
+    }
+
+    /// Has none of the two middle slices a label? Then no wall passes between them.
+    pub(super) fn is_void(&self) -> bool {
+        [3, 4].iter().all(|z| !self.filled[(self.taken + z) % WINDOW])
+    }
+
+    /// A row of a slice of the window, from the oldest one on.
+    #[inline(always)]
+    fn row(&self, z: usize, y: usize) -> &[u16] {
+        let slice = &self.ring[(self.taken + z) % WINDOW];
+        slice.get(y * self.width..(y + 1) * self.width).unwrap_or_default()
+    }
+
+    /// The four rows of samples around a row of cells, whose upper ones are row `y`; bit 0 and 1 of their number say
+    /// which lies higher along y and z.
+    #[inline(always)]
+    pub(super) fn around(&self, y: usize) -> [&[u16]; 4] {
+        [(3, y - 1), (3, y), (4, y - 1), (4, y)].map(|(z, y)| self.row(z, y))
+    }
+
+    /// The samples around a cell that have a label, and those that have another: all others for `None`. Row by row.
+    #[inline(always)]
+    pub(super) fn members(&self, [x, y]: [usize; 2], one: u16, other: Option<u16>) -> [Members; 2] {
+        let mut both = [[0; WINDOW * WINDOW]; 2];
+        let first = (y - MARGIN) * self.width + x - MARGIN;
+        for z in 0..WINDOW {
+            let slice = &self.ring[(self.taken + z) % WINDOW];
+            let Some(block) = slice.get(first..first + (WINDOW - 1) * self.width + WINDOW) else { continue };
+            for y in 0..WINDOW {
+                let Some(samples) = block[y * self.width..].first_chunk::<WINDOW>() else { continue };
+                let at = z * WINDOW + y;
+                both[0][at] = equal(samples, one);
+                both[1][at] = match other {
+                    Some(other) => equal(samples, other),
+                    None => !both[0][at],
+                };
+            }
+        }
+        both
+    }
+}
+
+/// The samples that have a label, as bits.
+#[inline(always)]
+fn equal(samples: &[u16; WINDOW], label: u16) -> u8 {
+    let mut found = [0_u8; WINDOW];
+    for i in 0..WINDOW {
+        found[i] = u8::from(samples[i] == label);
+    }
+    // Each byte's bit becomes a bit of the highest byte.
+    (u64::from_le_bytes(found).wrapping_mul(0x0102_0408_1020_4080) >> 56).to_le_bytes()[0]
+}

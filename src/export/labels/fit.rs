@@ -1,0 +1,272 @@
+//! Where the wall between labels passes through a cell: a plane by sums over the 8^3 samples around it, weighted by a
+//! Gaussian.
+//!
+//! The first moments of a label's samples give the wall's direction. Its place is that of a half-space with the same
+//! sum of the weights `w (4.25 - r^2/s^2)`, which over a half-space up to `s x` is `1.25 (1 + erf(x/sqrt 2)) / 2 + x phi(x)`.
+//! With 4, balls would not shrink at all in the first order (with 5 they do by `s^2 / 3R`), and steps of the samples would
+//! show a little more. Sums run over rows: the samples of a row that have a label are 8 bits, and their part of each
+//! sum comes from a table of 256.
+
+use std::f32::consts::TAU;
+
+use super::cell::Corners;
+
+/// Samples along a side of what is looked at.
+pub(super) const WINDOW: usize = 8;
+/// Standard deviation of the Gaussian, in voxels.
+const SIGMA: f32 = 1.5;
+/// Samples from the cell's middle: -3.5 to 3.5.
+const FIRST: f32 = -3.5;
+/// How far from a rough wall samples count by their labels, in voxels.
+const BAND: f32 = 1.0;
+/// Steps of Newton's method; the last changes less than 10^-6 voxel.
+const STEPS: usize = 3;
+
+/// The samples of each row of the window, as bits.
+pub(super) type Members = [u8; WINDOW * WINDOW];
+
+/// A plane: `normal` leads out of the first label, `along` is its distance along it from the cell's middle, in voxels.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(super) struct Wall {
+    pub(super) normal: [f32; 3],
+    pub(super) along: f32,
+}
+
+impl Wall {
+    /// Where the last sample of a cell that has the first label lies along the wall's normal, and the first one of the
+    /// others.
+    #[inline(always)]
+    pub(super) fn gap(&self, corners: &Corners, one: u16) -> [f32; 2] {
+        let (mut behind, mut before) = (f32::NEG_INFINITY, f32::INFINITY);
+        for (i, label) in corners.iter().enumerate() {
+            let part = |a: usize| if i >> a & 1 == 1 { self.normal[a] } else { -self.normal[a] };
+            let at = 0.5 * (part(0) + part(1) + part(2));
+            if *label == one {
+                behind = behind.max(at);
+            } else {
+                before = before.min(at);
+            }
+        }
+        [behind, before]
+    }
+
+    /// The wall half-way in a gap.
+    pub(super) fn half_way(self, [behind, before]: [f32; 2]) -> Self {
+        Self { along: f32::midpoint(behind, before), ..self }
+    }
+}
+
+/// The sums that a row adds, for every set of its samples, and what they are multiplied by for each row.
+pub(super) struct Fit {
+    /// Sums of the weight, of the weight times x, and of the weight times x^2.
+    of_row: Box<[[f32; 3]; 256]>,
+    rows: [RowWeights; WINDOW * WINDOW],
+    /// The sum of all samples for the place of a wall.
+    whole: f32,
+}
+
+/// What a row's sums are multiplied by: its weight, that times y, z, and parts of the weight for the place of a wall.
+#[derive(Clone, Copy, Debug, Default)]
+struct RowWeights {
+    weight: f32,
+    y: f32,
+    z: f32,
+    place: f32,
+    place_xx: f32,
+}
+
+/// Sums over samples: weighted places, and the weight for the place of a wall.
+#[derive(Clone, Copy, Debug, Default)]
+struct Sums {
+    moment: [f32; 3],
+    place: f32,
+}
+
+#[inline(always)]
+fn from_middle(at: usize) -> f32 {
+    #[expect(clippy::cast_precision_loss, reason = "0 to 7")]
+    let at = at as f32;
+    FIRST + at
+}
+
+impl Fit {
+    pub(super) fn new() -> Self {
+        let weights: [f32; WINDOW] = std::array::from_fn(|i| (-0.5 * (from_middle(i) / SIGMA).powi(2)).exp());
+        let mut of_row = Box::new([[0.0; 3]; 256]);
+        for (members, sums) in of_row.iter_mut().enumerate() {
+            for (i, weight) in weights.iter().enumerate().filter(|(i, _)| members >> i & 1 == 1) {
+                let x = from_middle(i);
+                [1.0, x, x * x].iter().zip(&mut *sums).for_each(|(factor, sum)| *sum += weight * factor);
+            }
+        }
+        let rows = std::array::from_fn(|at| {
+            let (weight, [y, z]) =
+                (weights[at % WINDOW] * weights[at / WINDOW], [at % WINDOW, at / WINDOW].map(from_middle));
+            let scale = 1.0 / (SIGMA * SIGMA);
+            RowWeights {
+                weight,
+                y: weight * y,
+                z: weight * z,
+                place: weight * (4.25 - (y * y + z * z) * scale),
+                place_xx: weight * scale,
+            }
+        });
+        let mut fit = Self { of_row, rows, whole: 0.0 };
+        fit.whole = fit.sums(&[u8::MAX; WINDOW * WINDOW]).place;
+        fit
+    }
+
+    #[inline(always)]
+    fn sums(&self, members: &Members) -> Sums {
+        let (mut x, mut y, mut z, mut place) = (0.0, 0.0, 0.0, 0.0);
+        for (row, members) in self.rows.iter().zip(members) {
+            let [weight, along, square] = self.of_row[usize::from(*members)];
+            x += row.weight * along;
+            y += row.y * weight;
+            z += row.z * weight;
+            place += row.place * weight - row.place_xx * square;
+        }
+        Sums { moment: [x, y, z], place }
+    }
+
+    /// The wall again, by the samples within [`BAND`] of it: those farther away count for the label on whose side they
+    /// lie, so that other walls nearby do not draw it to them.
+    #[inline(never)]
+    pub(super) fn again(&self, rough: &Wall, one: &mut Members, other: &mut Members) -> Option<Wall> {
+        for (at, (a, b)) in one.iter_mut().zip(&mut *other).enumerate() {
+            let [_, y, z] = rough.normal;
+            let across = y * from_middle(at % WINDOW) + z * from_middle(at / WINDOW) - rough.along;
+            for x in 0..WINDOW {
+                let beyond = across + rough.normal[0] * from_middle(x);
+                let bit = 1 << x;
+                if beyond.abs() > BAND {
+                    (*a, *b) = if beyond < 0.0 { (*a | bit, *b & !bit) } else { (*a & !bit, *b | bit) };
+                }
+            }
+        }
+        self.wall(one, other)
+    }
+
+    /// The wall between two labels by the samples that have each. Samples of neither count for the label on whose side
+    /// of the rough wall they lie. `None` where the samples do not say a direction.
+    #[inline(always)]
+    pub(super) fn wall(&self, one: &mut Members, other: &mut Members) -> Option<Wall> {
+        let mut all = u8::MAX;
+        for at in 0..WINDOW * WINDOW {
+            all &= one[at] | other[at];
+        }
+        let mut first = self.sums(one);
+        if all != u8::MAX {
+            let second = self.sums(other);
+            let toward = direction(std::array::from_fn(|a| first.moment[a] - second.moment[a]))?;
+            share_out(one, other, toward);
+            first = self.sums(one);
+        }
+        // All samples have either label, and the moment of all is 0.
+        let toward = direction(first.moment)?;
+        let share = 2.0 * first.place / self.whole - 1.0;
+        Some(Wall { normal: toward.map(|c| -c), along: SIGMA * place(share) })
+    }
+}
+
+#[inline(always)]
+fn direction(toward: [f32; 3]) -> Option<[f32; 3]> {
+    let [x, y, z] = toward;
+    let length = (x * x + y * y + z * z).sqrt();
+    (length > 1e-3).then(|| [x / length, y / length, z / length])
+}
+
+/// Gives samples that have neither label the one on whose side they lie.
+#[inline(never)]
+fn share_out(one: &mut Members, other: &mut Members, toward: [f32; 3]) {
+    for (at, (a, b)) in one.iter_mut().zip(other).enumerate() {
+        let mut left = !(*a | *b);
+        let across = toward[1] * from_middle(at % WINDOW) + toward[2] * from_middle(at / WINDOW);
+        while left != 0 {
+            let x = left.trailing_zeros();
+            left &= left - 1;
+            let side = if across + toward[0] * from_middle(x as usize) > 0.0 { &mut *a } else { &mut *b };
+            *side |= 1 << x;
+        }
+    }
+}
+
+/// The `x` with `erf(x / sqrt 2) + 1.6 x phi(x) = share`, at most 1 in size.
+#[inline(always)]
+fn place(share: f32) -> f32 {
+    // The series of the left side's derivative, (3.6 - 1.6 x^2) phi(x), and its integral.
+    const TERMS: [f32; 8] = [
+        3.6,
+        -6.8 / 2.0,
+        10.0 / 8.0,
+        -13.2 / 48.0,
+        16.4 / 384.0,
+        -19.6 / 3840.0,
+        22.8 / 46_080.0,
+        -26.0 / 645_120.0,
+    ];
+    let scale = 1.0 / TAU.sqrt();
+    let wanted = share / scale;
+    let mut x = (wanted / 3.6).clamp(-1.0, 1.0);
+    for _ in 0..STEPS {
+        let square = x * x;
+        let (mut slope, mut sum) = (0.0, 0.0);
+        for (k, term) in TERMS.iter().enumerate().rev() {
+            #[expect(clippy::cast_precision_loss, reason = "1 to 15")]
+            let odd = (2 * k + 1) as f32;
+            slope = slope * square + term;
+            sum = sum * square + term / odd;
+        }
+        x = (x - (sum * x - wanted) / slope).clamp(-1.0, 1.0);
+    }
+    x
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// The samples with `side(u) < 0`, and the others.
+    fn members(side: impl Fn([f32; 3]) -> f32) -> [Members; 2] {
+        let mut both = [[0; WINDOW * WINDOW]; 2];
+        for at in 0..WINDOW.pow(3) {
+            let u = [at % WINDOW, at / WINDOW % WINDOW, at / WINDOW / WINDOW].map(from_middle);
+            both[usize::from(side(u) >= 0.0)][at / WINDOW] |= 1 << (at % WINDOW);
+        }
+        both
+    }
+
+    #[test]
+    fn planes_are_found_where_they_are() {
+        let fit = Fit::new();
+        let (mut squares, mut turned) = (0.0, 0.0);
+        // Directions of a spiral on the sphere, none of them along the grid.
+        for i in 0..400_u16 {
+            let (height, turn) = ((f32::from(i) + 0.5) / 200.0 - 1.0, 2.399_963 * f32::from(i));
+            let across = (1.0 - height * height).sqrt();
+            let direction = [across * turn.cos(), across * turn.sin(), height];
+            let dot = |u: [f32; 3]| (0..3).map(|a| u[a] * direction[a]).sum::<f32>();
+            let along = f32::from(i % 9) / 10.0 - 0.4;
+            let [mut one, mut other] = members(|u| dot(u) - along);
+            let wall = fit.wall(&mut one, &mut other).unwrap();
+            squares += (wall.along - along).powi(2);
+            turned += dot(wall.normal).min(1.0).acos();
+        }
+        let (rms, turned) = ((squares / 400.0).sqrt(), (turned / 400.0).to_degrees());
+        assert!(rms < 0.09 && turned < 2.0, "{rms} {turned}");
+    }
+
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "to single precision, as the sums have it")]
+    fn a_sum_is_inverted() {
+        for x in [-0.99_f64, -0.5, 0.0, 0.1, 0.77] {
+            // Simpson's rule on (3.6 - 1.6 t^2) phi(t).
+            let slope = |t: f64| (3.6 - 1.6 * t * t) * (-t * t / 2.0).exp() / std::f64::consts::TAU.sqrt();
+            let (n, h) = (200, x / 200.0);
+            let odd = |i: usize| if i % 2 == 1 { 4.0 } else { 2.0 };
+            let inner: f64 = (1..n).map(|i| odd(i) * slope(i as f64 * h)).sum();
+            let share = (slope(0.0) + inner + slope(x)) * h / 3.0;
+            assert!((f64::from(place(share as f32)) - x).abs() < 1e-4, "{x} {share}");
+        }
+    }
+}

@@ -1,0 +1,358 @@
+//! The surfaces of all labels, layer by layer: a vertex in each cell that a wall passes through, and around each edge
+//! between two labels a polygon, which is part of the surfaces of both.
+//!
+//! A cell has one place for all its labels, and a polygon is cut the same way for both of its labels, so that neighbours
+//! have the very same triangles, turned round. Each label has vertices of its own, one for each sheet of its surface in
+//! a cell.
+
+use std::collections::HashMap;
+use std::io;
+
+use super::cell::{Corners, distinct, knots, sheets};
+use super::field::{Field, MARGIN};
+use super::parts::Parts;
+use super::place::Placing;
+use crate::cpu::{Isa, Kernel, dispatch};
+use crate::enclosed::Rows;
+use crate::export::cases::{EDGES, others};
+use crate::export::dual::{along, distance};
+use crate::export::patch::{corner_at, singles};
+use crate::export::write::{counted, unit};
+use crate::geom::Affine;
+
+/// One label in a cell: the number of its first vertex, and where its sheets are, if there are several.
+#[derive(Clone, Copy, Debug)]
+struct Share {
+    label: u16,
+    first: u32,
+    sheets: Option<u32>,
+    normal: [f32; 3],
+}
+
+/// A cell that a wall passes through.
+#[derive(Clone, Copy, Debug)]
+struct Cell {
+    x: u32,
+    corners: Corners,
+    /// In mm.
+    at: [f32; 3],
+    shares: [u32; 2],
+}
+
+/// The cells of a layer.
+#[derive(Default)]
+struct Layer {
+    cells: Rows<Cell>,
+    shares: Vec<Share>,
+    sheets: Vec<[u8; EDGES]>,
+}
+
+impl Layer {
+    fn clear(&mut self) {
+        self.cells.clear();
+        self.shares.clear();
+        self.sheets.clear();
+    }
+
+    #[inline(always)]
+    fn share(&self, cell: &Cell, label: u16) -> Option<&Share> {
+        let shares = self.shares.get(cell.shares[0] as usize..cell.shares[1] as usize)?;
+        shares.iter().find(|share| share.label == label)
+    }
+
+    /// The number of a label's vertex in a cell, for the sheet that crosses an edge.
+    #[inline(always)]
+    fn vertex(&self, cell: &Cell, label: u16, edge: usize) -> u32 {
+        let Some(share) = self.share(cell, label) else { return 0 };
+        let sheets = share.sheets.and_then(|at| self.sheets.get(at as usize));
+        share.first + sheets.map_or(0, |sheet_of| u32::from(sheet_of[edge]))
+    }
+}
+
+/// A knot: the axis across its face, the cell above that, and the corner of that cell that it goes around.
+type Knot = (usize, [u32; 3], usize);
+
+/// What the cells around an edge are: along the two other axes, whether they are one less.
+const AROUND: [[usize; 2]; 4] = [[1, 1], [0, 1], [0, 0], [1, 0]];
+
+/// Makes the polygons of one layer of cells after the other.
+pub(super) struct Mesher<'a> {
+    /// Middle of a cell, in its numbers, to mm.
+    to_mm: Affine,
+    placing: Placing<'a>,
+    mirrored: bool,
+    here: Layer,
+    below: Layer,
+    /// The cells of four rows by their places: bit 0 and 1 of a row's number are set where it is one less along y and z.
+    near: [Vec<Option<Cell>>; 4],
+    knots: HashMap<(Knot, u16), u32>,
+    pub(super) parts: Parts,
+}
+
+/// An edge between two labels, and the cells around it.
+struct Edge {
+    axis: usize,
+    cell: [u32; 3],
+    around: [Cell; 4],
+}
+
+impl Edge {
+    /// Is a cell around it of the layer below?
+    fn is_below(&self, which: usize) -> bool {
+        let [b, c] = others(self.axis);
+        (AROUND[which][0] << b | AROUND[which][1] << c) >> 2 & 1 == 1
+    }
+
+    /// The cells on the two sides of a face between two cells that follow each other, the higher one last.
+    fn sides(side: usize) -> [usize; 2] {
+        [[0, 1], [1, 2], [3, 2], [0, 3]][side]
+    }
+
+    /// The knot in such a face that the polygon runs through, if it has knots.
+    #[inline(always)]
+    fn knot(&self, side: usize) -> Option<Knot> {
+        let [b, c] = others(self.axis);
+        let across = if side.is_multiple_of(2) { b } else { c };
+        let [_, high] = Self::sides(side);
+        let less = AROUND[high];
+        let around = knots(&self.around[high].corners, across, 0)?;
+        let low_end = less[0] << b | less[1] << c;
+        let corner = if around.contains(&low_end) { low_end } else { low_end | 1 << self.axis };
+        let mut cell = self.cell;
+        cell[b] -= u32::from(less[0] == 1);
+        cell[c] -= u32::from(less[1] == 1);
+        Some((across, cell, corner))
+    }
+}
+
+impl<'a> Mesher<'a> {
+    pub(super) fn new(to_mm: Affine, placing: Placing<'a>, parts: Parts) -> Self {
+        Self {
+            mirrored: to_mm.determinant() < 0.0,
+            to_mm,
+            placing,
+            here: Layer::default(),
+            below: Layer::default(),
+            near: Default::default(),
+            knots: HashMap::new(),
+            parts,
+        }
+    }
+
+    /// Takes the cells between the two middle slices of the field, to which a slice was added.
+    ///
+    /// # Errors
+    /// The disk's, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
+    pub(super) fn next(&mut self, field: &Field) -> io::Result<()> {
+        // The first layer has its upper slice in the model's box.
+        let Some(z) = field.taken().checked_sub(MARGIN) else { return Ok(()) };
+        let z = counted(z as u64)?;
+        std::mem::swap(&mut self.below, &mut self.here);
+        self.here.clear();
+        self.knots.retain(|((_, cell, _), _), _| cell[2] + 1 >= z);
+        if field.is_void() {
+            return Ok(());
+        }
+        dispatch(Step { mesher: self, field, z })
+    }
+
+    /// Makes the vertices of a row of cells.
+    #[inline(always)]
+    fn row(&mut self, field: &Field, y: usize, z: u32) -> io::Result<()> {
+        const CHUNK: usize = 32;
+        let rows = field.around(y);
+        let width = rows.iter().map(|row| row.len()).min().unwrap_or(0);
+        let rows = rows.map(|row| &row[..width]);
+        let mut start = 1;
+        while start < width {
+            let end = (start + CHUNK).min(width);
+            let first = rows[0][start];
+            let differs =
+                |row: &[u16]| row[start - 1..end].iter().fold(0, |any, label| any | (label ^ first));
+            if rows.into_iter().map(differs).fold(0, |any, some| any | some) != 0 {
+                for x in start..end {
+                    let corners = std::array::from_fn(|i| rows[i >> 1][x - 1 + (i & 1)]);
+                    if corners.iter().any(|label| *label != corners[0]) {
+                        self.cell(field, [x, y], z, corners)?;
+                    }
+                }
+            }
+            start = end;
+        }
+        self.here.cells.end_row();
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn cell(&mut self, field: &Field, [x, y]: [usize; 2], z: u32, corners: Corners) -> io::Result<()> {
+        let (labels, count) = distinct(&corners);
+        let spot = self.placing.place(field, [x, y], &corners, &labels[..count]);
+        let [column, row] = [x, y].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
+        let cell = [column, row, z];
+        let at = self.mm(cell, spot.at);
+        let begin = self.here.shares.len();
+        for (label, normal) in labels[..count].iter().zip(spot.normals) {
+            let case = sheets(&corners, *label);
+            let part = usize::from(*label) - 1;
+            let first = self.parts.vertex(part, &[at, normal])?;
+            let mut sheets = None;
+            if let Some(case) = case {
+                for _ in 1..case.patches {
+                    self.parts.vertex(part, &[at, normal])?;
+                }
+                if case.patches > 1 {
+                    sheets = u32::try_from(self.here.sheets.len()).ok();
+                    self.here.sheets.push(case.patch_of);
+                }
+            }
+            self.here.shares.push(Share { label: *label, first, sheets, normal });
+        }
+        let shares = [begin, self.here.shares.len()].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
+        self.here.cells.push(Cell { x: cell[0], corners, at, shares });
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn mm(&self, cell: [u32; 3], within: [f64; 3]) -> [f32; 3] {
+        let at =
+            [f64::from(cell[0]) + within[0], f64::from(cell[1]) + within[1], f64::from(cell[2]) + within[2]];
+        let rows = &self.to_mm.rows;
+        singles([along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)])
+    }
+
+    /// Makes the polygons whose last cell lies in this layer.
+    fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
+        self.near.iter_mut().for_each(|row| row.resize(width, None));
+        for row in 1..height {
+            self.near.swap(0, 1);
+            self.near.swap(2, 3);
+            for (cells, near) in [(&self.here.cells, 0), (&self.below.cells, 2)] {
+                for cell in cells.row(row) {
+                    self.near[near][cell.x as usize] = Some(*cell);
+                }
+            }
+            for at in 0..self.here.cells.row(row).len() {
+                let cell = self.here.cells.row(row)[at];
+                for axis in 0..3 {
+                    let ends = [cell.corners[0], cell.corners[1 << axis]];
+                    if ends[0] != ends[1] {
+                        let number = [cell.x, u32::try_from(row).unwrap_or(u32::MAX), z];
+                        self.polygon(axis, number, ends)?;
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// A cell near the last of four rows: bit 0, 1, 2 of `less` say whether it is one less along x, y, z.
+    #[inline(always)]
+    fn near(&self, x: u32, less: usize) -> Option<Cell> {
+        *self.near[less >> 1].get((x as usize).wrapping_sub(less & 1))?
+    }
+
+    /// The polygon around the edge along an axis in the lowest corner of a cell, for both labels at its ends.
+    #[inline(always)]
+    fn polygon(&mut self, axis: usize, cell: [u32; 3], ends: [u16; 2]) -> io::Result<()> {
+        let [b, c] = others(axis);
+        let [i, j, k, l] = AROUND;
+        let (Some(p), Some(q), Some(r), Some(s)) = (
+            self.near(cell[0], i[0] << b | i[1] << c),
+            self.near(cell[0], j[0] << b | j[1] << c),
+            self.near(cell[0], k[0] << b | k[1] << c),
+            self.near(cell[0], l[0] << b | l[1] << c),
+        ) else {
+            return Ok(());
+        };
+        let edge = Edge { axis, cell, around: [p, q, r, s] };
+        let found = [edge.knot(0), edge.knot(1), edge.knot(2), edge.knot(3)];
+        let is_across = distance(q.at, s.at) < distance(p.at, r.at);
+        for (which, label) in ends.into_iter().enumerate().filter(|(_, label)| *label != 0) {
+            let mut corners = [0; 4];
+            for (i, corner) in corners.iter_mut().enumerate() {
+                // The edge as the cell has it: high along the axes where the cell is one less.
+                let within = 4 * axis + AROUND[i][0] + 2 * AROUND[i][1];
+                *corner = self.layer_of(&edge, i).vertex(&edge.around[i], label, within);
+            }
+            let mut between = [None; 4];
+            for (side, number) in between.iter_mut().enumerate() {
+                *number = found[side].map(|knot| self.knot(&edge, side, knot, label)).transpose()?;
+            }
+            let reversed = (which == 1) ^ (axis == 1) ^ self.mirrored;
+            self.cut(usize::from(label) - 1, corners, between, [is_across, reversed])?;
+        }
+        Ok(())
+    }
+
+    fn layer_of(&self, edge: &Edge, which: usize) -> &Layer {
+        if edge.is_below(which) { &self.below } else { &self.here }
+    }
+
+    /// Cuts a polygon of four cells' corners, and of knots between them, into triangles.
+    #[inline(always)]
+    fn cut(
+        &mut self,
+        part: usize,
+        [p, q, r, s]: [u32; 4],
+        [pq, qr, rs, sp]: [Option<u32>; 4],
+        [is_across, reversed]: [bool; 2],
+    ) -> io::Result<()> {
+        let halves = if is_across {
+            [(q, qr, r, rs, s), (s, sp, p, pq, q)]
+        } else {
+            [(p, pq, q, qr, r), (r, rs, s, sp, p)]
+        };
+        for (a, ab, b, bc, c) in halves {
+            let triangles = match (ab, bc) {
+                (None, None) => [Some([a, b, c]), None, None],
+                (Some(ab), None) => [Some([ab, b, c]), Some([a, ab, c]), None],
+                (None, Some(bc)) => [Some([a, b, bc]), Some([a, bc, c]), None],
+                (Some(ab), Some(bc)) => [Some([ab, b, bc]), Some([a, ab, bc]), Some([a, bc, c])],
+            };
+            for [x, y, z] in triangles.into_iter().flatten() {
+                self.parts.triangle(part, if reversed { [x, z, y] } else { [x, y, z] })?;
+            }
+        }
+        Ok(())
+    }
+
+    /// A label's vertex of a knot.
+    #[inline(never)]
+    fn knot(&mut self, edge: &Edge, side: usize, knot: Knot, label: u16) -> io::Result<u32> {
+        if let Some(known) = self.knots.get(&(knot, label)) {
+            return Ok(*known);
+        }
+        let (across, cell, corner) = knot;
+        let mut within = corner_at(corner).map(|c| c * self.placing.knot());
+        within[across] = -0.5;
+        let normals = Edge::sides(side).map(|which| {
+            let share = self.layer_of(edge, which).share(&edge.around[which], label);
+            share.map_or([0.0; 3], |share| share.normal)
+        });
+        let normal = unit(std::array::from_fn(|a| normals[0][a] + normals[1][a]));
+        let number = self.parts.vertex(usize::from(label) - 1, &[self.mm(cell, within), normal])?;
+        self.knots.insert((knot, label), number);
+        Ok(number)
+    }
+}
+
+/// Makes the vertices of a layer, then its polygons.
+struct Step<'s, 'a> {
+    mesher: &'s mut Mesher<'a>,
+    field: &'s Field,
+    z: u32,
+}
+
+impl Kernel for Step<'_, '_> {
+    type Output = io::Result<()>;
+
+    #[inline(always)]
+    fn run(self, _: impl Isa) -> io::Result<()> {
+        let Self { mesher, field, z } = self;
+        mesher.here.cells.end_row();
+        for y in 1..field.height() {
+            mesher.row(field, y, z)?;
+        }
+        mesher.join(field.height(), field.width(), z)
+    }
+}

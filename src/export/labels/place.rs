@@ -1,0 +1,138 @@
+//! Where the walls of a cell have their corner, and the normals of its labels there.
+
+use super::cell::Corners;
+use super::field::Field;
+use super::fit::{Fit, Wall};
+use crate::export::patch::singles;
+use crate::export::write::unit;
+use crate::render::GridSpace;
+
+/// Most that a corner is moved along an axis: it stays in its cell, apart from those of other cells.
+const WITHIN: f64 = 0.49;
+/// Keeps the corner of several walls near the middle where they do not say more, as a part of a wall's weight.
+const STAY: f64 = 0.05;
+/// How far a knot lies from the middle of its face towards a sample, in parts of the way; where no corner is moved,
+/// it only keeps pairs of polygons apart.
+const KNOT: f64 = 0.5;
+const SLIGHT: f64 = 1.0 / 32.0;
+
+/// A corner within its cell, in voxels from the middle, and the normals of the cell's labels in mm.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spot {
+    pub(super) at: [f64; 3],
+    pub(super) normals: [[f32; 3]; 8],
+}
+
+/// How corners are placed.
+pub(super) struct Placing<'a> {
+    space: &'a GridSpace,
+    fit: Fit,
+    /// Most voxels along an axis that a corner is moved from the middle of its cell.
+    most: f64,
+}
+
+impl<'a> Placing<'a> {
+    /// Corners are moved by at most so many voxels along each axis; at 0 walls are those between the samples' boxes.
+    pub(super) fn new(space: &'a GridSpace, most: f64) -> Self {
+        Self { space, fit: Fit::new(), most: most.clamp(0.0, WITHIN) }
+    }
+
+    /// How far a knot lies from the middle of its face, in parts of the way to a sample.
+    pub(super) fn knot(&self) -> f64 {
+        if self.most > 0.0 { KNOT } else { SLIGHT }
+    }
+
+    /// Places the corner of the cell before sample `at` of the field's middle; `labels` are those of `corners`.
+    #[inline(always)]
+    pub(super) fn place(&self, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
+        if self.most == 0.0 {
+            return Spot::default();
+        }
+        let with_none = corners.contains(&0);
+        let mut spot = match (labels, with_none) {
+            ([label], _) => self.between(field, at, corners, [*label, 0]),
+            ([one, other], false) => self.between(field, at, corners, [*one, *other]),
+            _ => self.among(field, at, corners, labels),
+        };
+        spot.at = spot.at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 });
+        spot
+    }
+
+    /// The wall between two labels.
+    #[inline(always)]
+    fn between(&self, field: &Field, at: [usize; 2], corners: &Corners, [one, other]: [u16; 2]) -> Spot {
+        let Some(wall) = self.wall(field, at, corners, one, Some(other)) else {
+            return Spot::default();
+        };
+        let mut spot = Spot { at: wall.normal.map(|c| f64::from(c * wall.along)), ..Spot::default() };
+        let normal = self.normal(&wall);
+        spot.normals[0] = normal;
+        spot.normals[1] = normal.map(|c| -c);
+        spot
+    }
+
+    /// The wall between a label and another, or all others, parting the samples of the cell.
+    #[inline(always)]
+    fn wall(
+        &self,
+        field: &Field,
+        at: [usize; 2],
+        corners: &Corners,
+        one: u16,
+        other: Option<u16>,
+    ) -> Option<Wall> {
+        let [mut a, mut b] = field.members(at, one, other);
+        let wall = self.fit.wall(&mut a, &mut b)?;
+        let gap = wall.gap(corners, one);
+        if gap[0] < wall.along && wall.along < gap[1] {
+            return Some(wall);
+        }
+        // Other walls nearby have drawn it.
+        let wall = self.fit.again(&wall.half_way(gap), &mut a, &mut b)?;
+        let gap = wall.gap(corners, one);
+        Some(if gap[0] < gap[1] {
+            Wall { along: wall.along.clamp(gap[0], gap[1]), ..wall }
+        } else {
+            wall.half_way(gap)
+        })
+    }
+
+    /// The point nearest to the walls of several labels, each against all others.
+    #[inline(never)]
+    fn among(&self, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
+        let mut spot = Spot::default();
+        let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+        (0..3).for_each(|a| matrix[a][a] = STAY);
+        for (i, label) in labels.iter().chain(corners.contains(&0).then_some(&0)).enumerate() {
+            let Some(wall) = self.wall(field, at, corners, *label, None) else { continue };
+            let normal = wall.normal.map(f64::from);
+            for a in 0..3 {
+                (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);
+                right[a] += normal[a] * f64::from(wall.along);
+            }
+            if let Some(of_label) = spot.normals.get_mut(i).filter(|_| *label != 0) {
+                *of_label = self.normal(&wall);
+            }
+        }
+        spot.at = solved(&matrix, right);
+        spot
+    }
+
+    fn normal(&self, wall: &Wall) -> [f32; 3] {
+        unit(singles(self.space.index_normal_to_world(wall.normal.map(f64::from))))
+    }
+}
+
+/// The solution of three equations, by Cramer's rule.
+fn solved(matrix: &[[f64; 3]; 3], right: [f64; 3]) -> [f64; 3] {
+    let determinant = |m: &[[f64; 3]; 3]| {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    let whole = determinant(matrix);
+    std::array::from_fn(|column| {
+        let mut with = *matrix;
+        (0..3).for_each(|row| with[row][column] = right[row]);
+        determinant(&with) / whole
+    })
+}
