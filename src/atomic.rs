@@ -103,15 +103,18 @@ impl AtomicFile {
         const PAUSE: Duration = Duration::from_millis(50);
         thread::scope(|scope| {
             let (working, done) = mpsc::channel::<()>();
-            let syncing = scope.spawn(move || {
+            let sync = move || {
                 while done.recv_timeout(PAUSE) == Err(mpsc::RecvTimeoutError::Timeout) {
                     self.file().sync_data()?;
                 }
                 Ok(())
-            });
+            };
+            // Without another thread the commit has all to wait for.
+            let syncing = thread::Builder::new().spawn_scoped(scope, sync);
             let result = work();
             drop(working);
-            syncing.join().unwrap_or(Ok(())).map(|()| result)
+            let synced = syncing.map_or(Ok(()), |thread| thread.join().unwrap_or(Ok(())));
+            synced.map(|()| result)
         })
     }
 

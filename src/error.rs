@@ -85,6 +85,8 @@ pub enum UsageError {
     Unlabelled { path: PathBuf },
     #[error("{}: has no labels but one surface; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}", shown(.path))]
     OneSurface { path: PathBuf },
+    #[error("{}: walls are moved by 0 to half a voxel; choose {SMOOTH} in between", shown(.path))]
+    SmoothRange { path: PathBuf },
     #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
     NoLabel {
         path: PathBuf,

@@ -184,20 +184,7 @@ impl Job<'_> {
         }
         let channels = StoredChannels { forms, lod: self.options.lod, leaves: self.options.joins() };
         let mut metadata = self.metadata(solid, &totals.found);
-        if let Some(stage) =
-            self.reducer(solid.dims(), &channels, &scratch, metadata.spacing_mm, seen.as_ref())
-        {
-            let (error, hidden) = self.reduce(solid, stage, &plan)?;
-            metadata.error = Some(error);
-            totals.hidden = hidden;
-            totals.skin -= hidden;
-            if totals.skin == 0 && hidden > 0 {
-                return Err(BuildError::from(BuildFault::NothingVisible {
-                    name: solid.name(),
-                    boxes: hidden,
-                }));
-            }
-        }
+        metadata.error = self.join_cells(solid, &channels, &plan, &scratch, (seen.as_ref(), &mut totals))?;
         let census = Census::take(solid.dims(), &region, &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
@@ -396,35 +383,34 @@ impl Job<'_> {
         Ok(seen.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 
-    /// What joins cells into larger leaves, if that is asked for.
-    fn reducer<'a>(
-        &self,
-        dims: Dims,
-        channels: &'a StoredChannels,
-        scratch: &'a Scratch,
-        spacing_mm: [f64; 3],
-        seen: Option<&'a BitVolume>,
-    ) -> Option<Reduce<'a>> {
-        let error = self.options.error.filter(|_| channels.leaves)?;
-        let bound = Bound::new(error.voxels(spacing_mm), spacing_mm);
-        Some(Reduce::new(dims, scratch, channels, bound, seen))
-    }
-
-    /// Joins cells into larger leaves; gives what was measured, and how many are left out because they cannot be seen.
-    fn reduce(
+    /// Joins cells into larger leaves, if that is asked for, and then leaves out those that cannot be seen; gives the bound
+    /// and what was measured.
+    fn join_cells(
         &self,
         solid: &dyn Solid,
-        stage: Reduce<'_>,
+        channels: &StoredChannels,
         plan: &ColumnPlan,
-    ) -> Result<(ErrorBound, u64), BuildError> {
+        scratch: &Scratch,
+        (seen, totals): (Option<&BitVolume>, &mut ScanTotals),
+    ) -> Result<Option<ErrorBound>, BuildError> {
+        let Some(error) = self.options.error.filter(|_| channels.leaves) else { return Ok(None) };
         let bricks = solid.dims().to_array().map(|n| u64::from(n.div_ceil(BRICK)));
         self.progress.stage("join", bricks.iter().product());
+        let spacing_mm = solid.metadata(&totals.found).spacing_mm;
+        let bound = Bound::new(error.voxels(spacing_mm), spacing_mm);
+        let stage = Reduce::new(solid.dims(), scratch, channels, bound, seen);
         parallel::run_stage(plan.threads, self.options.memory, self.progress, &|stop| {
-            let _memory = self.part(solid, plan, reduce::worker_bytes(stage.forms()))?;
+            let _memory = self.part(solid, plan, reduce::worker_bytes(&channels.forms))?;
             stage.work(stop, self.progress)
         })?;
         self.progress.check()?;
-        Ok(stage.found())
+        let (bound, hidden) = stage.found();
+        totals.hidden = hidden;
+        totals.skin -= hidden;
+        if totals.skin == 0 && hidden > 0 {
+            return Err(BuildError::from(BuildFault::NothingVisible { name: solid.name(), boxes: hidden }));
+        }
+        Ok(Some(bound))
     }
 
     fn merge(

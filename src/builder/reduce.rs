@@ -87,11 +87,6 @@ impl<'a> Reduce<'a> {
         }
     }
 
-    /// The channels that are reduced.
-    pub(super) fn forms(&self) -> &[ChannelForm] {
-        &self.channels.forms
-    }
-
     /// One worker: groups until there are none.
     pub(super) fn work(&self, stop: &dyn Fn() -> bool, progress: &dyn Progress) -> Result<(), BuildError> {
         let mut worker = Worker {

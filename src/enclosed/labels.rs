@@ -49,14 +49,17 @@ pub(super) fn settle_labels(
     beyond_skin: &dyn Fn(u16) -> u64,
     fates: &mut Fates,
 ) -> u64 {
-    hollows
-        .sort_by(|a, b| a.label.cmp(&b.label).then(b.inward.total_cmp(&a.inward)).then(a.name.cmp(&b.name)));
+    hollows.sort_by(|a, b| {
+        let by_normals = a.label.cmp(&b.label).then(b.inward.total_cmp(&a.inward));
+        by_normals.then(b.voxels.cmp(&a.voxels)).then(a.name.cmp(&b.name))
+    });
     let mut unknown = 0;
     for of_label in hollows.chunk_by(|a, b| a.label == b.label) {
         let wanted = beyond_skin(of_label[0].label);
         let sum = |some: &[Hollow]| some.iter().map(|hollow| hollow.voxels).sum::<u64>();
-        // The likelier ones, or else the likeliest that have just so many voxels.
-        let likelier = of_label.iter().take_while(|hollow| hollow.inward > 0.0).count();
+        // The likelier ones, all without normals; or else the likeliest, and of those the largest, that have just so many
+        // voxels.
+        let likelier = of_label.iter().take_while(|hollow| hollow.inward >= 0.0).count();
         let fits = |count: &usize| sum(&of_label[..*count]) == wanted;
         let fitting = std::iter::once(likelier).find(fits).or_else(|| {
             let mut so_far = 0;
@@ -76,4 +79,31 @@ pub(super) fn settle_labels(
         }
     }
     unknown
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn without_normals_the_largest_that_fit_are_inside_or_all() {
+        let hollows = |sizes: &[u64]| {
+            (0..)
+                .zip(sizes)
+                .map(|(name, voxels)| Hollow { name, label: 1, voxels: *voxels, inward: 0.0 })
+                .collect::<Vec<_>>()
+        };
+        for (sizes, wanted, unknown, inside) in [
+            (&[30, 1000][..], 1000, 0, &[1][..]),
+            (&[30, 1000, 7], 1030, 0, &[0, 1]),
+            (&[30, 1000], 900, 1030, &[0, 1]),
+            (&[30, 1000], 0, 0, &[]),
+        ] {
+            let mut fates = Fates::of(sizes.len());
+            assert_eq!(settle_labels(hollows(sizes), &|_| wanted, &mut fates), unknown, "{sizes:?} {wanted}");
+            let found: Vec<usize> =
+                (0..sizes.len()).filter(|i| fates.side_of(*i) == Some(Side::Inside)).collect();
+            assert_eq!(found, inside, "{sizes:?} {wanted}");
+        }
+    }
 }

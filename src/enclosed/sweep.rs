@@ -61,6 +61,18 @@ pub(crate) struct Fates {
 }
 
 impl Fates {
+    /// Of so many components, of which nothing is known.
+    #[cfg(test)]
+    pub(super) fn of(count: usize) -> Self {
+        let parents = (0..).take(count).collect();
+        Self { parents, sides: vec![None; count], hollows: Vec::new() }
+    }
+
+    #[cfg(test)]
+    pub(super) fn side_of(&self, name: usize) -> Option<Side> {
+        self.sides[name]
+    }
+
     fn root(&self, mut name: u32) -> u32 {
         // A name's parent is smaller, so this ends.
         while let Some(parent) = self.parents.get(name as usize).filter(|parent| **parent < name) {

@@ -460,7 +460,11 @@ fn model(bytes: &[u8]) -> bool {
     // A mask of the largest grid takes longer than a case may.
     if view.depth() <= 8 {
         for (form, simplify) in ExportForm::ALL.into_iter().zip(0..) {
-            let request = ExportRequest { form, skin_only: false, simplify: simplify % 3, smooth: None };
+            // Surfaces of labels are not simplified, and others are not moved.
+            let has_labels = view.labels().is_some();
+            let simplify = if has_labels { 0 } else { simplify % 3 };
+            let smooth = has_labels.then(|| f64::from(bytes.last().copied().unwrap_or(0)) / 510.0);
+            let request = ExportRequest { form, skin_only: false, simplify, smooth };
             if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
                 told(&refused.to_string());
             }

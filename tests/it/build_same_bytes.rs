@@ -75,7 +75,8 @@ fn odd_volumes_give_the_same_file_at_any_budget_and_thread_count() {
         let raw = folder.path().join("v.raw");
         waves(&raw, dims, seed as u64);
         let extra = ["--iso", "-2000", "--channels", "normal,value"];
-        same_at(&raw, dims, &extra, &["8MiB", "1GiB"], &["1", "2", "5"]);
+        // The unoptimised program's own code takes more than 8 MiB leaves.
+        same_at(&raw, dims, &extra, &["10MiB", "1GiB"], &["1", "2", "5"]);
         let cells = ["--iso", "-2000", "--surface", "cells"];
         same_at(&raw, dims, &cells, &["12MiB", "1GiB"], &["1", "2", "5"]);
     }

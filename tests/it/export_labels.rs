@@ -398,6 +398,18 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     oct(&["export", &m, "-o", &at("m.stl"), "--simplify", "1"]).refused(2, &["cannot be simplified"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);
     oct(&["export", &m]).refused(2, &["--output"]);
+    let nan = ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0, smooth: Some(f64::NAN) };
+    let refused = export(Path::new(&m), Path::new(&at("m.stl")), nan, &Silent).unwrap_err();
+    assert!(refused.to_string().contains("0 to half a voxel"), "{refused}");
+    // What is kept in part has no inside, of labels neither.
+    let raw = at("map.raw");
+    let solid = |i: u32| u8::from([i % 24, i / 24 % 24, i / 576].iter().all(|c| (4..20).contains(c)));
+    fs::write(&raw, (0..24 * 24 * 24).map(solid).collect::<Vec<_>>()).unwrap();
+    let (part, args) = (at("part.oct"), ["--dims", "24x24x24", "--dtype", "u8", "--labels", "all"]);
+    let built = oct(&[&["build", &raw, "-o", &part, "--visible-from", "0,-90,0"][..], &args].concat());
+    assert_eq!(built.code, 0, "{}", built.stderr);
+    oct(&["export", &part, "-o", &at("m.stl")]).refused(2, &["keeps only what can be seen"]);
+    oct(&["export", &part, "--each", &at("each")]).refused(2, &["keeps only what can be seen"]);
     assert!(!folder.path().join("each").exists() && !folder.path().join("m.stl").exists());
     let run = oct(&["export", &m, "--each", &at("each"), "--as", "obj"]);
     assert!(run.code == 0 && run.stdout.contains("5 labels, "), "{}{}", run.stdout, run.stderr);

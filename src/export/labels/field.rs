@@ -3,11 +3,15 @@
 //! Memory: the last eight slices of the model's box, two bytes a sample.
 
 use crate::enclosed::{Side, Sweep};
+use crate::export::ExportFault;
 
 use super::fit::{Members, WINDOW};
 
 /// Columns and rows without labels around the box, and slices before and behind it: half of a window.
 pub(super) const MARGIN: usize = WINDOW / 2;
+
+/// Most samples of a slice, of which eight are held.
+const MAX_SAMPLES: u64 = 1 << 27;
 
 /// The last slices; samples are parts of a table of labels, from 1 on, and 0 for none.
 pub(super) struct Field {
@@ -22,15 +26,22 @@ pub(super) struct Field {
 
 impl Field {
     /// A box of so many samples, behind [`MARGIN`] slices without labels.
-    pub(super) fn new([width, height]: [usize; 2]) -> Self {
+    ///
+    /// # Errors
+    /// [`ExportFault::BroadLabels`]
+    pub(super) fn new([width, height]: [usize; 2]) -> Result<Self, ExportFault> {
         let [width, height] = [width, height].map(|side| side + 2 * MARGIN);
-        Self {
+        let samples = width as u64 * height as u64;
+        if samples > MAX_SAMPLES {
+            return Err(ExportFault::BroadLabels { samples });
+        }
+        Ok(Self {
             width,
             height,
             ring: std::array::from_fn(|_| vec![0; width * height]),
             filled: [false; WINDOW],
             taken: 0,
-        }
+        })
     }
 
     pub(super) fn height(&self) -> usize {

@@ -72,7 +72,7 @@ impl Exporter<'_> {
         let to_mm = self.affine.starting_at(std::array::from_fn(|a| f64::from(low[a]) - before[a]));
         let parts = Parts::new(scratch::unnamed(scratch)?, labels.len());
         let mut mesher = Mesher::new(to_mm, Placing::new(self.space, smooth), parts);
-        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize));
+        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
         self.label_slices(bounds, Some(fates), progress, &mut |sweep| {
             field.take(Some(sweep), &part_of);
             mesher.next(&field)
@@ -107,7 +107,7 @@ impl Exporter<'_> {
         let numbers: Vec<u16> = (0..=u16::MAX).collect();
         let mut mask = Mask::new(out, form, self.dims, &self.affine, true)?;
         mask.empty_until(low[2])?;
-        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize));
+        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
         self.label_slices(bounds, fates, progress, &mut |sweep| {
             field.take(Some(sweep), &numbers);
             mask.label_slice(|y, row| {

@@ -130,7 +130,7 @@ impl ThreeMf {
         self.crc.update(&self.text);
         self.out.write_all(&self.text)?;
         self.text.clear();
-        Ok(())
+        counted(self.out.total_in()).map(|_| ())
     }
 
     /// Completes the object that was begun last.

@@ -9,7 +9,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{
-    ExportReport, ExportRequest, MAX_SMOOTH, exporter_of, failed, folder_of, is_far, refuse_input, warnings,
+    ExportReport, ExportRequest, MAX_SMOOTH, exporter_of, failed, folder_of, is_far, refuse_input,
+    refuse_part, warnings,
 };
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
@@ -41,10 +42,10 @@ pub struct LabelSurface {
 }
 
 /// Writes the surface of each label of the model at `input` into a file of its own in `folder`, which is made if it is
-/// missing. Files are named by the labels' names, or their numbers where names are missing or the same.
+/// missing. Files are named by the labels' names, with their numbers where names are missing or the same.
 ///
 /// The surfaces are those of [`export`](super::export) to one file: closed, and where two labels touch both have the
-/// same triangles. Memory, disk and cost are the same, too.
+/// same triangles. Memory, disk and cost are those of one file.
 ///
 /// # Errors
 /// As [`export`](super::export); the model has no labels. Files of labels before the one that failed stay.
@@ -61,6 +62,7 @@ pub fn export_each(
     if model.frame().labels.is_empty() {
         return Err(UsageError::OneSurface { path: input.to_path_buf() }.into());
     }
+    refuse_part(&model, input, request)?;
     let unwritable = |path: &Path, cause| Error::Output { path: path.to_path_buf(), cause };
     fs::create_dir_all(folder).map_err(|cause| unwritable(folder, cause))?;
     let mesh = mesh(input, folder, folder, &model, request, progress)?;
@@ -150,12 +152,18 @@ fn mesh(
     let give_back = || model.give_back();
     let exporter = exporter_of(model, &view, &space, request, &give_back);
     let smooth = request.smooth.unwrap_or(MAX_SMOOTH);
+    if !(0.0..=MAX_SMOOTH).contains(&smooth) {
+        return Err(UsageError::SmoothRange { path: input.to_path_buf() }.into());
+    }
     let mesh = exporter
         .label_mesh(&model.frame().labels, smooth, scratch, progress)
         .map_err(|stop| failed(stop, model, input, output))?;
     model.check_unchanged(input)?;
     Ok(mesh)
 }
+
+/// Bytes of a label's name in that of its file: file systems hold 255.
+const MAX_NAME: usize = 200;
 
 /// Names of files: those of labels, with the number where there is none or where a label before has the same.
 fn names(labels: &[Label]) -> Vec<String> {
@@ -164,11 +172,16 @@ fn names(labels: &[Label]) -> Vec<String> {
     labels
         .iter()
         .map(|label| {
-            let name: String = part_name(label).chars().take(100).map(plain).collect();
+            let name: String = part_name(label).chars().map(plain).collect();
             // Not hidden, and no option.
-            let name = name.trim_start_matches(['.', '-']).to_owned();
-            let is_new = !name.is_empty() && taken.insert(name.to_lowercase());
-            if is_new { name } else { format!("{name}_{}", label.number) }
+            let mut name = name.trim_start_matches(['.', '-']).to_owned();
+            while name.len() > MAX_NAME {
+                name.pop();
+            }
+            while name.is_empty() || !taken.insert(name.to_lowercase()) {
+                name.push_str(&format!("_{}", label.number));
+            }
+            name
         })
         .collect()
 }
@@ -219,5 +232,9 @@ mod tests {
         let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
         let labels = [label(1, "liver"), label(2, ""), label(3, "Liver"), label(7, "../a b"), label(9, "..")];
         assert_eq!(names(&labels), ["liver", "label_2", "Liver_3", "_a_b", "_9"]);
+        let labels = [label(1, "x"), label(2, "x_3"), label(3, "x"), label(4, &"肝".repeat(100))];
+        let names = names(&labels);
+        assert_eq!(names[..3], ["x", "x_3", "x_3_3"]);
+        assert_eq!(names[3], "肝".repeat(66));
     }
 }

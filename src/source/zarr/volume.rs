@@ -42,8 +42,9 @@ const ROWS_AT_A_TIME: u64 = 70;
 const COLUMN_AT_A_TIME: u64 = 264;
 const SLICES_AT_A_TIME: u64 = 8;
 
-/// Memory of a place of the scratch file: its owner, and that one's entry in a map that may be half empty.
-const PLACE_BYTES: u64 = 56;
+/// Memory of a place of the scratch file: its owner, and that one's entry in a map that may be half empty and grows from one
+/// half as large.
+const PLACE_BYTES: u64 = 136;
 
 /// Most files that are named for a volume, to notice that one of them changes.
 const NAMED: u64 = 1 << 16;
@@ -200,7 +201,10 @@ impl ZarrVolume {
     fn place_count(&self) -> u64 {
         let [[nz, ny, nx], [_, cy, _]] = [self.array.chunks(), self.array.chunk];
         let (slices, all) = (self.unpacking().slices, nz.saturating_mul(self.slabs()));
-        let layers = |count: u64| (1 + count.div_ceil(slices)).min(all);
+        // A chunk may end with a shorter slab.
+        let depth = self.array.chunk[0];
+        let shorter = |count: u64| if depth.is_multiple_of(slices) { 0 } else { count.div_ceil(depth) };
+        let layers = |count: u64| (1 + count.div_ceil(slices) + shorter(count)).min(all);
         let rows = (1 + ROWS_AT_A_TIME.div_ceil(cy)).min(ny).saturating_mul(layers(COLUMN_AT_A_TIME));
         let whole = layers(SLICES_AT_A_TIME).saturating_mul(ny);
         let most = self.chunk_count().saturating_mul(self.slabs());
