@@ -23,7 +23,7 @@ type BoxNormal = Option<[f64; 3]>;
 /// The normals of the boxes that were asked for last.
 #[derive(Clone, Debug)]
 pub(super) struct Kept {
-    /// By what they are of, [`Kept::key`].
+    /// By place and edge of the box.
     found: Vec<(u64, BoxNormal)>,
     /// The last walk: to this cell, by these nodes from the root on.
     to: [u32; 3],
