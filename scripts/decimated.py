@@ -139,6 +139,7 @@ def main():
     parser.add_argument("--mesh")
     parser.add_argument("--raw", nargs=4, metavar=("FILE", "DIMS", "TYPE", "ISO"))
     args = parser.parse_args()
+    args.oct = args.oct.resolve()
     with tempfile.TemporaryDirectory() as folder:
         folder = pathlib.Path(folder)
         for name, field in bodies(args.side).items():
