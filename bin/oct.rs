@@ -197,7 +197,7 @@ impl Build {
         args.refuse_foreign(kind)?;
         let label_names =
             args.names.as_deref().map_or_else(|| Ok(Vec::new()), jobs::names::read_label_names)?;
-        let surface = args.skin.surface(args.mesh.grid.is_thin() || args.labels.is_some());
+        let surface = args.skin.surface(args.mesh.grid.is_thin());
         let usual = match kind {
             SubjectKind::Mesh => usual_channels(surface),
             SubjectKind::Volume | SubjectKind::Tree => Channels::default(),

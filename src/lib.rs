@@ -153,6 +153,7 @@ pub mod synthetic;
 #[doc(hidden)]
 pub mod text;
 pub mod volume;
+mod wall;
 
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};

@@ -73,7 +73,8 @@ impl BrickChannel {
     }
 
     pub(super) fn corner(&self, cell: Corner) -> &[u8] {
-        self.scan.as_chunks::<CORNERS>().0.get(usize::from(cell.scanned)).unwrap_or(&[1; CORNERS])
+        let bytes = self.form.stored_bytes();
+        self.scan.chunks_exact(bytes).nth(cell.scanned.into()).unwrap_or(&[1; CORNERS])
     }
 
     pub(super) fn item_bytes(&self) -> usize {

@@ -23,7 +23,7 @@ use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parall
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::builder::BuildFault;
-use crate::format::{Channel, ErrorBound, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
+use crate::format::{Channel, ErrorBound, LabelForm, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
 use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
@@ -188,15 +188,15 @@ impl Job<'_> {
         let census = Census::take(solid.dims(), &region, &scratch)?;
         let selection = metadata.selection;
         let metadata = metadata.to_bytes()?;
-        let labels = match solid.labels()? {
-            none if none.is_empty() => Vec::new(),
-            labels => labels_to_bytes(&labels)?,
-        };
-        let small = [&metadata[..], &labels];
+        let labels = solid.labels()?;
+        let table_bytes = if labels.is_empty() { 0 } else { labels_to_bytes(&labels)?.len() as u64 };
         let records =
             self.part.map(|part| PartWriter::new(part, solid.dims(), solid.surface(), &channels, &metadata));
         let layout = match &records {
-            None => Layout::new(&census, small.map(|bytes| bytes.len() as u64), &channels),
+            None => {
+                let form = LabelForm::of(solid.surface(), labels.len());
+                Layout::new(&census, [metadata.len() as u64, table_bytes], form, &channels)
+            }
             Some(_) => Layout::default(),
         };
         let target = Target {
@@ -213,7 +213,8 @@ impl Job<'_> {
         let _memory = self.part(solid, &plan, seal::MEMORY_BYTES)?;
         let (file_bytes, entries) = match &records {
             None => {
-                let entries = seal::seal(&target, solid.dims(), solid.surface(), &census, small)?;
+                let entries =
+                    seal::seal(&target, solid.dims(), solid.surface(), &census, &metadata, &labels)?;
                 (entries.last().map_or(0, SectionEntry::end), entries)
             }
             Some(records) => (records.seal(&target, &scratch)?, Vec::new()),

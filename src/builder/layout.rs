@@ -7,7 +7,7 @@ use super::swap::{BrickEntry, Scratch};
 use super::walk::{BrickWalk, GROUP_BRICKS, WalkedBrick};
 use crate::format::cell::{corner_blocks, leaf_blocks};
 use crate::format::{
-    ENTRY_BYTES, HEADER_BYTES, MeanRule, SectionEntry, SectionKind, align_up, most_label_bytes, rank,
+    ENTRY_BYTES, HEADER_BYTES, LabelForm, MeanRule, SectionEntry, SectionKind, align_up, rank,
 };
 use crate::geom::Dims;
 
@@ -166,7 +166,7 @@ impl StoredChannels {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Layout {
     pub(super) entries: Vec<SectionEntry>,
-    /// Where the labels of all voxels stand until their blocks are coded: behind the longest section of blocks.
+    /// Where the labels of all voxels stand until their blocks are coded: behind all sections at their longest.
     pub(super) labels: u64,
 }
 
@@ -174,6 +174,7 @@ impl Layout {
     pub(super) fn new(
         census: &Census,
         [metadata_bytes, table_bytes]: [u64; 2],
+        labels: LabelForm,
         channels: &StoredChannels,
     ) -> Self {
         let nodes = census.nodes();
@@ -194,8 +195,8 @@ impl Layout {
             let kind = SectionKind::Voxels(c.channel);
             match c.channel.row() {
                 row if row.is_sparse => (kind, item_bytes(c), census.corners),
-                // The last section: its length is known when the blocks are coded.
-                row if row.is_coded => (kind, 1, most_label_bytes(census.voxels)),
+                // Its length is known when the blocks are coded.
+                row if row.is_coded => (kind, 1, labels.most_bytes(census.voxels)),
                 _ => (kind, item_bytes(c), census.voxels),
             }
         });

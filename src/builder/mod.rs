@@ -147,13 +147,18 @@ pub(crate) fn reserve_least(
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
     if options.labels.is_some() {
-        let options = options.for_surface(SurfaceKind::Skin);
-        let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(channel)? });
+        let surface = options.volume_surface();
+        let options = options.for_surface(surface);
+        let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(surface, channel)? });
         return PlanRequest {
-            dims: info.dims,
+            dims: if surface == SurfaceKind::Skin {
+                info.dims
+            } else {
+                cell_dims(info.dims).unwrap_or(info.dims)
+            },
             channels: options.channels.iter().filter_map(form_of).collect(),
             threads: options.threads,
-            solid_bytes: Box::new(|tile| labels::worker_bytes(info, tile)),
+            solid_bytes: Box::new(move |tile| labels::worker_bytes(surface, info, tile)),
             input_bytes: source.resident_bytes(),
             with_sides: false,
         };
@@ -214,7 +219,8 @@ pub fn build_volume(
 ) -> Result<BuildReport, BuildError> {
     if let Some(choice) = &options.labels {
         let solid = labels::label_solid(source, choice, options)?;
-        let options = &options.for_surface(SurfaceKind::Skin);
+        let options = &options.for_surface(options.volume_surface());
+        options.check_bits(true, || source.info().description.name.clone())?;
         let job = Job { options, output, progress, part: None };
         drop(job.plan_solid(&*solid)?);
         return job.run(job.open_files(solid.dims())?, &*solid);

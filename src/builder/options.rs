@@ -135,9 +135,7 @@ impl BuildOptions {
         let channels = match surface {
             SurfaceKind::Skin if self.has_fine_normals() => labelled.with(Channel::Fine),
             SurfaceKind::Skin => labelled,
-            SurfaceKind::Cells => {
-                self.channels.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners)
-            }
+            SurfaceKind::Cells => labelled.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners),
         };
         Self { surface, channels, ..self.clone() }
     }
@@ -145,7 +143,6 @@ impl BuildOptions {
     /// What is asked for that a model of labels does not have, by its name.
     pub(super) fn labels_refused(&self) -> Option<&'static str> {
         let refused = [
-            ("cells", self.volume_surface() == SurfaceKind::Cells),
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
             ("channel 'value'", self.channels.contains(Channel::Value)),
             ("larger leaves", self.joins()),

@@ -1,13 +1,13 @@
 //! The last pass over the output: directories, checksums, section table, header.
 
 use super::error::BuildError;
-use super::layout::Census;
+use super::layout::{Census, Layout};
 use super::merge::{RUN_BYTES, Run, Target};
 use crate::format::cell::{CornerRankBuilder, HAS_CORNERS};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{
-    Channel, Encoding, HEADER_BYTES, Header, LABEL_GROUP, SectionEntry, SectionKind, SurfaceKind,
-    encode_group, label_directory_bytes, least_minor, table_bytes,
+    Channel, Encoding, HEADER_BYTES, Header, LABEL_GROUP, Label, LabelForm, SectionEntry, SectionKind,
+    SurfaceKind, align_up, label_directory_bytes, labels_to_bytes, least_minor, table_bytes,
 };
 use crate::geom::Dims;
 use crate::platform::FileExt;
@@ -24,17 +24,23 @@ pub(super) fn seal(
     dims: Dims,
     surface: SurfaceKind,
     census: &Census,
-    [metadata, labels]: [&[u8]; 2],
+    metadata: &[u8],
+    labels: &[Label],
 ) -> Result<Vec<SectionEntry>, BuildError> {
-    let layout = target.layout;
     let mut buffer = vec![0; STEP];
-    let mut entries = layout.entries.clone();
-    if let Some(last) = entries.last_mut()
-        && last.kind == Some(SectionKind::Voxels(Channel::Label))
-    {
-        let bytes = code_labels(target, last.offset, census.voxels, &mut buffer)?;
-        *last = SectionEntry::plain(SectionKind::Voxels(Channel::Label), 1, bytes, last.offset);
+    let mut entries = target.layout.entries.clone();
+    let of_labels = SectionKind::Voxels(Channel::Label);
+    let coded = entries.iter().position(|entry| entry.kind == Some(of_labels));
+    if let Some(at) = coded {
+        let form = LabelForm::of(surface, labels.len());
+        let bytes = code_labels(target, (entries[at].offset, census.voxels), (form, labels), &mut buffer)?;
+        entries[at] = SectionEntry::plain(of_labels, 1, bytes, entries[at].offset);
+        // What follows moves up behind the blocks.
+        for next in at + 1..entries.len() {
+            entries[next].offset = align_up(entries[next - 1].end());
+        }
     }
+    let layout = Layout { entries: entries.clone(), ..Layout::default() };
     let file_bytes = entries.last().map_or(0, SectionEntry::end);
     // The space between sections reads as zeros, which is what it must be.
     target.file.set_len(file_bytes).map_err(|e| target.error(e))?;
@@ -43,8 +49,9 @@ pub(super) fn seal(
         None => Ok(()),
     };
     put(SectionKind::Meta, metadata)?;
-    put(SectionKind::LabelTable, labels)?;
+    put(SectionKind::LabelTable, &labels_to_bytes(labels)?)?;
     put(SectionKind::Levels, &census.levels())?;
+    let target = &Target { layout: &layout, ..*target };
     let nodes_crc = rank_directory(target, census.nodes(), &mut buffer)?;
     let offsets = SectionKind::Voxels(Channel::Offset);
     directory(
@@ -74,6 +81,7 @@ pub(super) fn seal(
         encoding: Encoding::Mapped,
         surface,
         leaves: target.channels.leaves,
+        walls: surface == SurfaceKind::Cells && !labels.is_empty(),
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
         sections: entries.len() as u16,
         file_bytes,
@@ -88,18 +96,33 @@ pub(super) fn seal(
 }
 
 /// Codes the labels that stand behind the longest section of blocks, and gives the length of that section.
-fn code_labels(target: &Target<'_>, section: u64, voxels: u64, buffer: &mut [u8]) -> Result<u64, BuildError> {
+fn code_labels(
+    target: &Target<'_>,
+    (section, voxels): (u64, u64),
+    (form, table): (LabelForm, &[Label]),
+    buffer: &mut [u8],
+) -> Result<u64, BuildError> {
     let mut at = label_directory_bytes(voxels);
     let (mut directory, mut blocks) = (Run::new(Some(section)), Run::new(Some(section + at)));
     let (mut labels, mut coded) = (Vec::with_capacity(LABEL_GROUP), Vec::new());
     // Parts are whole groups, but the last.
-    const { assert!(STEP.is_multiple_of(2 * LABEL_GROUP)) };
-    for_each_part(target, target.layout.labels, 2 * voxels, buffer, |part| {
-        for group in part.chunks(2 * LABEL_GROUP) {
+    const { assert!(STEP.is_multiple_of(4 * LABEL_GROUP)) };
+    let item = form.item_bytes();
+    for_each_part(target, target.layout.labels, item as u64 * voxels, buffer, |part| {
+        for group in part.chunks(item * LABEL_GROUP) {
             labels.clear();
-            labels.extend(group.as_chunks::<2>().0.iter().map(|label| u16::from_le_bytes(*label)));
+            let mut last: Option<(&[u8], u32)> = None;
+            for bytes in group.chunks_exact(item) {
+                // Every label of an item has been counted.
+                let entry = match last {
+                    Some((same, entry)) if same == bytes => entry,
+                    _ => form.entry(bytes, table).unwrap_or(0),
+                };
+                last = Some((bytes, entry));
+                labels.push(entry);
+            }
             coded.clear();
-            directory.put(target, &encode_group(&labels, at, &mut coded))?;
+            directory.put(target, &form.encode_group(&labels, at, &mut coded))?;
             blocks.put(target, &coded)?;
             at += coded.len() as u64;
         }

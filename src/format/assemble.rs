@@ -81,6 +81,7 @@ pub fn join_sections(
         encoding,
         surface: SurfaceKind::Skin,
         leaves: false,
+        walls: false,
         sections: u16::try_from(sections.len()).unwrap_or(u16::MAX),
         file_bytes: file.len() as u64,
         nodes,

@@ -93,11 +93,14 @@ static TABLE: &[ChannelRow] = &[
     ChannelRow::plain(Channel::Fine, "fine", "fine parts of normals", *b"NFIN", &[1]),
     ChannelRow {
         illegal: Some(|item| {
+            if let Some(walls) = item.first_chunk() {
+                return super::walls::WallItem::is_illegal(walls);
+            }
             let outside = item.iter().filter(|c| **c >= 0x80).count();
             outside == 0 || outside == item.len() || item.iter().any(|c| matches!(c, 0 | 0x80))
         }),
         is_sparse: true,
-        ..ChannelRow::plain(Channel::Corners, "corners", "corners", *b"CORN", &[8])
+        ..ChannelRow::plain(Channel::Corners, "corners", "corners", *b"CORN", &[8, 20])
     },
     ChannelRow { is_coded: true, ..ChannelRow::plain(Channel::Label, "label", "labels", *b"LABL", &[1]) },
     #[cfg(test)]
@@ -109,6 +112,7 @@ static TABLE: &[ChannelRow] = &[
 ];
 
 const _: () = assert!(super::cell::CORNERS == 8, "one byte for each corner");
+const _: () = assert!(super::walls::WALL_BYTES == 20);
 
 const _: () = {
     let mut at = 0;

@@ -185,13 +185,15 @@ pub enum FormatError {
         due: u64,
     },
     #[error(
-        "{DAMAGED}the labels of voxels and their table are not both there, or not of skin voxels (SPEC I4){AGAIN}"
+        "{DAMAGED}the labels of voxels and their table are not both there, or not as the encoding says (SPEC I4){AGAIN}"
     )]
     LabelsApart { kind: SectionKind },
     #[error("{DAMAGED}the table of labels cannot be read, or is impossible (SPEC I21){AGAIN}")]
     LabelTable { bytes: u64 },
     #[error("{DAMAGED}the labels of voxels {first} to {last} are illegal (SPEC I22){AGAIN}")]
     LabelBlocks { first: u64, last: u64 },
+    #[error("{DAMAGED}the labels of cell {} and its walls do not agree (SPEC I23){AGAIN}", .cell.get())]
+    Walls { cell: VoxelIndex },
     #[error("{DAMAGED}encoding and sections disagree about larger leaves (SPEC I4){AGAIN}")]
     LeavesApart { kind: SectionKind },
     #[error("{DAMAGED}{found} larger leaves are described where the nodes have {due} (SPEC I20){AGAIN}")]

@@ -10,11 +10,13 @@ pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 pub(crate) const VERSION_MAJOR: u16 = 1;
 /// Highest minor version written; a file is given the lowest that has all it needs
 /// ([`least_minor`](super::least_minor), or [`GROUPS_MINOR`](super::packed::GROUPS_MINOR) of a packed one).
-pub(crate) const VERSION_MINOR: u16 = LABELS_MINOR;
+pub(crate) const VERSION_MINOR: u16 = WALLS_MINOR;
 /// Lowest minor version that has larger leaves.
 pub(crate) const LEAVES_MINOR: u16 = 3;
 /// Lowest minor version that has labels.
 pub(crate) const LABELS_MINOR: u16 = 4;
+/// Lowest minor version that has cells between labels.
+pub(crate) const WALLS_MINOR: u16 = 5;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 
@@ -32,10 +34,13 @@ const AT_TABLE_CRC: usize = AT_RESERVED + 4;
 const AT_HEADER_CRC: usize = AT_TABLE_CRC + 4;
 const _: () = assert!(AT_HEADER_CRC + 4 == HEADER_BYTES);
 
-/// Bits of the encoding byte: packed, cells instead of skin voxels, and of cells with larger leaves.
+/// Bits of the encoding byte: packed, cells instead of skin voxels, and of cells with larger leaves, or between labels.
 const PACKED: u8 = 1;
 const CELLS: u8 = 2;
 const LEAVES: u8 = 4;
+const WALLS: u8 = 8;
+const WITH_LEAVES: u8 = CELLS | LEAVES;
+const WITH_WALLS: u8 = CELLS | WALLS;
 
 /// How sections are stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -69,6 +74,8 @@ pub struct Header {
     pub surface: SurfaceKind,
     /// Are some nodes larger leaves (SPEC 4.9)? Of cells only.
     pub leaves: bool,
+    /// Do planes part labels (SPEC 4.12)? Of cells only, and without larger leaves.
+    pub walls: bool,
     /// Number of sections.
     pub sections: u16,
     /// Length of the whole file.
@@ -105,7 +112,8 @@ impl Header {
         put(AT_MINOR, &self.minor.to_le_bytes());
         let packed = if self.encoding == Encoding::Packed { PACKED } else { 0 };
         let cells = if self.surface == SurfaceKind::Cells { CELLS } else { 0 };
-        put(AT_ENCODING, &[packed | cells | if self.leaves { LEAVES } else { 0 }]);
+        let leaves = if self.leaves { LEAVES } else { 0 };
+        put(AT_ENCODING, &[packed | cells | leaves | if self.walls { WALLS } else { 0 }]);
         #[expect(clippy::cast_possible_truncation, reason = "depth is at most 16")]
         put(AT_DEPTH, &[self.dims.depth() as u8]);
         put(AT_SECTIONS, &self.sections.to_le_bytes());
@@ -142,7 +150,7 @@ impl Header {
             return Err(FormatError::UnsupportedVersion { major });
         }
         let code = b[AT_ENCODING];
-        if code & !(PACKED | CELLS | LEAVES) != 0 || code & (CELLS | LEAVES) == LEAVES {
+        if !matches!(code & !PACKED, 0 | CELLS | WITH_LEAVES | WITH_WALLS) {
             return Err(FormatError::UnknownEncoding { code });
         }
         let encoding = if code & PACKED == 0 { Encoding::Mapped } else { Encoding::Packed };
@@ -158,6 +166,7 @@ impl Header {
             encoding,
             surface,
             leaves: code & LEAVES != 0,
+            walls: code & WALLS != 0,
             sections: u16_at(b, AT_SECTIONS),
             file_bytes: u64_at(b, AT_FILE_BYTES),
             nodes: u64_at(b, AT_NODES),

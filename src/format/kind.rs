@@ -53,9 +53,9 @@ pub enum Channel {
     Material,
     /// The low bits of 24-bit normals, after the first 16 (SPEC 4.6).
     Fine,
-    /// The eight samples of cells that no plane can separate (SPEC 4.8).
+    /// The eight samples of cells that no plane can separate (SPEC 4.8), or their labels (SPEC 4.12).
     Corners,
-    /// Number of the label (SPEC 4.11), 16 bits, in blocks with palettes.
+    /// Number of the label (SPEC 4.11), or of cells those behind and in front (SPEC 4.12), in blocks with palettes.
     Label,
     /// A row for the test below.
     #[cfg(test)]

@@ -1,6 +1,8 @@
-//! The labels of a model: their table (SPEC 4.10), and which voxel has which, in blocks with palettes (SPEC 4.11).
+//! The labels of a model: their table (SPEC 4.10), and which voxel or cell has which, in blocks with palettes
+//! (SPEC 4.11, 4.12).
 
 use super::error::FormatError;
+use super::kind::SurfaceKind;
 use super::metadata::METADATA_LIMIT;
 
 /// Most labels of one model.
@@ -127,9 +129,160 @@ pub(crate) fn directory_bytes(voxels: u64) -> u64 {
     voxels.div_ceil(GROUP as u64).saturating_mul(ENTRY as u64)
 }
 
-/// Most bytes of the section of so many voxels.
-pub(crate) fn most_bytes(voxels: u64) -> u64 {
-    directory_bytes(voxels).saturating_add(voxels.saturating_mul(2))
+/// Most labels whose places in the table, and that of none, are bytes.
+const BYTE_PLACES: usize = 255;
+
+/// What a palette holds.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct LabelForm {
+    /// Two labels, those behind and in front of a cell's plane, by their places in the table from 1 on, 0 for none; else
+    /// the number of one.
+    is_pair: bool,
+    /// Of an entry: 2 or 4.
+    bytes: usize,
+}
+
+impl LabelForm {
+    /// That of a model with so many labels.
+    pub(crate) fn of(surface: SurfaceKind, labels: usize) -> Self {
+        let is_pair = surface == SurfaceKind::Cells;
+        Self { is_pair, bytes: if is_pair && labels > BYTE_PLACES { 4 } else { 2 } }
+    }
+
+    /// Bytes of an item before it is coded: a number, or those behind and in front.
+    pub(crate) fn item_bytes(self) -> usize {
+        if self.is_pair { 4 } else { 2 }
+    }
+
+    /// The entry of an item, by a table; `None` if a number is not there.
+    pub(crate) fn entry(self, item: &[u8], table: &[Label]) -> Option<u32> {
+        let number = |at: usize| item.get(at..)?.first_chunk().map(|b| u16::from_le_bytes(*b));
+        if !self.is_pair {
+            return number(0).map(u32::from);
+        }
+        let place = |number| match number {
+            0 => Some(0),
+            _ => Some(table.binary_search_by_key(&number, |label| label.number).ok()? + 1),
+        };
+        #[expect(clippy::cast_possible_truncation, reason = "at most 2^14 labels")]
+        let [behind, front] = [place(number(0)?)? as u32, place(number(2)?)? as u32];
+        Some(behind | front << (4 * self.bytes))
+    }
+
+    /// The numbers of an entry: behind and in front, of voxels that of none; `None` if the table has not all of them.
+    pub(crate) fn numbers(self, entry: u32, table: &[Label]) -> Option<[u16; 2]> {
+        let low = |n: u32| u16::try_from(n).ok();
+        if !self.is_pair {
+            let number = low(entry)?;
+            return table.binary_search_by_key(&number, |label| label.number).is_ok().then_some([number, 0]);
+        }
+        let number = |place: u32| match place.checked_sub(1) {
+            None => Some(0),
+            Some(at) => table.get(usize::try_from(at).ok()?).map(|label| label.number),
+        };
+        let shift = 4 * self.bytes;
+        Some([number(entry & ((1 << shift) - 1))?, number(entry >> shift)?])
+    }
+
+    /// Most bytes of the section of so many voxels.
+    pub(crate) fn most_bytes(self, voxels: u64) -> u64 {
+        directory_bytes(voxels).saturating_add(voxels.saturating_mul(self.bytes as u64))
+    }
+
+    /// Bytes of a block of `voxels` with a palette of `labels`; 0 labels for a block without one.
+    fn block_bytes(self, labels: usize, voxels: usize) -> usize {
+        if labels == 0 {
+            self.bytes * voxels
+        } else {
+            self.bytes * labels + (voxels * width(labels)).div_ceil(8)
+        }
+    }
+
+    fn read(self, entry: &[u8]) -> u32 {
+        entry.iter().take(self.bytes).rev().fold(0, |word, byte| word << 8 | u32::from(*byte))
+    }
+
+    /// Codes the entries of a group, at most 512, whose bytes begin at `at` of the section: appends them to `out` and
+    /// gives the entry of the directory.
+    pub(crate) fn encode_group(self, labels: &[u32], at: u64, out: &mut Vec<u8>) -> [u8; ENTRY] {
+        let mut entry = [0; ENTRY];
+        entry[..8].copy_from_slice(&at.to_le_bytes());
+        for (block, size) in labels.chunks(BLOCK).zip(&mut entry[8..]) {
+            let mut palette: Vec<u32> = Vec::with_capacity(LARGEST + 1);
+            let mut last = None;
+            for label in block.iter().filter(|label| last.replace(**label) != Some(**label)) {
+                if let Err(place) = palette.binary_search(label) {
+                    palette.insert(place, *label);
+                    if palette.len() > LARGEST {
+                        break;
+                    }
+                }
+            }
+            let mut put = |labels: &[u32]| {
+                labels.iter().for_each(|label| out.extend(&label.to_le_bytes()[..self.bytes]));
+            };
+            let plain = self.block_bytes(0, block.len());
+            if palette.len() > LARGEST || self.block_bytes(palette.len(), block.len()) > plain {
+                put(block);
+                continue;
+            }
+            #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
+            {
+                *size = palette.len() as u8;
+            }
+            put(&palette);
+            let bits = width(palette.len());
+            if bits == 0 {
+                continue;
+            }
+            out.extend(block.chunks(8 / bits).map(|few| {
+                few.iter().enumerate().fold(0_u8, |byte, (i, label)| {
+                    #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
+                    let place = palette.binary_search(label).unwrap_or(0) as u8;
+                    byte | place << (i * bits)
+                })
+            }));
+        }
+        entry
+    }
+
+    /// The entries of a group of `voxels`, of the bytes behind its place; `None` if a palette is not one, or bytes are
+    /// missing. Gives the bytes used, too.
+    pub(crate) fn decode_group(
+        self,
+        sizes: &[u8; BLOCKS],
+        bytes: &[u8],
+        voxels: usize,
+    ) -> Option<(Vec<u32>, usize)> {
+        let (mut labels, mut used) = (Vec::with_capacity(GROUP), 0_usize);
+        for (i, size) in sizes.iter().enumerate() {
+            let (count, size) = (voxels.saturating_sub(i * BLOCK).min(BLOCK), usize::from(*size));
+            if size > LARGEST || (count == 0 && size > 0) {
+                return None;
+            }
+            let block = bytes.get(used..used.checked_add(self.block_bytes(size, count))?)?;
+            used += block.len();
+            let (palette, places) = block.split_at_checked(self.bytes * size)?;
+            let entries =
+                |bytes: &[u8]| bytes.chunks_exact(self.bytes).map(|e| self.read(e)).collect::<Vec<_>>();
+            let palette = entries(palette);
+            if !palette.is_sorted_by(|a, b| a < b) {
+                return None;
+            }
+            if size == 0 {
+                labels.extend(entries(places));
+                continue;
+            }
+            for voxel in 0..count {
+                labels.push(*palette.get(place_of(places, voxel, width(size)))?);
+            }
+            let rest = (count * width(size)) % 8;
+            if rest > 0 && places.last()? >> rest != 0 {
+                return None;
+            }
+        }
+        Some((labels, used))
+    }
 }
 
 /// Bits of a voxel's place in a palette of `labels`.
@@ -142,84 +295,6 @@ const fn width(labels: usize) -> usize {
     }
 }
 
-/// Bytes of a block of `voxels` with a palette of `labels`; 0 labels for a block without one.
-fn block_bytes(labels: usize, voxels: usize) -> usize {
-    if labels == 0 { 2 * voxels } else { 2 * labels + (voxels * width(labels)).div_ceil(8) }
-}
-
-/// Codes the labels of a group, at most 512, whose bytes begin at `at` of the section: appends them to `out` and gives
-/// the entry of the directory.
-pub(crate) fn encode_group(labels: &[u16], at: u64, out: &mut Vec<u8>) -> [u8; ENTRY] {
-    let mut entry = [0; ENTRY];
-    entry[..8].copy_from_slice(&at.to_le_bytes());
-    for (block, size) in labels.chunks(BLOCK).zip(&mut entry[8..]) {
-        let mut palette: Vec<u16> = Vec::with_capacity(LARGEST + 1);
-        let mut last = None;
-        for label in block.iter().filter(|label| last.replace(**label) != Some(**label)) {
-            if let Err(place) = palette.binary_search(label) {
-                palette.insert(place, *label);
-                if palette.len() > LARGEST {
-                    break;
-                }
-            }
-        }
-        let plain = 2 * block.len();
-        if palette.len() > LARGEST || block_bytes(palette.len(), block.len()) > plain {
-            out.extend(block.iter().flat_map(|label| label.to_le_bytes()));
-            continue;
-        }
-        #[expect(clippy::cast_possible_truncation, reason = "at most 16")]
-        {
-            *size = palette.len() as u8;
-        }
-        out.extend(palette.iter().flat_map(|label| label.to_le_bytes()));
-        let bits = width(palette.len());
-        if bits == 0 {
-            continue;
-        }
-        out.extend(block.chunks(8 / bits).map(|few| {
-            few.iter().enumerate().fold(0_u8, |byte, (i, label)| {
-                #[expect(clippy::cast_possible_truncation, reason = "at most 15")]
-                let place = palette.binary_search(label).unwrap_or(0) as u8;
-                byte | place << (i * bits)
-            })
-        }));
-    }
-    entry
-}
-
-/// The labels of a group of `voxels`, of the bytes behind its place; `None` if a palette is not one, or bytes are
-/// missing. Gives the bytes used, too.
-pub(crate) fn decode_group(sizes: &[u8; BLOCKS], bytes: &[u8], voxels: usize) -> Option<(Vec<u16>, usize)> {
-    let (mut labels, mut used) = (Vec::with_capacity(GROUP), 0_usize);
-    for (i, size) in sizes.iter().enumerate() {
-        let (count, size) = (voxels.saturating_sub(i * BLOCK).min(BLOCK), usize::from(*size));
-        if size > LARGEST || (count == 0 && size > 0) {
-            return None;
-        }
-        let block = bytes.get(used..used.checked_add(block_bytes(size, count))?)?;
-        used += block.len();
-        let (palette, places) = block.split_at_checked(2 * size)?;
-        let palette = palette.as_chunks::<2>().0;
-        let number = |label: &[u8; 2]| u16::from_le_bytes(*label);
-        if !palette.is_sorted_by(|a, b| number(a) < number(b)) {
-            return None;
-        }
-        if size == 0 {
-            labels.extend(places.as_chunks::<2>().0.iter().map(number));
-            continue;
-        }
-        for voxel in 0..count {
-            labels.push(number(palette.get(place_of(places, voxel, width(size)))?));
-        }
-        let rest = (count * width(size)) % 8;
-        if rest > 0 && places.last()? >> rest != 0 {
-            return None;
-        }
-    }
-    Some((labels, used))
-}
-
 /// A voxel's place in the palette of its block.
 fn place_of(places: &[u8], voxel: usize, bits: usize) -> usize {
     let at = voxel * bits;
@@ -227,21 +302,28 @@ fn place_of(places: &[u8], voxel: usize, bits: usize) -> usize {
     usize::from(byte >> (at % 8)) & ((1 << bits) - 1)
 }
 
-/// The labels of a model's voxels, read in place; safe on any bytes.
+/// The labels of a model's voxels or cells, read in place; safe on any bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct LabelItems<'a> {
     section: &'a [u8],
     voxels: u64,
     table: &'a [Label],
+    form: LabelForm,
 }
 
 impl<'a> LabelItems<'a> {
-    pub(crate) fn new(section: &'a [u8], voxels: u64, table: &'a [Label]) -> Self {
-        Self { section, voxels, table }
+    pub(crate) fn new(section: &'a [u8], voxels: u64, surface: SurfaceKind, table: &'a [Label]) -> Self {
+        Self { section, voxels, table, form: LabelForm::of(surface, table.len()) }
     }
 
-    /// Number of the label of a voxel; `None` beyond the last.
+    /// Number of the label of a voxel, or of the greatest label of a cell; `None` beyond the last.
+    #[inline]
     pub fn get(&self, voxel: u64) -> Option<u16> {
+        self.pair(voxel).map(|[label, _]| label)
+    }
+
+    /// Numbers of the labels behind and in front of a cell's plane, 0 for none (SPEC 4.12); of a voxel its label and 0.
+    pub fn pair(&self, voxel: u64) -> Option<[u16; 2]> {
         if voxel >= self.voxels {
             return None;
         }
@@ -251,22 +333,30 @@ impl<'a> LabelItems<'a> {
         let mut at = u64::from_le_bytes(std::array::from_fn(|i| entry[i]));
         let (block, voxel_of_block) = (within / BLOCK, within % BLOCK);
         for size in &entry[8..8 + block] {
-            at = at.checked_add(block_bytes(usize::from(*size), BLOCK) as u64)?;
+            at = at.checked_add(self.form.block_bytes(usize::from(*size), BLOCK) as u64)?;
         }
         let bytes = self.section.get(usize::try_from(at).ok()?..)?;
         let size = usize::from(entry[8 + block]);
         let place = if size == 0 {
             voxel_of_block
         } else {
-            place_of(bytes.get(2 * size..)?, voxel_of_block, width(size))
+            place_of(bytes.get(self.form.bytes * size..)?, voxel_of_block, width(size))
         };
-        bytes.get(2 * place..)?.first_chunk().map(|label| u16::from_le_bytes(*label))
+        let entry = bytes.get(self.form.bytes * place..)?.get(..self.form.bytes)?;
+        if !self.form.is_pair {
+            return entry.first_chunk().map(|label| [u16::from_le_bytes(*label), 0]);
+        }
+        self.form.numbers(self.form.read(entry), self.table)
     }
 
-    /// The label of a voxel with its name and colour.
-    pub fn label(&self, voxel: u64) -> Option<&'a Label> {
-        let number = self.get(voxel)?;
+    /// A label of the table, by its number.
+    pub fn named(&self, number: u16) -> Option<&'a Label> {
         self.table.binary_search_by_key(&number, |label| label.number).ok().map(|at| &self.table[at])
+    }
+
+    /// The label of [`LabelItems::get`] with its name and colour.
+    pub fn label(&self, voxel: u64) -> Option<&'a Label> {
+        self.named(self.get(voxel)?)
     }
 }
 
@@ -276,37 +366,58 @@ mod tests {
 
     #[test]
     fn blocks_of_one_to_many_labels_come_back_and_cost_no_more_than_plain_ones() {
-        for kinds in [1_u32, 2, 3, 4, 5, 16, 17, 40, 300] {
+        let named = |number| Label { number, name: String::new(), color: [0; 3], voxels: 1 };
+        for (surface, kinds) in [1_u16, 2, 3, 4, 5, 16, 17, 40, 250, 300]
+            .into_iter()
+            .flat_map(|kinds| [(SurfaceKind::Skin, kinds), (SurfaceKind::Cells, kinds)])
+        {
+            let table: Vec<Label> = (0..kinds).map(|i| named(1 + 200 * i)).collect();
+            let form = LabelForm::of(surface, table.len());
             for voxels in [1, 2, 63, 64, 65, 300, 511, 512, 513, 1400] {
-                let labels: Vec<u16> = (0..voxels)
+                let number = |i: u32, shift: u32| {
+                    let any = i.wrapping_mul(2_654_435_761) >> shift;
+                    table[any as usize % table.len()].number
+                };
+                let items: Vec<[u16; 2]> = (0..voxels)
                     .map(|i: u32| {
-                        u16::try_from(1 + (i.wrapping_mul(2_654_435_761) >> 9) % kinds * 200 % 65_535)
-                            .unwrap()
+                        let front = if surface == SurfaceKind::Skin || i % 3 > 0 { 0 } else { number(i, 20) };
+                        [number(i, 9), front]
                     })
                     .collect();
-                let count = labels.len() as u64;
+                let entries: Vec<u32> = items
+                    .iter()
+                    .map(|[a, b]| {
+                        let bytes = [a.to_le_bytes(), b.to_le_bytes()].concat();
+                        form.entry(&bytes[..form.item_bytes()], &table).unwrap()
+                    })
+                    .collect();
+                let count = entries.len() as u64;
                 let mut blocks = Vec::new();
                 let mut directory = Vec::new();
-                for group in labels.chunks(GROUP) {
+                for group in entries.chunks(GROUP) {
                     let at = directory_bytes(count) + blocks.len() as u64;
-                    let entry = encode_group(group, at, &mut blocks);
+                    let entry = form.encode_group(group, at, &mut blocks);
                     directory.extend(entry);
                     let from = usize::try_from(at - directory_bytes(count)).unwrap();
                     let sizes = entry.last_chunk().unwrap();
-                    let (back, used) = decode_group(sizes, &blocks[from..], group.len()).unwrap();
+                    let (back, used) = form.decode_group(sizes, &blocks[from..], group.len()).unwrap();
                     assert_eq!((back, used), (group.to_vec(), blocks.len() - from));
                     for cut in 0..used {
-                        assert_eq!(decode_group(sizes, &blocks[from..from + cut], group.len()), None);
+                        assert_eq!(form.decode_group(sizes, &blocks[from..from + cut], group.len()), None);
                     }
                 }
                 let section: Vec<u8> = directory.into_iter().chain(blocks).collect();
-                assert!(section.len() as u64 <= most_bytes(count), "{kinds} {voxels}");
-                let items = LabelItems::new(&section, count, &[]);
-                for (voxel, label) in (0..).zip(&labels) {
-                    assert_eq!(items.get(voxel), Some(*label), "{kinds} {voxels}");
+                assert!(section.len() as u64 <= form.most_bytes(count), "{kinds} {voxels}");
+                let found = LabelItems::new(&section, count, surface, &table);
+                for (voxel, (item, entry)) in (0..).zip(items.iter().zip(&entries)) {
+                    assert_eq!(found.pair(voxel), Some(*item), "{kinds} {voxels}");
+                    assert_eq!(form.numbers(*entry, &table), Some(*item));
+                    assert_eq!(found.label(voxel).map(|label| label.number), Some(item[0]));
                 }
-                assert_eq!(items.get(count), None);
+                assert_eq!(found.pair(count), None);
             }
+            assert_eq!(form.entry(&[2, 0, 0, 0], &table), (surface == SurfaceKind::Skin).then_some(2));
+            assert_eq!(form.numbers(if surface == SurfaceKind::Skin { 2 } else { u32::MAX }, &table), None);
         }
     }
 

@@ -18,6 +18,7 @@ pub mod normal;
 pub mod packed;
 pub(crate) mod rank;
 mod section;
+mod walls;
 
 pub(crate) use channel::number;
 pub use channel::{ChannelRow, Channels, MeanRule, Means, Sum};
@@ -27,11 +28,11 @@ pub(crate) use header::{VERSION_MAJOR, VERSION_MINOR};
 pub use kind::{Channel, SectionKind, SurfaceKind};
 pub(crate) use label::{ENTRY as LABEL_ENTRY, GROUP as LABEL_GROUP, MAX_LABELS};
 pub use label::{Label, LabelItems, LabelName};
-pub(crate) use label::{decode_group, directory_bytes as label_directory_bytes, encode_group};
-pub(crate) use label::{
-    most_bytes as most_label_bytes, parse_table as parse_labels, table_to_bytes as labels_to_bytes,
-};
+pub(crate) use label::{LabelForm, directory_bytes as label_directory_bytes};
+pub(crate) use label::{parse_table as parse_labels, table_to_bytes as labels_to_bytes};
 pub(crate) use metadata::METADATA_LIMIT;
 pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
 pub(crate) use section::{least_minor, parse_table};
+pub use walls::Walls;
+pub(crate) use walls::{WALL_BYTES, WallItem};

@@ -1,7 +1,7 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
 use super::error::FormatError;
-use super::header::{HEADER_BYTES, Header, LEAVES_MINOR};
+use super::header::{HEADER_BYTES, Header, LEAVES_MINOR, WALLS_MINOR};
 use super::kind::{Channel, SectionKind, SurfaceKind};
 use super::packed::{CODEC_CUBES, CODEC_DERIVED, CODEC_NONE, CODEC_PLANES};
 
@@ -181,6 +181,7 @@ impl SectionEntry {
 /// The lowest minor version of the format that has this surface and these sections.
 pub(crate) fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
     sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
+        Some(SectionKind::LabelTable) if surface == SurfaceKind::Cells => minor.max(WALLS_MINOR),
         Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
         Some(SectionKind::LeafNormals) => minor.max(LEAVES_MINOR),
         _ => minor,

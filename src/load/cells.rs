@@ -1,7 +1,7 @@
 //! The cells of a model, as slices.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number, leaf_number};
-use crate::format::normal;
+use crate::format::{WALL_BYTES, WallItem, normal};
 
 /// The surface within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,8 +67,10 @@ impl<'a> LeafItems<'a> {
 pub struct CellItems<'a> {
     normals: &'a [[u8; 2]],
     offsets: &'a [u8],
-    corners: &'a [[u8; CORNERS]],
+    corners: &'a [u8],
     directory: &'a [[u8; 8]],
+    /// Do planes part labels (SPEC 4.12)?
+    walls: bool,
 }
 
 /// The normals and offsets of a brick's cells, and of larger leaves among them.
@@ -98,9 +100,21 @@ impl<'a> CellItems<'a> {
         Self {
             normals: normals.as_chunks().0,
             offsets,
-            corners: corners.as_chunks().0,
+            corners,
             directory: directory.as_chunks().0,
+            walls: false,
         }
+    }
+
+    /// The same of cells between labels (SPEC 4.12).
+    pub(super) fn between_labels(self) -> Self {
+        Self { walls: true, ..self }
+    }
+
+    /// Do planes part labels?
+    #[inline(always)]
+    pub(crate) fn has_walls(&self) -> bool {
+        self.walls
     }
 
     /// The surface within a cell.
@@ -115,17 +129,14 @@ impl<'a> CellItems<'a> {
     /// The vector of a cell's normal: of its plane, or of its smooth gradient if it has corners.
     #[inline(always)]
     pub fn normal(&self, cell: u64) -> [i32; 3] {
-        let at = usize::try_from(cell).unwrap_or(usize::MAX);
-        normal::decode_l1(self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code)))
+        normal::decode_l1(self.code(cell))
     }
 
     /// The plane of a cell, unless it has corners.
     #[inline(always)]
     pub fn plane(&self, cell: u64) -> Option<Plane> {
-        let at = usize::try_from(cell).unwrap_or(usize::MAX);
-        let code = self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code));
         let offset = self.offset(cell);
-        (offset != HAS_CORNERS).then(|| Plane::new(code, offset))
+        (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), offset))
     }
 
     /// The offset of a cell's plane, or `HAS_CORNERS`.
@@ -179,12 +190,32 @@ impl<'a> CellItems<'a> {
         (&room.normals, &room.offsets)
     }
 
-    /// The corners of a cell that has them.
+    /// The corners of a cell that has them; between labels 1 where there is one.
     #[inline]
     pub fn corners(&self, cell: u64) -> [i8; CORNERS] {
+        if self.walls {
+            return self.wall_item(cell).labels.map(|label| if label > 0 { 1 } else { -1 });
+        }
+        self.corner_item(cell).map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
+    }
+
+    /// The walls of a cell that one plane does not part.
+    pub(super) fn wall_item(&self, cell: u64) -> WallItem {
+        let nothing = WallItem { labels: [u16::MAX; CORNERS], planes: None };
+        self.corner_item::<WALL_BYTES>(cell).map_or(nothing, WallItem::parse)
+    }
+
+    /// The code of a cell's normal.
+    #[inline(always)]
+    pub(super) fn code(&self, cell: u64) -> u16 {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
-        let number = corner_number(self.offsets, self.directory, at);
-        let corners = usize::try_from(number).ok().and_then(|number| self.corners.get(number));
-        corners.map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
+        self.normals.get(at).map_or(0, |code| u16::from_le_bytes(*code))
+    }
+
+    #[inline]
+    fn corner_item<const BYTES: usize>(&self, cell: u64) -> Option<&'a [u8; BYTES]> {
+        let at = usize::try_from(cell).unwrap_or(usize::MAX);
+        let number = usize::try_from(corner_number(self.offsets, self.directory, at)).ok()?;
+        self.corners.as_chunks().0.get(number)
     }
 }

@@ -1,8 +1,8 @@
 //! The small parts of a file that say what the large ones are: header, table, metadata, levels.
 
 use crate::format::{
-    Channel, Encoding, FormatError, HEADER_BYTES, Header, Label, MAX_SECTIONS, METADATA_LIMIT, Metadata,
-    SectionEntry, SectionKind, SurfaceKind, cell, label_directory_bytes, most_label_bytes, parse_labels,
+    Channel, Encoding, FormatError, HEADER_BYTES, Header, Label, LabelForm, MAX_SECTIONS, METADATA_LIMIT,
+    Metadata, SectionEntry, SectionKind, SurfaceKind, WALL_BYTES, cell, label_directory_bytes, parse_labels,
     parse_table, rank,
 };
 use crate::geom::{Affine, Dims, Level};
@@ -85,6 +85,11 @@ impl Frame {
         self.sections.iter().find(|e| e.kind == Some(kind))
     }
 
+    /// What stands in the blocks of labels.
+    pub(crate) fn label_form(&self) -> LabelForm {
+        LabelForm::of(self.surface(), self.labels.len())
+    }
+
     /// The channels that the file has, with the bytes of an item, in file order.
     pub fn channels(&self) -> impl Iterator<Item = (Channel, u8)> {
         self.sections.iter().filter_map(|e| match e.kind {
@@ -138,6 +143,8 @@ impl Frame {
     /// SPEC I4: what each section must hold.
     fn check_item_counts(&self) -> Result<(), FormatError> {
         let (n, v) = (self.header.nodes, self.header.voxels);
+        #[expect(clippy::cast_possible_truncation, reason = "8 or 20")]
+        let corner_bytes = if self.header.walls { WALL_BYTES } else { cell::CORNERS } as u8;
         for entry in &self.sections {
             let Some(kind) = entry.kind else { continue };
             let (item_ok, items) = match kind {
@@ -157,11 +164,12 @@ impl Frame {
                         row if row.is_sparse => entry.items.min(v),
                         // The bytes of blocks are known when all are read (SPEC I22).
                         row if row.is_coded => {
-                            entry.items.clamp(label_directory_bytes(v), most_label_bytes(v))
+                            entry.items.clamp(label_directory_bytes(v), self.label_form().most_bytes(v))
                         }
                         _ => v,
                     };
-                    (channel.row().item_bytes.contains(&entry.item_bytes), items)
+                    let is_due = channel != Channel::Corners || entry.item_bytes == corner_bytes;
+                    (is_due && channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
                 // How many leaves there are is known when all infobytes are (SPEC I20).
@@ -224,7 +232,7 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
     }
     for kind in [SectionKind::LabelTable, SectionKind::Voxels(Channel::Label)] {
         let labelled = has(SectionKind::LabelTable) || has(SectionKind::Voxels(Channel::Label));
-        if labelled && (cells || !has(kind)) {
+        if labelled && !has(kind) || cells && labelled != header.walls {
             return Err(FormatError::LabelsApart { kind });
         }
     }

@@ -22,6 +22,7 @@ mod stream;
 mod verify;
 mod view;
 mod voxels;
+mod walls;
 
 pub(crate) use crate::format::cell::PlanePart;
 pub(crate) use cells::{BrickCodes, LeafItems};

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::format::{
-    Channel, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind, cell::Plane,
-    rank,
+    Channel, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind, Walls,
+    cell::Plane, rank,
 };
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
@@ -309,7 +309,8 @@ impl<D: AsRef<[u8]>> Model<D> {
             rank: part(rank),
             normals: codes(normals),
             cells: cells.as_ref().map(|[offsets, corners, corner_rank]| {
-                CellItems::new(normal_codes, part(offsets), part(corners), part(corner_rank))
+                let items = CellItems::new(normal_codes, part(offsets), part(corners), part(corner_rank));
+                if self.frame.header.walls { items.between_labels() } else { items }
             }),
             leaves: leaves.as_ref().map(|[normals, offsets, directory]| {
                 LeafItems::new(part(normals), part(offsets), part(directory))
@@ -317,9 +318,10 @@ impl<D: AsRef<[u8]>> Model<D> {
             node_normals: codes(node_normals),
             fine: fine.as_ref().map(part),
             colors: colors.as_ref().map(|range| part(range).as_chunks::<3>().0),
-            labels: labels
-                .as_ref()
-                .map(|range| LabelItems::new(part(range), self.frame.header.voxels, &self.frame.labels)),
+            labels: labels.as_ref().map(|range| {
+                let (voxels, surface) = (self.frame.header.voxels, self.frame.surface());
+                LabelItems::new(part(range), voxels, surface, &self.frame.labels)
+            }),
         }
     }
 
@@ -433,6 +435,15 @@ impl<'a> ModelView<'a> {
     #[inline]
     pub fn labels(&self) -> Option<LabelItems<'a>> {
         self.labels
+    }
+
+    /// The walls between the labels of a cell (SPEC 4.12); `None` of other models. Any bytes are safe.
+    pub fn walls(&self, cell: u64) -> Option<Walls> {
+        let cells = self.cells.filter(CellItems::has_walls)?;
+        Some(match cells.plane(cell) {
+            Some(plane) => Walls::of_pair(plane, self.labels?.pair(cell).unwrap_or([u16::MAX, 0])),
+            None => Walls::of_item(cells.code(cell), &cells.wall_item(cell)),
+        })
     }
 
     /// Is there no box of the surface?

@@ -7,7 +7,7 @@
 use crate::format::packed::GROUPS_MINOR;
 use crate::format::{
     Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind,
-    SelectionKind, Sum, SurfaceKind, VERSION_MINOR, cell, decode_group, label_directory_bytes, least_minor,
+    SelectionKind, Sum, SurfaceKind, VERSION_MINOR, WALL_BYTES, cell, label_directory_bytes, least_minor,
     number, rank,
 };
 use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
@@ -15,12 +15,13 @@ use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
 use super::frame::{Frame, check_crc};
 use super::leaves::{LeafNormals, check_leaves};
 use super::stream::{Cursor, Fault, ReadAt};
+use super::walls::WalledCells;
 
 /// Bytes of one cursor's buffer; a walk holds one per depth and one per channel,
 /// a check of the means one more per channel and depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
-/// Checks every invariant of a mapped file (SPEC I1 to I22).
+/// Checks every invariant of a mapped file (SPEC I1 to I23).
 ///
 /// Memory: under 2 MiB for any file. Cost: three passes over the nodes, two over the rest.
 ///
@@ -139,13 +140,14 @@ fn check_corners<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fa
     let mut directory = cursor(SectionKind::CornerRank)?;
     let (mut builder, mut due_blocks, mut block) = (cell::CornerRankBuilder::default(), Vec::new(), 0);
     let mut voxel = 0;
-    let stated = corners.left() / cell::CORNERS as u64;
+    let item_bytes = if frame.header.walls { WALL_BYTES } else { cell::CORNERS };
+    let stated = corners.left() / item_bytes as u64;
     while offsets.left() > 0 {
         let part = offsets.next_part()?;
         builder.feed(part, |b| due_blocks.push(b));
         for offset in part {
             if *offset == cell::HAS_CORNERS.cast_unsigned()
-                && let Some(item) = corners.take_item(cell::CORNERS)?
+                && let Some(item) = corners.take_item(item_bytes)?
                 && channel.row().illegal.is_some_and(|illegal| illegal(item))
             {
                 let (voxel, item) = (VoxelIndex::new(voxel), number(item));
@@ -166,13 +168,16 @@ fn check_corners<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fa
     Ok(())
 }
 
-/// SPEC I22: the blocks of labels follow each other, their palettes rise, and the table has every label of a voxel.
+/// SPEC I22 and I23: the blocks of labels follow each other, their palettes rise, the table has every label, and cells part
+/// their corners by them.
 fn check_labels<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let Some(entry) = frame.section(SectionKind::Voxels(Channel::Label)) else { return Ok(()) };
-    let (voxels, directory_bytes) = (frame.header.voxels, label_directory_bytes(frame.header.voxels));
+    let (voxels, form) = (frame.header.voxels, frame.label_form());
+    let directory_bytes = label_directory_bytes(voxels);
     let start = entry.offset.saturating_add(directory_bytes);
     let mut directory = Cursor::new(source, entry.offset, start, CURSOR_BYTES);
     let mut blocks = Cursor::new(source, start, entry.end(), CURSOR_BYTES);
+    let mut cells = WalledCells::new(source, frame);
     let (mut first, mut at) = (0, directory_bytes);
     while first < voxels {
         let last = voxels.min(first.saturating_add(LABEL_GROUP as u64));
@@ -184,15 +189,19 @@ fn check_labels<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fau
         }
         let sizes = sizes.first_chunk().ok_or_else(wrong)?;
         let count = usize::try_from(last - first).unwrap_or(LABEL_GROUP);
-        let room = usize::try_from(blocks.left()).unwrap_or(usize::MAX).min(2 * LABEL_GROUP);
-        let decoded = blocks.peek(room)?.and_then(|bytes| decode_group(sizes, bytes, count));
+        let room = usize::try_from(blocks.left()).unwrap_or(usize::MAX).min(4 * LABEL_GROUP);
+        let decoded = blocks.peek(room)?.and_then(|bytes| form.decode_group(sizes, bytes, count));
         let (labels, used) = decoded.ok_or_else(wrong)?;
         let mut known = None;
         for label in labels {
-            if known != Some(label) && frame.labels.binary_search_by_key(&label, |l| l.number).is_err() {
-                return Err(wrong().into());
+            let numbers = match known {
+                Some((same, numbers)) if same == label => numbers,
+                _ => form.numbers(label, &frame.labels).ok_or_else(wrong)?,
+            };
+            known = Some((label, numbers));
+            if let Some(cells) = &mut cells {
+                cells.check(numbers, &frame.labels)?;
             }
-            known = Some(label);
         }
         blocks.skip(used);
         (first, at) = (last, at + used as u64);

@@ -362,7 +362,7 @@ impl<S: Surface> Painter<'_, S> {
             let [r, g, b] = if has_colors {
                 let line = self.sight.line(x as f64 + 0.5, (top + y) as f64 + 0.5);
                 let normal = lit.normals.map(|parts| parts[at]);
-                let light = self.light.of(self.color(*hit), normal, line.1, lit.open[at]);
+                let light = self.light.of(self.color(*hit, line), normal, line.1, lit.open[at]);
                 light.map(|c| self.shader.encode(c))
             } else {
                 codes.map(|codes| self.shader.code(codes[at]))

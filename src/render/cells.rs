@@ -20,6 +20,7 @@ use super::lanes::{each3, larger, smaller};
 use super::ray::{FRACTION_BITS, Ray};
 use super::surface::{Approach, Crossing, Estimate, Glance, Passage, Surface};
 use super::traverse::Hit;
+use super::walls::{self, Hidden};
 
 /// Half the edge of a cell in units of a ray's origin.
 pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);
@@ -34,12 +35,19 @@ const NEAR_OWN: f64 = 0.25;
 #[derive(Clone, Copy, Debug)]
 pub struct Cells<'a> {
     items: CellItems<'a>,
+    /// Labels that are not seen, and the one that rays are in; otherwise rays are in none, and all are seen.
+    hidden: Option<(&'a Hidden, u16)>,
 }
 
 impl<'a> Cells<'a> {
     /// The surface of a model of cells.
     pub fn new(items: CellItems<'a>) -> Self {
-        Self { items }
+        Self { items, hidden: None }
+    }
+
+    /// The same to rays within the label `from` that do not see some labels: a hit is where they come to be in another one.
+    pub(crate) fn hiding(self, hidden: &'a Hidden, from: u16) -> Self {
+        Self { hidden: Some((hidden, from)), ..self }
     }
 
     /// Outward direction in index space, of any length, at a point of a cell in its own coordinates (-1..=1).
@@ -77,6 +85,9 @@ impl Surface for Cells<'_> {
 
     #[inline(always)]
     fn predict(&self, view: &ModelView<'_>, approach: &Approach) -> Estimate {
+        if self.hidden.is_some() {
+            return Estimate::Unsure;
+        }
         let Some(plane) = self.items.plane(approach.box_number.wrapping_sub(view.node_count())) else {
             return Estimate::Unsure;
         };
@@ -103,13 +114,19 @@ impl Surface for Cells<'_> {
 
     #[inline(always)]
     fn planes(&self) -> Option<CellItems<'_>> {
-        Some(self.items)
+        self.hidden.is_none().then_some(self.items)
     }
 
     #[inline]
     fn look(&self, view: &ModelView<'_>, glance: &Glance) -> Estimate {
         let cell = glance.approach.box_number.wrapping_sub(view.node_count());
+        if self.hidden.is_some() {
+            return Estimate::Unsure;
+        }
         let Some(plane) = self.items.plane(cell) else {
+            if self.items.has_walls() {
+                return Estimate::Unsure;
+            }
             return look_at_corners(self.items.corners(cell), glance);
         };
         // Times are at most 2^5 and off by 2^-40, so that what follows is off by less than a unit.
@@ -132,8 +149,12 @@ impl Surface for Cells<'_> {
             return Some(passage.entry_hit(ray));
         }
         let cell = passage.box_number.wrapping_sub(view.node_count());
+        if let Some((hidden, from)) = self.hidden {
+            return walls::meet(&view.walls(cell)?, |label| hidden.seen(label), from, ray, passage);
+        }
         match self.items.plane(cell) {
             Some(plane) => meet_plane(&plane, ray, passage),
+            None if self.items.has_walls() => walls::meet(&view.walls(cell)?, |label| label, 0, ray, passage),
             None => meet_corners(self.items.corners(cell), ray, passage),
         }
     }
@@ -169,27 +190,70 @@ fn from_middle(ray: &Ray, cell: [u32; 3]) -> [i64; 3] {
 /// Where the ray meets what lies behind a plane, in a cell or a larger leaf.
 #[inline]
 pub(super) fn meet_plane(plane: &Plane, ray: &Ray, passage: &Passage) -> Option<Hit> {
-    let half = HALF_CELL << (passage.edge_log2 & 31);
-    let (origin, d) = (ray.origin(), ray.direction());
-    let low = |a: usize| i64::from(passage.cell[a]) << FRACTION_BITS;
-    let from: [i64; 3] = std::array::from_fn(|a| origin[a] - low(a) - half);
-    let (normal, offset) = (plane.normal.map(i64::from), i64::from(plane.offset) * half);
-    // Above 0 in front of the plane.
-    let side = |at: &Crossing| {
-        (0..3).fold(offset.wrapping_mul(at.component).wrapping_neg(), |sum, a| {
-            let within = from[a].wrapping_mul(at.component).wrapping_add(d[a].wrapping_mul(at.distance));
-            sum.wrapping_add(normal[a].wrapping_mul(within))
-        })
-    };
-    if side(passage.enter.as_ref().unwrap_or(&START)) <= 0 {
+    let side = Side::new(plane, ray, passage);
+    if side.at_entry() <= 0 {
         return Some(passage.entry_hit(ray));
     }
-    if side(&passage.leave) > 0 {
+    if side.at_exit() > 0 {
         return None;
     }
-    let dot = |v: [i64; 3]| normal[0] * v[0] + normal[1] * v[1] + normal[2] * v[2];
     let Passage { box_number, cell, edge_log2, .. } = *passage;
-    Some(Hit { box_number, cell, edge_log2, face: None, t: ray.t_after(dot(from) - offset, -dot(d)) })
+    Some(Hit { box_number, cell, edge_log2, face: None, t: side.crossing(ray) })
+}
+
+/// The side of a plane that a ray is on, on its way through a box.
+pub(super) struct Side<'p> {
+    passage: &'p Passage,
+    /// From the middle of the box to the ray's origin, and the ray's direction.
+    from: [i64; 3],
+    direction: [i64; 3],
+    normal: [i64; 3],
+    offset: i64,
+}
+
+impl<'p> Side<'p> {
+    #[inline]
+    pub(super) fn new(plane: &Plane, ray: &Ray, passage: &'p Passage) -> Self {
+        let half = HALF_CELL << (passage.edge_log2 & 31);
+        let origin = ray.origin();
+        let low = |a: usize| i64::from(passage.cell[a]) << FRACTION_BITS;
+        Self {
+            passage,
+            from: std::array::from_fn(|a| origin[a] - low(a) - half),
+            direction: ray.direction(),
+            normal: plane.normal.map(i64::from),
+            offset: i64::from(plane.offset) * half,
+        }
+    }
+
+    #[inline]
+    fn at(&self, at: &Crossing) -> i64 {
+        let (from, d) = (self.from, self.direction);
+        (0..3).fold(self.offset.wrapping_mul(at.component).wrapping_neg(), |sum, a| {
+            let within = from[a].wrapping_mul(at.component).wrapping_add(d[a].wrapping_mul(at.distance));
+            sum.wrapping_add(self.normal[a].wrapping_mul(within))
+        })
+    }
+
+    /// Above 0 where the ray enters in front of the plane.
+    #[inline]
+    pub(super) fn at_entry(&self) -> i64 {
+        self.at(self.passage.enter.as_ref().unwrap_or(&START))
+    }
+
+    /// Above 0 where it leaves in front of it.
+    #[inline]
+    pub(super) fn at_exit(&self) -> i64 {
+        self.at(&self.passage.leave)
+    }
+
+    /// t where it crosses the plane, which it does.
+    #[inline]
+    pub(super) fn crossing(&self, ray: &Ray) -> f64 {
+        let dot = |v: [i64; 3]| self.normal[0] * v[0] + self.normal[1] * v[1] + self.normal[2] * v[2];
+        let (distance, component) = (dot(self.from) - self.offset, -dot(self.direction));
+        if component < 0 { ray.t_after(-distance, -component) } else { ray.t_after(distance, component) }
+    }
 }
 
 /// Values of an interpolation above which a point is surely inside, and below minus which outside: points of entry and

@@ -86,6 +86,7 @@ pub mod surface;
 pub mod tile;
 #[doc(hidden)]
 pub mod traverse;
+pub(crate) mod walls;
 
 pub use camera::{Camera, NamedView, Projection, ViewPoint};
 pub use caster::{Hits, RayCaster, SurfacePoint};

@@ -7,7 +7,7 @@
 //! one ray gives 28.2 and 29.8 and four in every pixel 36.6 and 37.8.
 
 use super::choices::PLACES;
-use super::normals::shown::PixelHit;
+use super::normals::shown::{Line, PixelHit};
 use super::picture::{Counts, Painter};
 use super::soften::Patch;
 use super::surface::Surface;
@@ -69,7 +69,7 @@ impl<S: Surface> Painter<'_, S> {
             let seen = self.normals.seen(&trace, || line);
             let normal = self.normals.normal(around, seen, line);
             let open = if self.sky.is_some() { patch.open_at(at[0], at[1], seen.depth()) } else { 1.0 };
-            let light = self.light.of(self.color(seen), normal, line.1, open);
+            let light = self.light.of(self.color(seen, line), normal, line.1, open);
             hits += 1;
             // What is brighter than white is white.
             sum = std::array::from_fn(|c| sum[c] + light[c].min(1.0));
@@ -82,8 +82,11 @@ impl<S: Surface> Painter<'_, S> {
         [r, g, b, alpha(hits, places.count_ones())]
     }
 
-    /// Linear RGB of what was hit.
-    pub(super) fn color(&self, seen: PixelHit) -> [f64; 3] {
+    /// Linear RGB of what was hit along a line.
+    pub(super) fn color(&self, seen: PixelHit, line: Line) -> [f64; 3] {
+        if let Some(color) = self.normals.label_color(seen, line) {
+            return self.shader.decode(color);
+        }
         super::colors::color_of(self.view, &self.shader, seen).unwrap_or(self.light.surface)
     }
 }

@@ -11,6 +11,7 @@
 //! has normals of one side only. Where no normals are stored, every hit counts as well, and the boxes on all sides of
 //! the start are left at once.
 
+use crate::format::Walls;
 use crate::geom::{Affine, Dims, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
@@ -18,8 +19,9 @@ use crate::render::cells::Cells;
 use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
 use crate::render::normals::around::Surroundings;
-use crate::render::normals::shown::{Line, Normals};
+use crate::render::normals::shown::{Line, NEAR_WALL, Normals, cell_coordinates};
 use crate::render::ray::Ray;
+use crate::render::shade::linear_of;
 use crate::render::surface::Skin;
 use crate::render::traverse::{Hit, Trace};
 use crate::render::{GridSpace, RenderError, Smoothing, single};
@@ -101,25 +103,37 @@ impl<'a> Part<'a> {
         self.opacity.as_ref().is_some_and(|opacity| !opacity.is_solid())
     }
 
-    /// The label of a hit, and the part of the light that it stops.
-    fn label(&self, hit: &Hit) -> Option<(u16, f64)> {
-        self.opacity.as_ref()?.at(hit.voxel(self.view)?)
+    /// The label that a line sees at a hit: of a wall between two the one behind, or where that is hidden the one before.
+    fn label(&self, line: Line, hit: &Hit) -> Option<u16> {
+        let (opacity, voxel) = (self.opacity.as_ref()?, hit.voxel(self.view)?);
+        let Some(walls) = self.view.walls(voxel) else { return opacity.label(voxel) };
+        let [before, behind] = self.beside(&walls, line, hit);
+        Some(if opacity.part(behind) > 0.0 { behind } else { before })
+    }
+
+    /// The labels before and behind a hit.
+    fn beside(&self, walls: &Walls, line: Line, hit: &Hit) -> [u16; 2] {
+        let u = cell_coordinates(&self.space, hit.cell, add_scaled(line.0, hit.t, line.1));
+        let way = self.space.world_to_grid().apply_vector(line.1);
+        [way.map(|c| -c), way].map(|way| walls.met(u, way, NEAR_WALL).0)
     }
 
     /// The part of the light that stops at a hit.
-    pub(super) fn opacity(&self, hit: &Hit) -> f64 {
-        self.label(hit).map_or(1.0, |(_, part)| part)
+    pub(super) fn opacity(&self, line: Line, hit: &Hit) -> f64 {
+        let part = |opacity: &Opacity<'_>| Some(opacity.part(self.label(line, hit)?));
+        self.opacity.as_ref().and_then(part).unwrap_or(1.0)
     }
 
-    /// The colour of a hit's label.
-    pub(super) fn label_color(&self, hit: &Hit) -> Option<[f64; 3]> {
-        self.opacity.as_ref().and(self.colors.as_ref())?.color(hit.voxel(self.view)?)
+    /// The colour of a label.
+    pub(super) fn label_color(&self, label: u16) -> Option<[f64; 3]> {
+        self.opacity.as_ref().filter(|_| self.colors.is_some())?.color(label).map(linear_of)
     }
 
     /// The colour of a box of its surface.
-    pub(super) fn color(&self, hit: &Hit) -> [f64; 3] {
-        let own = self.colors.as_ref().and_then(|colors| colors.color(hit.voxel(self.view)?));
-        own.unwrap_or(self.material.color)
+    pub(super) fn color(&self, line: Line, hit: &Hit) -> [f64; 3] {
+        let of_label = || self.label_color(self.label(line, hit)?);
+        let own = || self.colors.as_ref().and_then(|colors| colors.color(hit.voxel(self.view)?));
+        of_label().or_else(own).unwrap_or(self.material.color)
     }
 
     /// Greatest `direction . p` over its points p, in mm.
@@ -182,8 +196,8 @@ pub(super) enum Purpose {
 pub(super) enum Met {
     /// The surface; t of the hit is along the line.
     Surface(Hit),
-    /// Matter that a plane cut open.
-    Cut { plane: usize, t: f64, hit: Hit },
+    /// Matter that a plane cut open, and its label, if it has one.
+    Cut { plane: usize, t: f64, hit: Hit, label: Option<u16> },
 }
 
 impl Met {
@@ -221,6 +235,8 @@ pub(super) struct Body<'a> {
     pub(super) part: &'a Part<'a>,
     pub(super) normals: Normals<'a>,
     pub(super) cells: Option<Cells<'a>>,
+    /// The same to light, which does not meet labels that let some of it through.
+    solids: Option<Cells<'a>>,
     form: Form,
     /// Boxes around its start's own that a line leaves at once.
     reach: u32,
@@ -230,11 +246,18 @@ pub(super) struct Body<'a> {
 
 impl<'a> Body<'a> {
     pub(super) fn of(part: &'a Part<'a>, form: Form) -> Self {
+        let dimmed = part.opacity.as_ref().filter(|opacity| !opacity.is_solid());
+        let cells = |of_sight: bool| {
+            let items = part.view.cells()?;
+            let hidden = dimmed.filter(|_| items.has_walls()).map(|opacity| opacity.hidden(of_sight));
+            Some(hidden.map_or(Cells::new(items), |hidden| Cells::new(items).hiding(hidden, 0)))
+        };
         let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
         Self {
             part,
             normals: Normals::new(part.view, &part.space, Smoothing::Blended, 0),
-            cells: part.view.cells().map(Cells::new),
+            cells: cells(true),
+            solids: cells(false),
             form,
             reach: if knows_sides { 0 } else { REACH },
             bounds: bounds(part),
@@ -257,17 +280,22 @@ impl<'a> Body<'a> {
         enter > leave
     }
 
+    /// Are there walls between labels?
+    pub(super) fn has_walls(&self) -> bool {
+        self.cells.is_some_and(|cells| cells.items().has_walls())
+    }
+
     /// First hit of a ray of the grid.
-    fn trace(&self, ray: &Ray) -> Option<Hit> {
-        match &self.cells {
+    fn trace(&self, purpose: Purpose, ray: &Ray) -> Option<Hit> {
+        match if purpose == Purpose::Sight { &self.cells } else { &self.solids } {
             Some(cells) => single::trace(self.form, self.part.view, cells, ray, 0).hit,
             None => single::trace(self.form, self.part.view, &Skin, ray, 0).hit,
         }
     }
 
-    /// First hits of rays of the grid.
+    /// First hits of rays of the grid, which are those of light.
     pub(super) fn nearest(&self, batch: &mut Batch, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
-        match &self.cells {
+        match &self.solids {
             Some(cells) => batch.nearest(self.part.view, cells, rays, 0, hits),
             None => batch.nearest(self.part.view, &Skin, rays, 0, hits),
         }
@@ -290,9 +318,9 @@ impl<'a> Body<'a> {
     }
 
     /// First hit of such a line.
-    fn hit(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
+    fn hit(&self, purpose: Purpose, line: Line, least: f64, from: Option<&Hit>) -> Option<Hit> {
         let (ray, before) = self.ray(line, least, from)?;
-        let hit = self.trace(&ray)?;
+        let hit = self.trace(purpose, &ray)?;
         Some(Hit { t: before + hit.t, ..hit })
     }
 
@@ -307,7 +335,10 @@ impl<'a> Body<'a> {
         match self.begin(purpose, line, limits, start)? {
             Begun::Met(met) => Some(met),
             Begun::Way(way) => {
-                let first = self.hit(line, way.span.enter, left(&way, start));
+                let first = match start {
+                    Some(Start::Through { hit }) if self.has_walls() => self.beyond(line, hit),
+                    _ => self.hit(purpose, line, way.span.enter, left(&way, start)),
+                };
                 self.follow(way, first)
             }
         }
@@ -338,7 +369,7 @@ impl<'a> Body<'a> {
             _ => None,
         };
         let wall = match start {
-            Some(Start::Through { hit }) => self.part.label(hit).map(|(label, _)| (label, limits[0])),
+            Some(Start::Through { hit }) => self.part.label(line, hit).map(|label| (label, limits[0])),
             _ => None,
         };
         Some(Begun::Way(Way { line, least: limits[0], span, purpose, wall, from }))
@@ -378,8 +409,10 @@ impl<'a> Body<'a> {
                 return None;
             }
             if self.part.is_dimmed()
-                && let Some((label, opacity)) = self.part.label(&hit)
+                && !self.has_walls()
+                && let Some(label) = self.part.label(line, &hit)
             {
+                let opacity = self.part.opacity(line, &hit);
                 let near = |last: f64| self.boxes(line, hit.t - last) <= WALL;
                 let of_wall = wall.is_some_and(|(passed, last)| passed == label && near(last));
                 let is_passed = match purpose {
@@ -392,7 +425,7 @@ impl<'a> Body<'a> {
                         return None;
                     }
                     wall = if of_wall { Some((label, hit.t)) } else { wall };
-                    found = self.hit(line, span.enter, Some(&hit));
+                    found = self.hit(purpose, line, span.enter, Some(&hit));
                     continue;
                 }
             }
@@ -404,7 +437,7 @@ impl<'a> Body<'a> {
                 {
                     passed = (side == Side::Inside).then_some(hit);
                     from = Some((hit, side));
-                    found = self.hit(line, span.enter, Some(&hit));
+                    found = self.hit(purpose, line, span.enter, Some(&hit));
                 }
                 _ => return Some(Met::Surface(hit)),
             }
@@ -450,33 +483,82 @@ impl<'a> Body<'a> {
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
-        let mut exits: Vec<Hit> = Vec::new();
+        if self.has_walls() {
+            return self.cut_labels(at, plane, span);
+        }
+        let mut exits: Vec<(Hit, Option<u16>)> = Vec::new();
         let mut votes = 0;
         for axis in 0..6 {
             let mut direction = [0.0; 3];
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
-            let hit = self.hit((at, direction), 0.0, None)?;
+            let hit = self.hit(Purpose::Light, (at, direction), 0.0, None)?;
             if hit.t == 0.0 && hit.face.is_none() {
-                return self.cap(plane, span, hit);
+                return self.cap(plane, span, hit, self.part.label((at, direction), &hit));
             }
             let outward = self.outward((at, direction), hit)?;
             if dot(outward, direction) > 0.0 {
                 votes += 1;
-                exits.push(hit);
+                exits.push((hit, self.part.label((at, direction), &hit)));
             } else {
                 votes -= 1;
             }
         }
         // Of a model of labels, the one that most lines come out of.
-        let label = |hit: &Hit| self.part.label(hit).map(|(label, _)| label);
-        let same = |hit: &Hit| exits.iter().filter(|other| label(other) == label(hit)).count();
-        let hit = exits.iter().rev().max_by_key(|hit| same(hit)).copied();
-        hit.filter(|_| votes > 0).and_then(|hit| self.cap(plane, span, hit))
+        let same = |label: &Option<u16>| exits.iter().filter(|(_, other)| other == label).count();
+        let exit = exits.iter().rev().max_by_key(|(_, label)| same(label)).copied();
+        exit.filter(|_| votes > 0).and_then(|(hit, label)| self.cap(plane, span, hit, label))
+    }
+
+    /// The same of labels with walls between them: that of the first cell that a line comes to.
+    fn cut_labels(&self, at: [f64; 3], plane: usize, span: Span) -> Option<Met> {
+        for axis in 0..6 {
+            let mut direction = [0.0; 3];
+            direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
+            let line = (at, direction);
+            let (ray, _) = self.ray(line, 0.0, None)?;
+            let hit = single::trace(self.form, self.part.view, &Skin, &ray, 0).hit?;
+            let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
+            // A hit at an edge says as little as the next line says more.
+            let [before, behind] = self.part.beside(&walls, line, &hit);
+            if before == behind {
+                return (behind > 0).then(|| self.cap(plane, span, hit, Some(behind)))?;
+            }
+        }
+        None
+    }
+
+    /// What a line meets behind a wall that it has met at t = 0.
+    fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
+        let (part, opacity) = (self.part, self.part.opacity.as_ref()?);
+        let walls = part.view.walls(wall.voxel(part.view)?)?;
+        let hidden = opacity.hidden(true);
+        let [_, behind] = part.beside(&walls, line, &Hit { t: 0.0, ..*wall });
+        let mut label = hidden.seen(behind);
+        // Within the cell, in its own coordinates.
+        let u = cell_coordinates(&part.space, wall.cell, line.0);
+        let way = part.space.world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
+        let end = (0..3).filter(|a| way[*a] != 0.0).map(|a| (way[a].signum() - u[a]) / way[a]);
+        let end = end.fold(f64::INFINITY, f64::min);
+        let mut crossings = walls.crossings(u, way);
+        crossings.retain(|t| *t > NEAR_WALL / dot(way, way).sqrt() && *t < end);
+        for (at, t) in crossings.iter().enumerate() {
+            let next = crossings.get(at + 1).copied().unwrap_or(end);
+            let here = hidden.seen(walls.at(add_scaled(u, f64::midpoint(*t, next), way)));
+            if here != label {
+                return Some(Hit { face: None, t: *t, ..*wall });
+            }
+            label = here;
+        }
+        let (ray, before) = self.ray(line, 0.0, Some(wall))?;
+        let cells = Cells::new(part.view.cells()?).hiding(hidden, label);
+        let hit = single::trace(self.form, part.view, &cells, &ray, 0).hit?;
+        Some(Hit { t: before + hit.t, ..hit })
     }
 
     /// What a plane cut open, unless that is of a hidden label.
-    fn cap(&self, plane: usize, span: Span, hit: Hit) -> Option<Met> {
-        (self.part.opacity(&hit) > 0.0).then_some(Met::Cut { plane, t: span.enter, hit })
+    fn cap(&self, plane: usize, span: Span, hit: Hit, label: Option<u16>) -> Option<Met> {
+        let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
+        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, hit, label })
     }
 }
 

@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::format::{Label, LabelItems};
+use crate::render::walls::Hidden;
 use crate::text::shown;
 
 /// Some labels of a model.
@@ -72,6 +73,9 @@ pub struct Opacity<'a> {
     labels: LabelItems<'a>,
     /// By number; 1 of all others.
     parts: Vec<(u16, f64)>,
+    /// Labels that sight does not meet, and those that light does not.
+    unseen: Hidden,
+    clear: Hidden,
 }
 
 impl<'a> Opacity<'a> {
@@ -93,7 +97,9 @@ impl<'a> Opacity<'a> {
         };
         let mut parts: Vec<_> = table.iter().filter_map(of).collect();
         parts.sort_by_key(|part| part.0);
-        Ok(Self { labels, parts })
+        let up_to = |most: f64| Hidden::of(parts.iter().filter(|part| part.1 <= most).map(|part| part.0));
+        let (unseen, clear) = (up_to(0.0), up_to(1.0));
+        Ok(Self { labels, parts, unseen, clear })
     }
 
     /// Is every label solid?
@@ -101,11 +107,28 @@ impl<'a> Opacity<'a> {
         self.parts.is_empty()
     }
 
-    /// The label of a voxel, and the part of the light that it stops.
-    pub(super) fn at(&self, voxel: u64) -> Option<(u16, f64)> {
-        let label = self.labels.get(voxel)?;
-        let part = self.parts.binary_search_by_key(&label, |part| part.0);
-        Some((label, part.map_or(1.0, |at| self.parts[at].1)))
+    /// The label of a voxel.
+    pub(super) fn label(&self, voxel: u64) -> Option<u16> {
+        self.labels.get(voxel)
+    }
+
+    /// The part of the light that a label stops; 0 of none.
+    pub(super) fn part(&self, label: u16) -> f64 {
+        match self.parts.binary_search_by_key(&label, |part| part.0) {
+            _ if label == 0 => 0.0,
+            Ok(at) => self.parts[at].1,
+            Err(_) => 1.0,
+        }
+    }
+
+    /// The colour of a label.
+    pub(super) fn color(&self, label: u16) -> Option<[u8; 3]> {
+        self.labels.named(label).map(|label| label.color)
+    }
+
+    /// Labels that are as none to sight, or to light.
+    pub(super) fn hidden(&self, from_sight: bool) -> &Hidden {
+        if from_sight { &self.unseen } else { &self.clear }
     }
 }
 

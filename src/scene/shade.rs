@@ -152,12 +152,14 @@ impl Stage<'_> {
         let length = dot(line.1, line.1).sqrt();
         let sight = line.1.map(|c| c / length);
         let (color, (mut normal, enters)) = match met {
-            Met::Cut { plane, hit, .. } => {
+            Met::Cut { plane, label, .. } => {
                 let plane = body.part.clip().planes()[plane];
                 let cap = plane.cap.unwrap_or(material.color);
-                (body.part.label_color(&hit).unwrap_or(cap), (plane.normal, true))
+                (label.and_then(|label| body.part.label_color(label)).unwrap_or(cap), (plane.normal, true))
             }
-            Met::Surface(hit) => (body.part.color(&hit), self.surface_normal(kept, branch, number, hit)),
+            Met::Surface(hit) => {
+                (body.part.color(line, &hit), self.surface_normal(kept, branch, number, hit))
+            }
         };
         let away = dot(normal, sight);
         if away > BEYOND_RIM {
@@ -169,7 +171,7 @@ impl Stage<'_> {
         }
         let point = add_scaled(line.0, met.t(), line.1);
         let opacity = match met {
-            Met::Surface(hit) => body.part.opacity(&hit),
+            Met::Surface(hit) => body.part.opacity(line, &hit),
             Met::Cut { .. } => 1.0,
         };
         Spot { number, material, color, point, sight, normal, enters, opacity, met }

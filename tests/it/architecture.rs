@@ -23,12 +23,13 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("platform", ""),
     ("scratch", "budget"),
     ("identity", ""),
+    ("wall", ""),
     ("facts", "budget codec exit geom progress text"),
     ("volume", "budget exit facts geom progress scratch identity"),
     ("source", "budget codec cpu exit facts geom mark progress scratch volume"),
     ("synthetic", "facts geom volume"),
     ("discovery", "budget csg exit facts geom mark mesh progress scratch source identity synthetic volume"),
-    ("builder", "atomic budget cpu exit format geom progress scratch text volume"),
+    ("builder", "atomic budget cpu exit format geom progress scratch text volume wall"),
     ("clean", "budget builder exit format geom progress scratch text volume"),
     ("mesh", "budget builder codec cpu facts format geom scratch source identity"),
     ("csg", "budget builder facts format geom mesh progress scratch source identity volume"),
@@ -37,7 +38,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("scene", "exit format geom load render text"),
     ("enclosed", "format geom load"),
     ("page", "format geom load render text"),
-    ("export", "cpu enclosed format geom load progress render scratch text"),
+    ("export", "cpu enclosed format geom load progress render scratch text wall"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \

@@ -6,9 +6,7 @@
 //! that line, moved towards its sample: so all labels see the same pairs, and every edge of each has two polygons.
 
 use crate::export::cases::{Case, EDGES, NO_PATCH, edge_at, ends, face, joined, numbered, others};
-
-/// Labels of the samples, by corner; 0 for none.
-pub(super) type Corners = [u16; 8];
+use crate::wall::Corners;
 
 /// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where no more than
 /// two polygons of a label meet. Where the labels of both diagonals are alike, those of the lower number are

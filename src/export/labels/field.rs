@@ -2,13 +2,17 @@
 //!
 //! Memory: the last eight slices of the model's box, two bytes a sample.
 
-use crate::enclosed::{Side, Sweep};
+use crate::enclosed::{Side, SkinVoxel, Sweep};
 use crate::export::ExportFault;
+use crate::load::ModelView;
 
-use super::fit::{Members, WINDOW};
+use crate::wall::{WINDOW, Window};
 
 /// Columns and rows without labels around the box, and slices before and behind it: half of a window.
 pub(super) const MARGIN: usize = WINDOW / 2;
+
+/// The corner of a cell that is high along all axes.
+const HIGH: usize = 7;
 
 /// Most samples of a slice, of which eight are held.
 const MAX_SAMPLES: u64 = 1 << 27;
@@ -91,6 +95,44 @@ impl Field {
         }
     }
 
+    /// Takes the next slice of a model of cells between labels: those of one slice, ordered by rows, of which the first box
+    /// has these coordinates. Samples have the numbers of the cells that end at them.
+    pub(super) fn take_cells(
+        &mut self,
+        view: &ModelView<'_>,
+        cells: &[SkinVoxel],
+        low: [u32; 3],
+        part_of: &[u16],
+    ) {
+        self.take(None, part_of);
+        let at = (self.taken - 1) % WINDOW;
+        let part = |number: u16| part_of.get(usize::from(number)).copied().unwrap_or(0);
+        let rows = cells.chunk_by(|a, b| a.y == b.y);
+        for row in rows {
+            let Some(y) = row.first().and_then(|cell| cell.y.checked_sub(low[1])) else { continue };
+            let first = (y as usize + MARGIN) * self.width + MARGIN;
+            let Some(samples) = self.ring[at].get_mut(first..first + self.width - 2 * MARGIN) else { continue };
+            let mut before = (0, 0);
+            for cell in row {
+                let Some(walls) = view.walls(cell.voxel.get()) else { continue };
+                let x = (cell.x - low[0]) as usize;
+                // Samples between two cells of a row are alike: the label changes in cells alone.
+                let (from, label) = before;
+                if let Some(between) = samples.get_mut(from..x).filter(|_| label > 0) {
+                    between.fill(label);
+                    self.filled[at] = true;
+                }
+                before = (x, part(walls.corner(HIGH)));
+            }
+            if let (Some(sample), label) = (samples.get_mut(before.0), before.1)
+                && label > 0
+            {
+                *sample = label;
+                self.filled[at] = true;
+            }
+        }
+    }
+
     /// A row of the box in the slice that was taken last.
     pub(super) fn last_row(&self, y: usize) -> Option<&[u16]> {
         let first = (y + MARGIN) * self.width + MARGIN;
@@ -117,35 +159,10 @@ impl Field {
         [(3, y - 1), (3, y), (4, y - 1), (4, y)].map(|(z, y)| self.row(z, y))
     }
 
-    /// The samples around a cell that have a label, and those that have another: all others for `None`. Row by row.
+    /// The samples around a cell.
     #[inline(always)]
-    pub(super) fn members(&self, [x, y]: [usize; 2], one: u16, other: Option<u16>) -> [Members; 2] {
-        let mut both = [[0; WINDOW * WINDOW]; 2];
-        let first = (y - MARGIN) * self.width + x - MARGIN;
-        for z in 0..WINDOW {
-            let slice = &self.ring[(self.taken + z) % WINDOW];
-            let Some(block) = slice.get(first..first + (WINDOW - 1) * self.width + WINDOW) else { continue };
-            for y in 0..WINDOW {
-                let Some(samples) = block[y * self.width..].first_chunk::<WINDOW>() else { continue };
-                let at = z * WINDOW + y;
-                both[0][at] = equal(samples, one);
-                both[1][at] = match other {
-                    Some(other) => equal(samples, other),
-                    None => !both[0][at],
-                };
-            }
-        }
-        both
+    pub(super) fn window(&self, [x, y]: [usize; 2]) -> Window<'_> {
+        let slices = std::array::from_fn(|z| &self.ring[(self.taken + z) % WINDOW][..]);
+        Window { slices, first: (y - MARGIN) * self.width + x - MARGIN, stride: self.width }
     }
-}
-
-/// The samples that have a label, as bits.
-#[inline(always)]
-fn equal(samples: &[u16; WINDOW], label: u16) -> u8 {
-    let mut found = [0_u8; WINDOW];
-    for i in 0..WINDOW {
-        found[i] = u8::from(samples[i] == label);
-    }
-    // Each byte's bit becomes a bit of the highest byte.
-    (u64::from_le_bytes(found).wrapping_mul(0x0102_0408_1020_4080) >> 56).to_le_bytes()[0]
 }

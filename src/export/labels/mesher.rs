@@ -8,7 +8,7 @@
 use std::collections::HashMap;
 use std::io;
 
-use super::cell::{Corners, distinct, knots, sheets};
+use super::cell::{distinct, knots, sheets};
 use super::field::{Field, MARGIN};
 use super::parts::Parts;
 use super::place::Placing;
@@ -19,6 +19,7 @@ use crate::export::dual::{along, distance};
 use crate::export::patch::{corner_at, singles};
 use crate::export::write::{counted, unit};
 use crate::geom::Affine;
+use crate::wall::Corners;
 
 /// One label in a cell: the number of its first vertex, and where its sheets are, if there are several.
 #[derive(Clone, Copy, Debug)]

@@ -11,7 +11,6 @@
 
 mod cell;
 mod field;
-mod fit;
 mod mesher;
 mod parts;
 mod place;
@@ -25,8 +24,9 @@ use super::mask::{Mask, MaskForm};
 use super::tint::Lights;
 use super::write::{GlbParts, Obj, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter};
-use crate::enclosed::{Fates, Sweep, extent};
+use crate::enclosed::{Fates, SkinVoxel, Sweep, extent};
 use crate::format::Label;
+use crate::geom::Dims;
 use crate::progress::Progress;
 use crate::scratch;
 
@@ -48,6 +48,12 @@ pub(crate) struct LabelMesh {
     unknown: u64,
 }
 
+/// A slice of a model of labels: its skin, swept so far, or its cells.
+enum Slice<'a> {
+    Skin(&'a Sweep),
+    Cells(&'a [SkinVoxel]),
+}
+
 impl Exporter<'_> {
     /// Makes the surfaces of labels. A corner of the wall moves at most `smooth` voxels along each axis from where four
     /// voxels' edges meet; at 0 the walls are those of the voxels.
@@ -64,17 +70,20 @@ impl Exporter<'_> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [low, end] = bounds;
         let (unknown, fates) = self.label_fates(labels, bounds, progress)?;
+        let walls = self.has_walls();
         let mut part_of = vec![0; NUMBERS];
         for (part, label) in (1..).zip(labels) {
             part_of[usize::from(label.number)] = part;
         }
-        let before = [MARGIN as f64 + 0.5, MARGIN as f64 + 0.5, 0.5];
+        // Between samples, of which that of a cell's number lies half a cell behind its middle.
+        let half = if walls { 0.0 } else { 0.5 };
+        let before = [MARGIN as f64 + half, MARGIN as f64 + half, half];
         let to_mm = self.affine.starting_at(std::array::from_fn(|a| f64::from(low[a]) - before[a]));
         let parts = Parts::new(scratch::unnamed(scratch)?, labels.len());
         let mut mesher = Mesher::new(to_mm, Placing::new(self.space, smooth), parts);
         let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
-        self.label_slices(bounds, Some(fates), progress, &mut |sweep| {
-            field.take(Some(sweep), &part_of);
+        self.label_slices(bounds, fates, progress, &mut |slice| {
+            self.take(&mut field, slice, low, &part_of);
             mesher.next(&field)
         })?;
         for _ in 0..MARGIN {
@@ -100,21 +109,22 @@ impl Exporter<'_> {
         let [low, end] = bounds;
         let (unknown, fates) = match self.skin_only {
             true => (0, None),
-            false => {
-                self.label_fates(labels, bounds, progress).map(|(unknown, fates)| (unknown, Some(fates)))?
-            }
+            false => self.label_fates(labels, bounds, progress)?,
         };
+        let less = u32::from(self.has_walls());
+        let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
+        let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
+        let affine = self.affine.starting_at([0.5 * f64::from(less); 3]);
         let numbers: Vec<u16> = (0..=u16::MAX).collect();
-        let mut mask = Mask::new(out, form, self.dims, &self.affine, true)?;
+        let mut mask = Mask::new(out, form, dims, &affine, true)?;
         mask.empty_until(low[2])?;
         let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
-        self.label_slices(bounds, fates, progress, &mut |sweep| {
-            field.take(Some(sweep), &numbers);
+        self.label_slices(bounds, fates, progress, &mut |slice| {
+            self.take(&mut field, slice, low, &numbers);
             mask.label_slice(|y, row| {
                 let of_box = y.checked_sub(low[1]).and_then(|y| field.last_row(y as usize));
-                let row = row.get_mut(low[0] as usize..end[0] as usize);
-                if let (Some(of_box), Some(row)) = (of_box, row) {
-                    row.copy_from_slice(of_box);
+                if let (Some(of_box), Some(row)) = (of_box, row.get_mut(low[0] as usize..)) {
+                    row.iter_mut().zip(of_box).for_each(|(label, of_box)| *label = *of_box);
                 }
             })
         })?;
@@ -123,13 +133,28 @@ impl Exporter<'_> {
         Ok(Exported { inside, unknown, ..Exported::default() })
     }
 
+    /// Are there walls between labels, that say which label lies on either side?
+    fn has_walls(&self) -> bool {
+        self.view.cells().is_some_and(|cells| cells.has_walls())
+    }
+
+    fn take(&self, field: &mut Field, slice: Slice<'_>, low: [u32; 3], part_of: &[u16]) {
+        match slice {
+            Slice::Skin(sweep) => field.take(Some(sweep), part_of),
+            Slice::Cells(cells) => field.take_cells(self.view, cells, low, part_of),
+        }
+    }
+
     /// What each skin encloses, and of how many voxels the model does not say it.
     fn label_fates(
         &self,
         labels: &[Label],
         bounds: Bounds,
         progress: &dyn Progress,
-    ) -> Result<(u64, Fates), ExportStop> {
+    ) -> Result<(u64, Option<Fates>), ExportStop> {
+        if self.has_walls() {
+            return Ok((0, None));
+        }
         progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
         let mut sweep = Sweep::new(bounds, self.outward()).by_labels().keeping_fates();
         let mut skin_of = vec![0_u64; NUMBERS];
@@ -146,27 +171,34 @@ impl Exporter<'_> {
             voxels.saturating_sub(skin_of[usize::from(number)])
         };
         let (enclosed, fates) = sweep.finish(&beyond_skin);
-        Ok((enclosed.unknown, fates))
+        Ok((enclosed.unknown, Some(fates)))
     }
 
-    /// Hands on a sweep at every slice of the model's box.
+    /// Hands on every slice of the model's box.
     fn label_slices(
         &self,
         bounds: Bounds,
         fates: Option<Fates>,
         progress: &dyn Progress,
-        work: &mut dyn FnMut(&Sweep) -> io::Result<()>,
+        work: &mut dyn FnMut(Slice<'_>) -> io::Result<()>,
     ) -> Result<(), ExportStop> {
         let count = bounds[1][2] - bounds[0][2];
         progress.stage("export", count.into());
         let mut sweep = Sweep::new(bounds, self.outward()).by_labels().knowing(fates.unwrap_or_default());
         let mut slices = 0;
         self.each_slice(bounds, |skin| {
-            sweep.slice(self.view, skin);
             progress.step(1)?;
             // The first and the last lie beyond the box.
-            if (1..=count).contains(&slices) {
-                work(&sweep)?;
+            let within = (1..=count).contains(&slices);
+            if self.has_walls() {
+                if within {
+                    work(Slice::Cells(skin))?;
+                }
+            } else {
+                sweep.slice(self.view, skin);
+                if within {
+                    work(Slice::Skin(&sweep))?;
+                }
             }
             slices += 1;
             Ok(Some(()))

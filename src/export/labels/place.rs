@@ -1,11 +1,10 @@
 //! Where the walls of a cell have their corner, and the normals of its labels there.
 
-use super::cell::Corners;
 use super::field::Field;
-use super::fit::{Fit, Wall};
 use crate::export::patch::singles;
 use crate::export::write::unit;
 use crate::render::GridSpace;
+use crate::wall::{Corners, Fit, Wall};
 
 /// Most that a corner is moved along an axis: it stays in its cell, apart from those of other cells.
 const WITHIN: f64 = 0.49;
@@ -61,7 +60,7 @@ impl<'a> Placing<'a> {
     /// The wall between two labels.
     #[inline(always)]
     fn between(&self, field: &Field, at: [usize; 2], corners: &Corners, [one, other]: [u16; 2]) -> Spot {
-        let Some(wall) = self.wall(field, at, corners, one, Some(other)) else {
+        let Some(wall) = self.fit.between(&field.window(at), corners, one, Some(other)) else {
             return Spot::default();
         };
         let mut spot = Spot { at: wall.normal.map(|c| f64::from(c * wall.along)), ..Spot::default() };
@@ -71,32 +70,6 @@ impl<'a> Placing<'a> {
         spot
     }
 
-    /// The wall between a label and another, or all others, parting the samples of the cell.
-    #[inline(always)]
-    fn wall(
-        &self,
-        field: &Field,
-        at: [usize; 2],
-        corners: &Corners,
-        one: u16,
-        other: Option<u16>,
-    ) -> Option<Wall> {
-        let [mut a, mut b] = field.members(at, one, other);
-        let wall = self.fit.wall(&mut a, &mut b)?;
-        let gap = wall.gap(corners, one);
-        if gap[0] < wall.along && wall.along < gap[1] {
-            return Some(wall);
-        }
-        // Other walls nearby have drawn it.
-        let wall = self.fit.again(&wall.half_way(gap), &mut a, &mut b)?;
-        let gap = wall.gap(corners, one);
-        Some(if gap[0] < gap[1] {
-            Wall { along: wall.along.clamp(gap[0], gap[1]), ..wall }
-        } else {
-            wall.half_way(gap)
-        })
-    }
-
     /// The point nearest to the walls of several labels, each against all others.
     #[inline(never)]
     fn among(&self, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
@@ -104,7 +77,7 @@ impl<'a> Placing<'a> {
         let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
         (0..3).for_each(|a| matrix[a][a] = STAY);
         for (i, label) in labels.iter().chain(corners.contains(&0).then_some(&0)).enumerate() {
-            let Some(wall) = self.wall(field, at, corners, *label, None) else { continue };
+            let Some(wall) = self.fit.between(&field.window(at), corners, *label, None) else { continue };
             let normal = wall.normal.map(f64::from);
             for a in 0..3 {
                 (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);

@@ -18,6 +18,11 @@ use crate::render::traverse::{Hit, Trace};
 /// Line of sight in the world: origin and direction.
 pub(crate) type Line = ([f64; 3], [f64; 3]);
 
+/// How far the place of a hit may be from the wall that it is on, in half cells.
+pub(crate) const NEAR_WALL: f64 = 1e-3;
+/// A step that leads into the cell that was hit, in cells.
+const AHEAD: f64 = 1e-4;
+
 /// A pixel's hit in 16 bytes.
 #[derive(Clone, Copy)]
 pub(crate) struct PixelHit {
@@ -122,7 +127,7 @@ impl PixelHit {
 }
 
 /// A world point in the coordinates of a cell, -1..=1.
-pub(in crate::render) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
+pub(crate) fn cell_coordinates(space: &GridSpace, cell: [u32; 3], world: [f64; 3]) -> [f64; 3] {
     let at = space.to_grid(world);
     std::array::from_fn(|a| (2.0 * (at[a] - f64::from(cell[a])) - 1.0).clamp(-1.0, 1.0))
 }
@@ -174,6 +179,23 @@ impl<'a> Normals<'a> {
         seen
     }
 
+    /// The colour of the label of a finest hit, of a model of cells between labels.
+    pub(in crate::render) fn label_color(
+        &self,
+        seen: PixelHit,
+        (origin, direction): Line,
+    ) -> Option<[u8; 3]> {
+        let (labels, number) = (self.view.labels()?, seen.box_number.wrapping_sub(self.view.node_count()));
+        let walls = self.view.walls(number).filter(|_| seen.is_finest())?;
+        let at = self.space.to_grid(add_scaled(origin, f64::from(seen.depth), direction));
+        let way = self.space.world_to_grid().apply_vector(direction);
+        // A little ahead: the place of a hit on a face may be on either side.
+        let longest = way.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
+        let ahead = add_scaled(at, AHEAD / longest, way);
+        let u = std::array::from_fn(|a| 2.0 * (ahead[a] - ahead[a].floor()) - 1.0);
+        labels.named(walls.met(u, way, NEAR_WALL).0).map(|label| label.color)
+    }
+
     /// Code of the normal where a cell with corners was hit.
     #[cold]
     #[expect(clippy::cast_possible_truncation, reason = "a direction in single precision")]
@@ -181,6 +203,12 @@ impl<'a> Normals<'a> {
         let at = std::array::from_fn(|i| origin[i] + hit.t * direction[i]);
         let number = hit.box_number.wrapping_sub(self.view.node_count());
         let u = cell_coordinates(self.space, hit.cell, at);
+        if let Some(walls) = self.view.walls(number) {
+            let met = walls.met(u, self.space.world_to_grid().apply_vector(direction), NEAR_WALL).1;
+            if met != [0.0; 3] {
+                return normal::encode(met.map(|c| c as f32));
+            }
+        }
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 

@@ -9,6 +9,7 @@
 //! from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
 use super::around::Surroundings;
+use crate::format::LabelItems;
 use crate::geom::dot;
 use crate::load::{CellItems, ModelView, NodeView};
 use crate::render::form::{Form, LanesKernel};
@@ -86,8 +87,21 @@ impl Neighbourhood {
         *self = Self { key, ..Self::NOWHERE };
         let own = own.map(|c| c as f32);
         let nodes = view.node_count();
+        // Between labels those of one wall count, and where several meet those that are alike.
+        let hit = key.0.wrapping_sub(nodes);
+        let labels = view.labels().filter(|_| cells.has_walls());
+        let wall = labels.and_then(|labels| cells.plane(hit).and_then(|_| labels.pair(hit)));
+        let is_of_wall = |cell: u64| {
+            let is_other = |labels: LabelItems<'_>| {
+                cells.plane(cell).is_none() || wall.is_some_and(|wall| labels.pair(cell) != Some(wall))
+            };
+            cell == hit || !labels.is_some_and(is_other)
+        };
         around.neighbours(view, view.depth(), key.1, |slot, number| {
             let (slot, cell) = (slot % SLOTS, number.wrapping_sub(nodes));
+            if !is_of_wall(cell) {
+                return;
+            }
             let stored = cells.normal(cell).map(|c| c as f32);
             let length = (stored[0] * stored[0] + stored[1] * stored[1] + stored[2] * stored[2]).sqrt();
             let unit = stored.map(|c| c / length);

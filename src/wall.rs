@@ -5,16 +5,16 @@
 //! sum of the weights `w (4.25 - r^2/s^2)`, which over a half-space up to `s x` is `1.25 (1 + erf(x/sqrt 2)) / 2 + x phi(x)`.
 //! With 4, balls would not shrink at all in the first order (with 5 they do by `s^2 / 3R`), and steps of the samples would
 //! show a little more. Sums run over rows: the samples of a row that have a label are 8 bits, and their part of each
-//! sum comes from a table of 256.
+//! sum comes from a table of 256. What is computed is the same on every machine: the weights are written out.
 
 use std::f32::consts::TAU;
 
-use super::cell::Corners;
-
 /// Samples along a side of what is looked at.
-pub(super) const WINDOW: usize = 8;
+pub(crate) const WINDOW: usize = 8;
 /// Standard deviation of the Gaussian, in voxels.
 const SIGMA: f32 = 1.5;
+/// Its values half a voxel from the middle and so on.
+const GAUSSIAN: [f32; WINDOW / 2] = [0.945_959_45, 0.606_530_67, 0.249_352_2, 0.065_728_53];
 /// Samples from the cell's middle: -3.5 to 3.5.
 const FIRST: f32 = -3.5;
 /// How far from a rough wall samples count by their labels, in voxels.
@@ -22,28 +22,31 @@ const BAND: f32 = 1.0;
 /// Steps of Newton's method; the last changes less than 10^-6 voxel.
 const STEPS: usize = 3;
 
+/// Labels of the samples of a cell, by corner; 0 for none.
+pub(crate) type Corners = [u16; 8];
+
 /// The samples of each row of the window, as bits.
-pub(super) type Members = [u8; WINDOW * WINDOW];
+type Members = [u8; WINDOW * WINDOW];
 
 /// A plane: `normal` leads out of the first label, `along` is its distance along it from the cell's middle, in voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(super) struct Wall {
-    pub(super) normal: [f32; 3],
-    pub(super) along: f32,
+pub(crate) struct Wall {
+    pub(crate) normal: [f32; 3],
+    pub(crate) along: f32,
 }
 
 impl Wall {
-    /// Where the last sample of a cell that has the first label lies along the wall's normal, and the first one of the
-    /// others.
+    /// Where the last corner of a cell that has the first label lies along the wall's normal, and the first one of the
+    /// other, all others for `None`.
     #[inline(always)]
-    pub(super) fn gap(&self, corners: &Corners, one: u16) -> [f32; 2] {
+    fn gap(&self, corners: &Corners, one: u16, other: Option<u16>) -> [f32; 2] {
         let (mut behind, mut before) = (f32::NEG_INFINITY, f32::INFINITY);
         for (i, label) in corners.iter().enumerate() {
             let part = |a: usize| if i >> a & 1 == 1 { self.normal[a] } else { -self.normal[a] };
             let at = 0.5 * (part(0) + part(1) + part(2));
             if *label == one {
                 behind = behind.max(at);
-            } else {
+            } else if other.is_none_or(|other| *label == other) {
                 before = before.min(at);
             }
         }
@@ -51,13 +54,54 @@ impl Wall {
     }
 
     /// The wall half-way in a gap.
-    pub(super) fn half_way(self, [behind, before]: [f32; 2]) -> Self {
+    fn half_way(self, [behind, before]: [f32; 2]) -> Self {
         Self { along: f32::midpoint(behind, before), ..self }
     }
 }
 
+/// Samples around a cell: eight slices whose rows are `stride` apart, of which the window begins at `first`.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Window<'a> {
+    pub(crate) slices: [&'a [u16]; WINDOW],
+    pub(crate) first: usize,
+    pub(crate) stride: usize,
+}
+
+impl Window<'_> {
+    /// The samples that have a label, and those that have another, all others for `None`, row by row.
+    #[inline(always)]
+    fn members(&self, one: u16, other: Option<u16>) -> [Members; 2] {
+        let mut both = [[0; WINDOW * WINDOW]; 2];
+        for (z, slice) in self.slices.iter().enumerate() {
+            let end = self.first + (WINDOW - 1) * self.stride + WINDOW;
+            let Some(block) = slice.get(self.first..end) else { continue };
+            for y in 0..WINDOW {
+                let Some(samples) = block[y * self.stride..].first_chunk::<WINDOW>() else { continue };
+                let at = z * WINDOW + y;
+                both[0][at] = equal(samples, one);
+                both[1][at] = match other {
+                    Some(other) => equal(samples, other),
+                    None => !both[0][at],
+                };
+            }
+        }
+        both
+    }
+}
+
+/// The samples that have a label, as bits.
+#[inline(always)]
+fn equal(samples: &[u16; WINDOW], label: u16) -> u8 {
+    let mut found = [0_u8; WINDOW];
+    for i in 0..WINDOW {
+        found[i] = u8::from(samples[i] == label);
+    }
+    // Each byte's bit becomes a bit of the highest byte.
+    (u64::from_le_bytes(found).wrapping_mul(0x0102_0408_1020_4080) >> 56).to_le_bytes()[0]
+}
+
 /// The sums that a row adds, for every set of its samples, and what they are multiplied by for each row.
-pub(super) struct Fit {
+pub(crate) struct Fit {
     /// Sums of the weight, of the weight times x, and of the weight times x^2.
     of_row: Box<[[f32; 3]; 256]>,
     rows: [RowWeights; WINDOW * WINDOW],
@@ -90,8 +134,8 @@ fn from_middle(at: usize) -> f32 {
 }
 
 impl Fit {
-    pub(super) fn new() -> Self {
-        let weights: [f32; WINDOW] = std::array::from_fn(|i| (-0.5 * (from_middle(i) / SIGMA).powi(2)).exp());
+    pub(crate) fn new() -> Self {
+        let weights: [f32; WINDOW] = std::array::from_fn(|i| GAUSSIAN[i.max(WINDOW - 1 - i) - WINDOW / 2]);
         let mut of_row = Box::new([[0.0; 3]; 256]);
         for (members, sums) in of_row.iter_mut().enumerate() {
             for (i, weight) in weights.iter().enumerate().filter(|(i, _)| members >> i & 1 == 1) {
@@ -129,10 +173,36 @@ impl Fit {
         Sums { moment: [x, y, z], place }
     }
 
+    /// The wall between a label and another, or all others, where it parts the corners of the cell that have them if a plane
+    /// in its direction can; `None` where the samples do not say a direction.
+    #[inline(always)]
+    pub(crate) fn between(
+        &self,
+        window: &Window<'_>,
+        corners: &Corners,
+        one: u16,
+        other: Option<u16>,
+    ) -> Option<Wall> {
+        let [mut a, mut b] = window.members(one, other);
+        let wall = self.wall(&mut a, &mut b)?;
+        let gap = wall.gap(corners, one, other);
+        if gap[0] < wall.along && wall.along < gap[1] {
+            return Some(wall);
+        }
+        // Other walls nearby have drawn it.
+        let wall = self.again(&wall.half_way(gap), &mut a, &mut b)?;
+        let gap = wall.gap(corners, one, other);
+        Some(if gap[0] < gap[1] {
+            Wall { along: wall.along.clamp(gap[0], gap[1]), ..wall }
+        } else {
+            wall.half_way(gap)
+        })
+    }
+
     /// The wall again, by the samples within [`BAND`] of it: those farther away count for the label on whose side they
     /// lie, so that other walls nearby do not draw it to them.
     #[inline(never)]
-    pub(super) fn again(&self, rough: &Wall, one: &mut Members, other: &mut Members) -> Option<Wall> {
+    fn again(&self, rough: &Wall, one: &mut Members, other: &mut Members) -> Option<Wall> {
         for (at, (a, b)) in one.iter_mut().zip(&mut *other).enumerate() {
             let [_, y, z] = rough.normal;
             let across = y * from_middle(at % WINDOW) + z * from_middle(at / WINDOW) - rough.along;
@@ -150,7 +220,7 @@ impl Fit {
     /// The wall between two labels by the samples that have each. Samples of neither count for the label on whose side
     /// of the rough wall they lie. `None` where the samples do not say a direction.
     #[inline(always)]
-    pub(super) fn wall(&self, one: &mut Members, other: &mut Members) -> Option<Wall> {
+    fn wall(&self, one: &mut Members, other: &mut Members) -> Option<Wall> {
         let mut all = u8::MAX;
         for at in 0..WINDOW * WINDOW {
             all &= one[at] | other[at];

@@ -1,0 +1,229 @@
+//! The planes of a cell between labels (SPEC 4.12): one for two labels, two for three, else octants.
+//!
+//! A plane part its corners strictly: `N . u` of a corner is odd, as the sizes of N sum up to 127, and offsets are even.
+//! So no sample is on a wall, and each has its own label. Where the fitted direction does not part the corners, it is
+//! turned until it does. Of three labels, one is parted from the others first: none, if it is there, so that all labels
+//! together are a closed body in every cell; else the one for which the fewest planes are turned.
+
+use crate::format::cell::{CORNERS, at_corner};
+use crate::format::{WallItem, normal};
+use crate::wall::{Corners, Fit, Wall, Window};
+
+/// How often a direction is turned, and by how much.
+const TURNS: u32 = 60;
+const TURN: f32 = 0.03;
+
+/// What is stored of a cell.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Fitted {
+    /// A plane: code of the normal, offset, labels behind and in front.
+    Plane(u16, i8, [u16; 2]),
+    /// Code of the normal, and what follows it.
+    Item(u16, WallItem),
+}
+
+/// A plane that parts corners, and whether its normal was turned for it.
+struct Parting {
+    code: u16,
+    offset: i8,
+    is_turned: bool,
+}
+
+/// The labels of the corners, each once, the greatest first.
+fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
+    let mut sorted = *corners;
+    sorted.sort_unstable_by(|a, b| b.cmp(a));
+    let mut count = 1;
+    for at in 1..CORNERS {
+        if sorted[at] != sorted[count - 1] {
+            sorted[count] = sorted[at];
+            count += 1;
+        }
+    }
+    (sorted, count)
+}
+
+/// Describes a cell by its corners, which have at least two labels, and the samples around it.
+#[inline(always)]
+pub(super) fn fit_cell(fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fitted {
+    let (labels, count) = distinct(corners);
+    match labels[..count] {
+        [a, b] => {
+            if let Some(Parting { code, offset, .. }) = parting(fit, window, corners, a, Some(b)) {
+                return Fitted::Plane(code, offset, [a, b]);
+            }
+        }
+        [a, b, c] => {
+            if let Some(two) = two_planes(fit, window, corners, [a, b, c]) {
+                return two;
+            }
+        }
+        _ => {}
+    }
+    let item = WallItem { labels: *corners, planes: None };
+    Fitted::Item(smooth(fit, window, corners, labels[0]), item)
+}
+
+/// Three labels, parted by two planes.
+#[inline(never)]
+fn two_planes(fit: &Fit, window: &Window<'_>, corners: &Corners, labels: [u16; 3]) -> Option<Fitted> {
+    let [a, b, c] = labels;
+    let orders = [[a, b, c], [b, a, c], [c, a, b]];
+    // Where there is none, it comes first.
+    let tried = if c == 0 { &orders[2..] } else { &orders[..] };
+    let mut best: Option<(u8, Fitted)> = None;
+    for [alone, one, other] in tried {
+        let Some(first) = parting(fit, window, corners, *alone, None) else { continue };
+        let Some(second) = parting(fit, window, corners, *one, Some(*other)) else { continue };
+        let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
+        if best.as_ref().is_none_or(|(least, _)| turned < *least) {
+            let planes = Some((first.offset, second.code, second.offset));
+            best = Some((turned, Fitted::Item(first.code, WallItem { labels: *corners, planes })));
+        }
+    }
+    best.map(|(_, fitted)| fitted)
+}
+
+/// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.
+#[inline(always)]
+fn parting(
+    fit: &Fit,
+    window: &Window<'_>,
+    corners: &Corners,
+    one: u16,
+    other: Option<u16>,
+) -> Option<Parting> {
+    let wall = fit.between(window, corners, one, other);
+    if let Some(wall) = wall
+        && let Some(found) = parted_by(&wall, corners, one, other, false)
+    {
+        return Some(found);
+    }
+    turned(wall.unwrap_or_default(), corners, one, other)
+}
+
+/// The plane with a wall's direction, nearest to the wall.
+#[inline(always)]
+fn parted_by(
+    wall: &Wall,
+    corners: &Corners,
+    one: u16,
+    other: Option<u16>,
+    is_turned: bool,
+) -> Option<Parting> {
+    let code = normal::encode(wall.normal);
+    let n = normal::decode_l1(code);
+    let (mut behind, mut before) = (i32::MIN, i32::MAX);
+    for (corner, label) in corners.iter().enumerate() {
+        let at = at_corner(n, corner);
+        if *label == one {
+            behind = behind.max(at);
+        } else if other.is_none_or(|other| *label == other) {
+            before = before.min(at);
+        }
+    }
+    if behind >= before {
+        return None;
+    }
+    // The cell's own coordinates are in half voxels.
+    #[expect(clippy::cast_precision_loss, reason = "at most 127^2")]
+    let length = ((n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) as f32).sqrt();
+    #[expect(clippy::cast_possible_truncation, reason = "clamped below")]
+    let even = 2 * (wall.along * length).round() as i32;
+    #[expect(clippy::cast_possible_truncation, reason = "between two corners: within 126")]
+    let offset = even.clamp(behind + 1, before - 1) as i8;
+    Some(Parting { code, offset, is_turned })
+}
+
+/// The plane with a direction that is turned towards where the label ends and the other begins until it parts them.
+#[cold]
+fn turned(wall: Wall, corners: &Corners, one: u16, other: Option<u16>) -> Option<Parting> {
+    let mut wall = wall;
+    let part = |corner: usize, a: usize| if corner >> a & 1 == 1 { 1.0_f32 } else { -1.0 };
+    for _ in 0..TURNS {
+        // The foremost corner of the label, and the backmost of the other.
+        let along = |corner: usize| (0..3).fold(0.0, |sum, a| sum + wall.normal[a] * part(corner, a));
+        let (mut last, mut first) = ((f32::NEG_INFINITY, 0), (f32::INFINITY, 0));
+        for (corner, label) in corners.iter().enumerate() {
+            let at = along(corner);
+            if *label == one && at > last.0 {
+                last = (at, corner);
+            } else if *label != one && other.is_none_or(|other| *label == other) && at < first.0 {
+                first = (at, corner);
+            }
+        }
+        let way: [f32; 3] = std::array::from_fn(|a| part(first.1, a) - part(last.1, a));
+        let length = |v: [f32; 3]| (v[0] * v[0] + v[1] * v[1] + v[2] * v[2]).sqrt();
+        let (scale, before) = (TURN / length(way).max(1.0), wall.normal);
+        let moved: [f32; 3] = std::array::from_fn(|a| before[a] + scale * way[a]);
+        let of = length(moved);
+        if of < 1e-3 {
+            return None;
+        }
+        wall.normal = moved.map(|c| c / of);
+        if let Some(found) = parted_by(&wall, corners, one, other, true) {
+            return Some(found);
+        }
+    }
+    None
+}
+
+/// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
+#[cold]
+fn smooth(fit: &Fit, window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
+    let with_none = corners.contains(&0);
+    let one = if with_none { 0 } else { greatest };
+    let out = fit.between(window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
+    normal::encode(if with_none { out.map(|c| -c) } else { out })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::Walls;
+    use crate::format::cell::Plane;
+
+    /// Any 2^8 masks of two labels, and labels of three and more: planes part all corners that planes can part.
+    #[test]
+    fn every_corner_has_its_label_whatever_the_samples_say() {
+        let fit = Fit::new();
+        let (mut state, mut kinds) = (1_u32, [0; 3]);
+        let mut any = |n: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) % n
+        };
+        for round in 0..6000_u32 {
+            let most = 2 + round % 4;
+            let samples: Vec<u16> = (0..512).map(|_| u16::try_from(any(most)).unwrap()).collect();
+            let mut corners: Corners = std::array::from_fn(|_| u16::try_from(any(most)).unwrap());
+            if round < 256 {
+                corners = std::array::from_fn(|c| u16::try_from(round >> c & 1).unwrap());
+            }
+            let slices = std::array::from_fn(|z| &samples[64 * z..64 * z + 64]);
+            let window = Window { slices, first: 0, stride: 8 };
+            if corners.iter().all(|label| *label == corners[0]) {
+                continue;
+            }
+            let fitted = fit_cell(&fit, &window, &corners);
+            let (walls, kind) = match fitted {
+                Fitted::Plane(code, offset, pair) => {
+                    assert!(offset % 2 == 0 && pair[0] > pair[1]);
+                    (Walls::of_pair(Plane::new(code, offset), pair), 0)
+                }
+                Fitted::Item(code, item) => {
+                    assert!(!WallItem::is_illegal(&item.to_bytes()));
+                    (Walls::of_item(code, &item), if item.planes.is_some() { 1 } else { 2 })
+                }
+            };
+            kinds[kind] += 1;
+            for (corner, label) in corners.iter().enumerate() {
+                assert_eq!(walls.corner(corner), *label, "{corners:?} {fitted:?}");
+            }
+            // Which masks a plane parts is known: 104 of 256, and two of them part nothing.
+            if round == 255 {
+                assert_eq!(kinds[..2], [102, 0]);
+            }
+        }
+        assert!(kinds.iter().all(|count| *count > 200), "{kinds:?}");
+    }
+}

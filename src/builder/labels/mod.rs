@@ -1,0 +1,334 @@
+//! A label map as a solid, walls between neighbours included, in one pass.
+//!
+//! ```text
+//!   slices --read--> numbers of labels (ring) --> skin voxels of every label (skin)
+//!                                             --> cells between labels, fitted one by one (cells, fit)
+//! ```
+//!
+//! Memory is that of [`worker_bytes`].
+#![expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^16")]
+
+mod cells;
+mod fit;
+mod ring;
+mod skin;
+
+use std::borrow::Cow;
+use std::path::PathBuf;
+use std::str::FromStr;
+use std::sync::{Mutex, PoisonError};
+
+use super::cells::cell_dims;
+use super::error::BuildError;
+use super::estimator::{Estimate, Gradient};
+use super::gradient::{NormalRule, REACH};
+use super::item::ItemForm;
+use super::options::BuildOptions;
+use super::range::Ordered;
+use super::report::BuildNote;
+use super::solid::{ScanSummary, Solid, SolidWorker, Tile};
+use crate::builder::BuildFault;
+use crate::format::normal::NormalBits;
+use crate::format::{
+    Channel, Label, LabelForm, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SourceMeta,
+    SurfaceKind, WALL_BYTES,
+};
+use crate::geom::Dims;
+use crate::volume::{Fault, ScalarType, SourceError, SourceFault, StatedLabel, VolumeInfo, VolumeSource};
+
+use cells::CellWorker;
+use skin::{SkinWorker, Weights};
+
+/// The labels of a volume that a model is built of.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum LabelChoice {
+    /// Every number but 0.
+    All,
+    /// Those in these ranges, both ends included.
+    Only(Vec<[u16; 2]>),
+}
+
+impl LabelChoice {
+    /// Is this number among them?
+    pub fn contains(&self, number: u16) -> bool {
+        match self {
+            Self::All => number > 0,
+            Self::Only(ranges) => ranges.iter().any(|[lo, hi]| (*lo..=*hi).contains(&number)),
+        }
+    }
+}
+
+/// As `all`, or as `1,5,7..20`.
+impl FromStr for LabelChoice {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        if text == "all" {
+            return Ok(Self::All);
+        }
+        let number = |text: &str| text.trim().parse().ok().filter(|n| *n > 0);
+        let ranges = text.split(',').map(|part| match part.split_once("..") {
+            Some((lo, hi)) => number(lo).zip(number(hi)).filter(|(lo, hi)| lo <= hi).map(|(lo, hi)| [lo, hi]),
+            None => number(part).map(|n| [n, n]),
+        });
+        ranges.collect::<Option<_>>().map(Self::Only).ok_or_else(|| {
+            format!("'{text}' does not name labels; write all, or numbers from 1 to 65535 as 1,5,7..20")
+        })
+    }
+}
+
+/// The items of a channel, of those that labels have.
+pub(super) fn label_form(surface: SurfaceKind, channel: Channel) -> Option<ItemForm> {
+    let bytes = match (surface, channel) {
+        (_, Channel::Normal) => 2,
+        (SurfaceKind::Skin, Channel::Fine) | (SurfaceKind::Cells, Channel::Offset) => 1,
+        (SurfaceKind::Cells, Channel::Corners) => WALL_BYTES,
+        (_, Channel::Label) => LabelForm::of(surface, 0).item_bytes(),
+        _ => return None,
+    };
+    Some(ItemForm::AsIs { bytes })
+}
+
+/// Bytes that one worker holds.
+pub(super) fn worker_bytes(surface: SurfaceKind, info: &VolumeInfo, tile: &Tile) -> u64 {
+    match surface {
+        SurfaceKind::Skin => skin::worker_bytes(info, tile),
+        SurfaceKind::Cells => cells::worker_bytes(info, tile),
+    }
+}
+
+/// What a table states of labels; what the input states where there is no table.
+fn names<'a>(table: &'a [LabelName], stated: &[StatedLabel]) -> Cow<'a, [LabelName]> {
+    if !table.is_empty() {
+        return Cow::Borrowed(table);
+    }
+    let of = |StatedLabel { number, name, color }: &StatedLabel| LabelName {
+        number: *number,
+        name: name.clone(),
+        color: *color,
+    };
+    stated.iter().map(of).collect()
+}
+
+/// The solid of the labels that are chosen.
+///
+/// # Errors
+/// The options ask for what labels do not have.
+pub(super) fn label_solid<'a>(
+    source: &'a dyn VolumeSource,
+    choice: &'a LabelChoice,
+    options: &'a BuildOptions,
+) -> Result<Box<dyn Solid + 'a>, BuildError> {
+    let refused = options.labels_refused();
+    if let Some(asked) = refused {
+        let name = source.info().description.name.clone();
+        return Err(BuildFault::NotOfLabels { name, asked }.into());
+    }
+    let gradient = match options.gradient {
+        Gradient::Isotropic5 | Gradient::Auto => Gradient::Label5,
+        given => given,
+    };
+    let (info, surface) = (source.info(), options.volume_surface());
+    let dims = match surface {
+        SurfaceKind::Skin => info.dims,
+        SurfaceKind::Cells => cell_dims(info.dims).ok_or_else(|| {
+            let name = info.description.name.clone();
+            BuildFault::NoRoomForCells { name }
+        })?,
+    };
+    let spacing_mm = info.spacing_mm;
+    let estimate = Estimate::new(gradient, spacing_mm);
+    let solid = LabelSolid {
+        source,
+        dims,
+        surface,
+        choice,
+        names: names(&options.label_names, &source.info().description.labels),
+        gradient,
+        rule: NormalRule::new(spacing_mm, gradient),
+        weights: std::iter::once(estimate.taps).chain(estimate.more).map(Weights::new).collect(),
+        estimate,
+        bits: options.normal_bits,
+        counts: Mutex::default(),
+    };
+    Ok(match source.info().scalar {
+        ScalarType::U8 => Box::new(Typed(solid, |v: u8| v.into())),
+        ScalarType::I8 => Box::new(Typed(solid, |v: i8| v.into())),
+        ScalarType::U16 => Box::new(Typed(solid, |v: u16| v.into())),
+        ScalarType::I16 => Box::new(Typed(solid, |v: i16| v.into())),
+        ScalarType::U32 => Box::new(Typed(solid, |v: u32| v.into())),
+        ScalarType::I32 => Box::new(Typed(solid, |v: i32| v.into())),
+        ScalarType::F32 => Box::new(Typed(solid, |v: f32| v.into())),
+        ScalarType::F64 => Box::new(Typed(solid, |v: f64| v)),
+    })
+}
+
+/// Voxels of a label.
+type Count = (u16, u64);
+
+struct LabelSolid<'a> {
+    source: &'a dyn VolumeSource,
+    /// Of the grid of voxels, or of cells.
+    dims: Dims,
+    surface: SurfaceKind,
+    choice: &'a LabelChoice,
+    names: Cow<'a, [LabelName]>,
+    gradient: Gradient,
+    rule: NormalRule,
+    estimate: Estimate,
+    /// Of the estimate's one or two products.
+    weights: Vec<Weights>,
+    bits: NormalBits,
+    /// Of all workers that are done, by number.
+    counts: Mutex<Vec<Count>>,
+}
+
+/// A solid whose samples have this type, and their numbers.
+struct Typed<'a, T>(LabelSolid<'a>, fn(T) -> f64);
+
+impl LabelSolid<'_> {
+    fn wrong(&self, fault: Fault) -> SourceError {
+        let path = PathBuf::from(&self.source.info().description.name);
+        SourceFault::Unusable { path, fault }.into()
+    }
+
+    /// The label of a sample; 0 for none.
+    #[cold]
+    fn label_of(&self, sample: f64) -> Result<u16, SourceError> {
+        let value = self.source.info().rescale.apply(sample);
+        if value.fract() != 0.0 {
+            return Err(self.wrong(Fault::NotALabel { value }));
+        }
+        let number = if (0.0..=65_535.0).contains(&value) { Some(value as u16) } else { None };
+        match (self.choice, number) {
+            (LabelChoice::All, None) => Err(self.wrong(Fault::LabelRange { value })),
+            (choice, Some(number)) if choice.contains(number) => Ok(number),
+            _ => Ok(0),
+        }
+    }
+
+    fn found(&self) -> std::sync::MutexGuard<'_, Vec<Count>> {
+        self.counts.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+impl<T: Ordered> Solid for Typed<'_, T> {
+    fn dims(&self) -> Dims {
+        self.0.dims
+    }
+
+    fn surface(&self) -> SurfaceKind {
+        self.0.surface
+    }
+
+    fn lookbehind(&self) -> u32 {
+        match self.0.surface {
+            SurfaceKind::Skin => REACH,
+            SurfaceKind::Cells => cells::AROUND.low,
+        }
+    }
+
+    fn metadata(&self, _: &ScanSummary) -> Metadata {
+        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.0.source.info();
+        let found = self.0.found();
+        let ends = found.first().zip(found.last()).map_or((1, u16::MAX), |(first, last)| (first.0, last.0));
+        Metadata {
+            source: SourceMeta {
+                format: description.format.clone(),
+                kind: description.to_string(),
+                files: description.files,
+                bytes: description.bytes,
+            },
+            scalar: scalar.code(),
+            spacing_mm: *spacing_mm,
+            affine: affine.rows,
+            rescale: [rescale.slope, rescale.intercept],
+            selection: Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() },
+            gradient: match self.0.bits {
+                _ if self.0.surface == SurfaceKind::Cells => cells::ESTIMATOR.into(),
+                NormalBits::Twelve => format!("{}, 12 bits", self.0.gradient.name()),
+                _ => self.0.gradient.name().into(),
+            },
+            ..Metadata::of_grid(*dims, "")
+        }
+    }
+
+    fn name(&self) -> String {
+        self.0.source.info().description.name.clone()
+    }
+
+    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
+        label_form(self.0.surface, channel)
+    }
+
+    fn worker_bytes(&self, tile: &Tile) -> u64 {
+        worker_bytes(self.0.surface, self.0.source.info(), tile)
+    }
+
+    fn input_bytes(&self) -> u64 {
+        self.0.source.resident_bytes()
+    }
+
+    fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
+        match self.0.surface {
+            SurfaceKind::Skin => Box::new(SkinWorker::new(&self.0, self.1, tile)),
+            SurfaceKind::Cells => Box::new(CellWorker::new(&self.0, self.1, tile)),
+        }
+    }
+
+    fn labels(&self) -> Result<Vec<Label>, BuildError> {
+        let found = self.0.found();
+        if found.len() > MAX_LABELS {
+            return Err(BuildFault::Source(self.0.wrong(Fault::ManyLabels { most: MAX_LABELS })).into());
+        }
+        let label = |(number, voxels): &Count| {
+            let stated = self.0.names.iter().find(|stated| stated.number == *number);
+            Label {
+                number: *number,
+                name: stated.map_or_else(String::new, |stated| stated.name.clone()),
+                color: stated.and_then(|s| s.color).unwrap_or_else(|| Label::default_color(*number)),
+                voxels: *voxels,
+            }
+        };
+        Ok(found.iter().map(label).collect())
+    }
+
+    fn check_unchanged(&self) -> Result<(), SourceError> {
+        self.0.source.check_unchanged()
+    }
+
+    /// A table that names other labels, or the first label that was asked for and has no voxel.
+    fn note(&self) -> Option<BuildNote> {
+        let (found, names) = (self.0.found(), &self.0.names);
+        let is_found = |named: &LabelName| found.binary_search_by_key(&named.number, |count| count.0).is_ok();
+        if !names.is_empty() && !names.iter().any(is_found) {
+            return Some(BuildNote::LabelsUnnamed { named: names.len() });
+        }
+        let LabelChoice::Only(ranges) = self.0.choice else { return None };
+        let is_there = |[lo, hi]: &[u16; 2]| found.iter().any(|(number, _)| (*lo..=*hi).contains(number));
+        let mut absent = ranges.iter().filter(|range| !is_there(range));
+        let first = absent.next()?[0];
+        Some(BuildNote::LabelsAbsent { first, others: absent.count() })
+    }
+
+    fn nothing_inside(&self) -> BuildError {
+        BuildFault::NoLabels { name: self.name() }.into()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn labels_are_chosen_by_number_and_range() {
+        assert_eq!("all".parse(), Ok(LabelChoice::All));
+        let some: LabelChoice = "1, 5,7..20".parse().unwrap();
+        assert_eq!(some, LabelChoice::Only(vec![[1, 1], [5, 5], [7, 20]]));
+        let chosen: Vec<u16> = (0..40).filter(|n| some.contains(*n)).collect();
+        assert_eq!(chosen, [1, 5].into_iter().chain(7..=20).collect::<Vec<_>>());
+        for wrong in ["", "0", "1,", "5..3", "-1", "1.5", "65536", "liver", "all,1", "1..."] {
+            assert!(wrong.parse::<LabelChoice>().is_err(), "{wrong}");
+        }
+    }
+}

@@ -1,0 +1,217 @@
+//! Slices of a label map on their way through a column, as numbers of labels: 0 for none, and beyond the volume.
+//!
+//! Columns and rows around the tile are read, too, so that no border is a special case.
+
+use std::time::{Duration, Instant};
+
+use super::{Count, LabelChoice, LabelSolid};
+use crate::builder::classify::classify;
+use crate::builder::range::{Ordered, SampleRange};
+use crate::builder::simd::{Isa, movemask};
+use crate::builder::slices::Reach;
+use crate::builder::solid::{BRICK, OccupancyRows, ScanSummary, Tile, VoxelBox};
+use crate::format::MAX_LABELS;
+use crate::volume::{Fault, Rescale, ScalarType, SourceError, VolumeInfo};
+
+/// Samples that are read at once, from any of a row on.
+pub(super) const LANES: usize = 8;
+/// A cache line of the ring: rows are an odd number of lines apart, and may be read beyond their end.
+const LINE: usize = 32;
+/// Samples of a row that are compared at once.
+pub(super) const CHUNK: usize = 32;
+
+/// The slices that are held, one thread's.
+pub(super) struct Ring<'a, T> {
+    pub(super) solid: &'a LabelSolid<'a>,
+    to_number: fn(T) -> f64,
+    reach: Reach,
+    pub(super) column: VoxelBox,
+    /// Samples from one row to the next, and of a slice.
+    pub(super) stride: usize,
+    size: usize,
+    samples: Vec<u16>,
+    /// A slice beyond the volume.
+    none: Vec<u16>,
+    staged: Vec<T>,
+    /// The sample before, and its label.
+    known: Option<(T, u16)>,
+    counts: Vec<Count>,
+    reading: Duration,
+}
+
+/// Samples from one row to the next.
+fn stride(tile: &Tile) -> usize {
+    (2 * tile.columns.div_ceil(64) as usize + 1) * LINE
+}
+
+/// Rows of a slice: a tile's and those around it.
+fn rows(reach: Reach) -> usize {
+    (BRICK + reach.low + reach.high) as usize
+}
+
+/// Bytes of a ring.
+pub(super) fn bytes(info: &VolumeInfo, reach: Reach, tile: &Tile) -> u64 {
+    // One more slice for what lies beyond the volume.
+    let ring = (reach.ring() + 1) * rows(reach) * stride(tile) * size_of::<u16>();
+    let columns = ((tile.columns + reach.low + reach.high) as usize).min(info.dims.nx() as usize);
+    let staged = columns * rows(reach).min(info.dims.ny() as usize) * info.scalar.bytes();
+    (ring + staged + MAX_LABELS * size_of::<Count>()) as u64
+}
+
+impl<'a, T: Ordered> Ring<'a, T> {
+    pub(super) fn new(solid: &'a LabelSolid<'a>, to_number: fn(T) -> f64, reach: Reach, tile: &Tile) -> Self {
+        const { assert!(LANES <= LINE / 2) };
+        let (stride, size) = (stride(tile), rows(reach) * stride(tile));
+        Self {
+            solid,
+            to_number,
+            reach,
+            column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
+            stride,
+            size,
+            samples: vec![0; reach.ring() * size],
+            none: vec![0; size],
+            staged: Vec::new(),
+            known: None,
+            counts: Vec::new(),
+            reading: Duration::ZERO,
+        }
+    }
+
+    /// Where the sample of a row and a column stands in its slice.
+    pub(super) fn at(&self, x: u32, y: u32) -> usize {
+        let low = self.reach.low;
+        let of = |at: u32, start: u32| (at + low - start) as usize;
+        of(y, self.column.y.start) * self.stride + of(x, self.column.x.start)
+    }
+
+    /// Slices from one on, which are held or lie beyond the volume.
+    pub(super) fn slices<const N: usize>(&self, first: i64) -> [&[u16]; N] {
+        let nz = self.solid.source.info().dims.nz();
+        std::array::from_fn(|dz| match u32::try_from(first + dz as i64).ok().filter(|z| *z < nz) {
+            Some(z) => &self.samples[z as usize % self.reach.ring() * self.size..][..self.size],
+            None => &self.none,
+        })
+    }
+
+    /// Reads a slice of the column, with what lies around its tile, into its place, and counts the labels of the tile's
+    /// own voxels.
+    pub(super) fn load(&mut self, z: u32) -> Result<(), SourceError> {
+        let dims = self.solid.source.info().dims.to_array();
+        let Reach { low, high } = self.reach;
+        let around =
+            |own: &std::ops::Range<u32>, n: u32| own.start.saturating_sub(low)..(own.end + high).min(n);
+        let (cols, rows) = (around(&self.column.x, dims[0]), around(&self.column.y, dims[1]));
+        let (first, width) = (self.at(cols.start, rows.start), cols.len());
+        self.staged.resize(width * rows.len(), bytemuck::Zeroable::zeroed());
+        let started = Instant::now();
+        let bytes = bytemuck::cast_slice_mut(&mut self.staged);
+        self.solid.source.read_rows(z, rows.clone(), cols.clone(), bytes)?;
+        self.reading += started.elapsed();
+        let slice = &mut self.samples[z as usize % self.reach.ring() * self.size..][..self.size];
+        slice.fill(0);
+        for (from, to) in self.staged.chunks_exact(width).zip(slice[first..].chunks_mut(self.stride)) {
+            convert(self.solid, self.to_number, &mut self.known, from, &mut to[..width])?;
+        }
+        if self.column.z.contains(&z) { self.count(z) } else { Ok(()) }
+    }
+
+    /// Counts the labels of the tile's own rows of a slice.
+    fn count(&mut self, z: u32) -> Result<(), SourceError> {
+        let start = self.at(self.column.x.start, self.column.y.start);
+        let slice = &self.samples[z as usize % self.reach.ring() * self.size..][start..self.size];
+        let width = self.column.x.len();
+        for row in slice.chunks(self.stride).take(self.column.y.len()) {
+            let mut rest = &row[..width];
+            while let [first, ..] = rest {
+                let differs = |part: &[u16]| part.iter().fold(0, |any, label| any | (label ^ first)) != 0;
+                let alike = rest.chunks_exact(64).take_while(|part| !differs(part)).count() * 64;
+                let run = alike + rest[alike..].iter().take_while(|label| *label == first).count();
+                let (number, voxels) = (*first, run as u64);
+                rest = &rest[run..];
+                if number > 0 {
+                    match self.counts.binary_search_by_key(&number, |count| count.0) {
+                        Ok(at) => self.counts[at].1 += voxels,
+                        Err(_) if self.counts.len() == MAX_LABELS => {
+                            return Err(self.solid.wrong(Fault::ManyLabels { most: MAX_LABELS }));
+                        }
+                        Err(at) => self.counts.insert(at, (number, voxels)),
+                    }
+                }
+            }
+        }
+        Ok(())
+    }
+
+    /// Which samples of a slice have a label, in the rows asked for; `slice` is one of [`Ring::slices`].
+    pub(super) fn occupancy(&self, wanted: &mut OccupancyRows<'_>) {
+        let [slice] = self.slices(wanted.z().into());
+        let width = self.column.x.len();
+        for y in wanted.y() {
+            let row = &slice[self.at(self.column.x.start, y) - 1..];
+            let [before, words @ .., after] = wanted.row_mut(y) else { continue };
+            classify(&row[1..=width], SampleRange { lo: 1, hi: u16::MAX }, words);
+            *before = u64::from(row[0] > 0) << 63;
+            *after = u64::from(row[width + 1] > 0);
+        }
+    }
+
+    /// Hands the counts on to the solid.
+    pub(super) fn found(&self) -> ScanSummary {
+        let mut all = self.solid.found();
+        for (number, voxels) in &self.counts {
+            match all.binary_search_by_key(number, |count| count.0) {
+                Ok(at) => all[at].1 += voxels,
+                Err(at) => all.insert(at, (*number, *voxels)),
+            }
+        }
+        ScanSummary { reading: self.reading, ..ScanSummary::default() }
+    }
+}
+
+/// Bit k of a word where sample k differs.
+#[inline(always)]
+pub(super) fn bits_of(isa: impl Isa, differ: &[u16; CHUNK]) -> u32 {
+    let mut mask = [0_u8; CHUNK];
+    for (mask, differ) in mask.iter_mut().zip(differ) {
+        *mask = if *differ != 0 { 0xff } else { 0 };
+    }
+    match isa.avx2() {
+        Some(avx2) => movemask(avx2, mask),
+        None => mask.iter().enumerate().fold(0, |m, (k, b)| m | u32::from(b >> 7) << k),
+    }
+}
+
+/// Numbers of the labels of a row; a sample like the one before costs a comparison.
+fn convert<T: Ordered>(
+    solid: &LabelSolid<'_>,
+    to_number: fn(T) -> f64,
+    known: &mut Option<(T, u16)>,
+    from: &[T],
+    to: &mut [u16],
+) -> Result<(), SourceError> {
+    let as_it_is = *solid.choice == LabelChoice::All && solid.source.info().rescale == Rescale::IDENTITY;
+    match T::TYPE {
+        ScalarType::U8 if as_it_is => {
+            let bytes: &[u8] = bytemuck::cast_slice(from);
+            to.iter_mut().zip(bytes).for_each(|(to, from)| *to = u16::from(*from));
+            return Ok(());
+        }
+        ScalarType::U16 if as_it_is => {
+            to.copy_from_slice(bytemuck::cast_slice(from));
+            return Ok(());
+        }
+        _ => {}
+    }
+    for (to, sample) in to.iter_mut().zip(from) {
+        *to = match known {
+            Some((before, label)) if before == sample => *label,
+            _ => {
+                let label = solid.label_of(to_number(*sample))?;
+                *known = Some((*sample, label));
+                label
+            }
+        };
+    }
+    Ok(())
+}

@@ -1,0 +1,214 @@
+//! Cells between labels (SPEC 4.12): planes that part the samples of a cell, and the label of each part.
+
+use super::cell::{CORNERS, Plane, at_corner};
+use super::normal;
+
+/// Bytes of the item of a cell that one plane does not part: the labels of its corners, and a second plane.
+pub(crate) const WALL_BYTES: usize = 20;
+/// Where the second plane begins: offsets of both planes, then the code of its normal.
+const SECOND: usize = 2 * CORNERS;
+/// The offset in the place of the first plane's of a cell that is parted into octants.
+const OCTANTS: i8 = i8::MIN;
+/// Most planes of a cell.
+const MAX_PLANES: usize = 3;
+
+/// The walls between the labels of a cell: up to three planes, and the label on each of their sides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Walls {
+    planes: [Plane; MAX_PLANES],
+    count: usize,
+    /// By the planes that a point is in front of, as bits.
+    labels: [u16; CORNERS],
+}
+
+/// How a cell of more than two labels, or of two that no plane parts, is described.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WallItem {
+    /// By corner; 0 for none.
+    pub(crate) labels: [u16; CORNERS],
+    /// The offset of the first plane, and the second one: it parts what is in front of the first.
+    pub(crate) planes: Option<(i8, u16, i8)>,
+}
+
+impl WallItem {
+    pub(crate) fn to_bytes(self) -> [u8; WALL_BYTES] {
+        let mut bytes = [0; WALL_BYTES];
+        for (to, label) in bytes.as_chunks_mut().0.iter_mut().zip(self.labels) {
+            *to = label.to_le_bytes();
+        }
+        let (first, code, second) = self.planes.unwrap_or((OCTANTS, 0, 0));
+        let [low, high] = code.to_le_bytes();
+        bytes[SECOND..].copy_from_slice(&[first.cast_unsigned(), second.cast_unsigned(), low, high]);
+        bytes
+    }
+
+    pub(crate) fn parse(bytes: &[u8; WALL_BYTES]) -> Self {
+        let labels = std::array::from_fn(|c| u16::from_le_bytes([bytes[2 * c], bytes[2 * c + 1]]));
+        let [first, second] = [bytes[SECOND], bytes[SECOND + 1]].map(u8::cast_signed);
+        let code = u16::from_le_bytes([bytes[SECOND + 2], bytes[SECOND + 3]]);
+        Self { labels, planes: (first != OCTANTS).then_some((first, code, second)) }
+    }
+
+    /// Is an item impossible, whatever the cell's normal is (SPEC I14)?
+    pub(crate) fn is_illegal(bytes: &[u8; WALL_BYTES]) -> bool {
+        let Self { labels, planes } = Self::parse(bytes);
+        labels.iter().all(|label| *label == labels[0])
+            || match planes {
+                None => bytes[SECOND + 1..] != [0; 3],
+                Some((first, _, second)) => {
+                    first % 2 != 0
+                        || second % 2 != 0
+                        || second == i8::MIN
+                        || bytes[SECOND + 2..].contains(&0x80)
+                }
+            }
+    }
+
+    /// The greatest and the least label, as they stand in the place of a pair.
+    pub(crate) fn pair(&self) -> [u16; 2] {
+        let ends = |(low, high): (u16, u16), label: &u16| (low.min(*label), high.max(*label));
+        let (low, high) = self.labels.iter().fold((u16::MAX, 0), ends);
+        [high, low]
+    }
+}
+
+impl Walls {
+    /// Two labels, behind a plane and in front of it.
+    #[inline]
+    pub(crate) fn of_pair(plane: Plane, [behind, front]: [u16; 2]) -> Self {
+        let mut labels = [behind; CORNERS];
+        labels[1] = front;
+        Self { planes: [plane; MAX_PLANES], count: 1, labels }
+    }
+
+    /// The walls of an item, of a cell with this normal.
+    pub(crate) fn of_item(code: u16, item: &WallItem) -> Self {
+        let Some((first, second, offset)) = item.planes else {
+            // The label of the nearest corner.
+            let planes = std::array::from_fn(|a| {
+                let mut normal = [0; 3];
+                normal[a] = normal::SCALE;
+                Plane { normal, offset: 0 }
+            });
+            return Self { planes, count: MAX_PLANES, labels: item.labels };
+        };
+        let (first, second) = (Plane::new(code, first), Plane::new(second, offset));
+        let mut labels = [0; CORNERS];
+        let is_front = |plane: &Plane, corner| at_corner(plane.normal, corner) > plane.offset;
+        for (corner, label) in item.labels.iter().enumerate() {
+            let part = usize::from(is_front(&first, corner)) | usize::from(is_front(&second, corner)) << 1;
+            // Behind the first plane the second one does not count.
+            labels[if part == 2 { 0 } else { part }] = *label;
+        }
+        labels[2] = labels[0];
+        Self { planes: [first, second, second], count: 2, labels }
+    }
+
+    /// The planes; the label changes nowhere else.
+    #[inline]
+    pub fn planes(&self) -> &[Plane] {
+        self.planes.get(..self.count).unwrap_or_default()
+    }
+
+    /// The label of a part: bit i of `fronts` says that it is in front of plane i.
+    #[inline]
+    pub fn label(&self, fronts: usize) -> u16 {
+        self.labels[fronts % CORNERS]
+    }
+
+    /// The label of a corner.
+    #[inline]
+    pub fn corner(&self, corner: usize) -> u16 {
+        let front = |plane: &Plane| usize::from(at_corner(plane.normal, corner) > plane.offset);
+        self.label(self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i))
+    }
+
+    /// The label of a point in the cell's own coordinates (-1..=1).
+    pub fn at(&self, u: [f64; 3]) -> u16 {
+        self.label(self.fronts(u))
+    }
+
+    /// Where a line from a point crosses planes, in parts of `way`, rising.
+    pub(crate) fn crossings(&self, u: [f64; 3], way: [f64; 3]) -> Vec<f64> {
+        let along = |plane: &Plane| (0..3).map(|a| f64::from(plane.normal[a]) * way[a]).sum::<f64>();
+        let mut found: Vec<f64> = self.planes().iter().map(|plane| -ahead(plane, u) / along(plane)).collect();
+        found.retain(|t| t.is_finite());
+        found.sort_by(f64::total_cmp);
+        found
+    }
+
+    /// The planes that a point is in front of, as bits.
+    fn fronts(&self, u: [f64; 3]) -> usize {
+        let front = |plane: &Plane| usize::from(ahead(plane, u) > 0.0);
+        self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i)
+    }
+
+    /// The wall that a ray in this direction meets at a point: the label behind it, as the ray goes on, and the direction
+    /// out of that label, of any length. Points are at most `near` off the wall, in the cell's coordinates.
+    pub fn met(&self, u: [f64; 3], direction: [f64; 3], near: f64) -> (u16, [f64; 3]) {
+        let along =
+            |plane: &Plane, v: [f64; 3]| (0..3).map(|a| f64::from(plane.normal[a]) * v[a]).sum::<f64>();
+        let length = |plane: &Plane| along(plane, plane.normal.map(f64::from)).sqrt();
+        let is_near = |plane: &Plane| ahead(plane, u).abs() <= near * length(plane);
+        let on = |(i, plane): (usize, &Plane)| {
+            let is_ahead = if is_near(plane) { along(plane, direction) > 0.0 } else { ahead(plane, u) > 0.0 };
+            usize::from(is_ahead) << i
+        };
+        let fronts = self.planes().iter().enumerate().map(on).fold(0, |fronts, bit| fronts | bit);
+        let label = self.label(fronts);
+        // Of the planes beyond which there is another label, the nearest.
+        let walls = self.planes().iter().enumerate().filter(|(i, _)| self.label(fronts ^ (1 << i)) != label);
+        let distance = |plane: &Plane| ahead(plane, u).abs() / length(plane);
+        let nearest = walls.min_by(|(_, a), (_, b)| distance(a).total_cmp(&distance(b)));
+        let normal = nearest.map_or([0.0; 3], |(i, plane)| {
+            let sign = if fronts >> i & 1 == 1 { -1.0 } else { 1.0 };
+            plane.normal.map(|n| sign * f64::from(n))
+        });
+        (label, normal)
+    }
+}
+
+/// How far a point is in front of a plane.
+fn ahead(plane: &Plane, u: [f64; 3]) -> f64 {
+    (0..3).map(|a| f64::from(plane.normal[a]) * u[a]).sum::<f64>() - f64::from(plane.offset)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn items_come_back_and_part_their_corners() {
+        let x = normal::encode([1.0, 0.0, 0.0]);
+        let y = normal::encode([0.0, 1.0, 0.0]);
+        // 7 at low x; of the rest 3 at low y, none at high y.
+        let labels = [7, 3, 7, 0, 7, 3, 7, 0];
+        let two = WallItem { labels, planes: Some((-20, y, 10)) };
+        let octants = WallItem { labels: [1, 2, 3, 4, 5, 6, 7, 65_535], planes: None };
+        for item in [two, octants] {
+            let bytes = item.to_bytes();
+            assert!(!WallItem::is_illegal(&bytes));
+            assert_eq!(WallItem::parse(&bytes), item);
+            let walls = Walls::of_item(x, &item);
+            for (corner, label) in item.labels.iter().enumerate() {
+                assert_eq!(walls.corner(corner), *label);
+                let u = std::array::from_fn(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 });
+                assert_eq!(walls.at(u), *label);
+            }
+        }
+        assert_eq!((two.pair(), octants.pair()), ([7, 0], [65_535, 1]));
+        let walls = Walls::of_item(x, &two);
+        // From the front of both planes into 7, and from 3 out into none.
+        let at = f64::from(-20_i8) / 127.0;
+        assert_eq!(walls.met([at, 0.5, 0.0], [-1.0, 0.0, 0.0], 1e-9), (7, [127.0, 0.0, 0.0]));
+        assert_eq!(walls.met([at, 0.5, 0.0], [1.0, 0.0, 0.0], 1e-9), (0, [-127.0, 0.0, 0.0]));
+        let at = 10.0 / 127.0;
+        assert_eq!(walls.met([0.5, at, 0.0], [0.0, -1.0, 0.0], 1e-9), (3, [0.0, 127.0, 0.0]));
+        for (at, byte) in [(16, 1), (17, 0x80), (17, 3), (19, 0x80)] {
+            let mut wrong = two.to_bytes();
+            wrong[at] = byte;
+            assert!(WallItem::is_illegal(&wrong), "{at} {byte}");
+        }
+        assert!(WallItem::is_illegal(&WallItem { labels: [5; 8], planes: None }.to_bytes()));
+    }
+}
