@@ -79,8 +79,8 @@ def main():
      header_crc) = struct.unpack_from("<HHBBHQQQIIIIII", data, 8)
     need(header_crc == crc32c(data[:60]) and major == 1 and zero == 0, "bad header (I1)")
     need(length == len(data), "wrong length (I2)")
-    packed, cells, larger = encoding & 1, encoding >> 1 & 1, encoding >> 2
-    need(encoding < 8 and encoding & 6 != 4, "unknown encoding (I1)")
+    packed, cells, larger, walls = (encoding >> bit & 1 for bit in range(4))
+    need(encoding & ~1 in (0, 2, 6, 10), "unknown encoding (I1)")
     need(depth == (max(nx, ny, nz) - 1).bit_length(), "depth does not fit the dims (I5)")
     table = data[64:64 + 48 * count]
     need(len(table) == 48 * count and crc32c(table) == table_crc, "bad table (I3)")
@@ -103,6 +103,10 @@ def main():
     levels = struct.unpack(f"<{depth + 1}Q", sections["LEVL"])
     if packed:
         unpack(sections, due, levels, depth, larger)
+    need(not cells or walls == ("LTAB" in sections), "labels of cells without walls, or walls without labels (I4)")
+    if cells and not packed:
+        with_item = sections["OFFS"].count(b"\x80")
+        need(len(sections["CORN"]) == (20 if walls else 8) * with_item, "corners where the offsets announce others (I18)")
     infobytes = sections["NODE"]
     need(len(infobytes) == nodes == levels[-1] and levels[0] == 0, "levels and nodes disagree (I7)")
     # Depths at which a node may be a larger leaf.

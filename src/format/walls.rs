@@ -9,6 +9,13 @@ pub(crate) const WALL_BYTES: usize = 20;
 const SECOND: usize = 2 * CORNERS;
 /// The offset in the place of the first plane's of a cell that is parted into octants.
 const OCTANTS: i8 = i8::MIN;
+/// The offset of a plane between two labels, by what is stored: one more than it, so that an odd number says that there is
+/// a label on either side.
+#[inline(always)]
+pub(crate) fn wall_offset(stored: i8) -> i8 {
+    stored & !1
+}
+
 /// Most planes of a cell.
 const MAX_PLANES: usize = 3;
 

@@ -1,7 +1,7 @@
 //! The cells of a model, as slices.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane, corner_number, leaf_number};
-use crate::format::{WALL_BYTES, WallItem, normal};
+use crate::format::{WALL_BYTES, WallItem, normal, wall_offset};
 
 /// The surface within a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -89,6 +89,12 @@ impl BrickCodes {
         Self { normals: [[0; 2]; BRICK_CELLS], offsets: [i8::MAX.cast_unsigned(); BRICK_CELLS] };
 }
 
+/// What has labels on either side of its plane is decided one by one, as corners are.
+#[inline(always)]
+fn one_by_one(offset: u8) -> u8 {
+    if offset & 1 == 1 { HAS_CORNERS.cast_unsigned() } else { offset }
+}
+
 /// As many items as there are of 64; the rest stays as it was.
 fn copy_start<T: Copy>(to: &mut [T; BRICK_CELLS], from: &[T]) {
     to.iter_mut().zip(from).for_each(|(to, from)| *to = *from);
@@ -132,10 +138,13 @@ impl<'a> CellItems<'a> {
         normal::decode_l1(self.code(cell))
     }
 
-    /// The plane of a cell, unless it has corners.
+    /// The plane of a cell, unless it has corners, or labels on either side.
     #[inline(always)]
     pub fn plane(&self, cell: u64) -> Option<Plane> {
         let offset = self.offset(cell);
+        if self.walls && offset & 1 == 1 {
+            return None;
+        }
         (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), offset))
     }
 
@@ -160,8 +169,12 @@ impl<'a> CellItems<'a> {
         let (normals, offsets) =
             (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
         match (normals.first_chunk(), offsets.first_chunk()) {
-            (Some(normals), Some(offsets)) => (normals, offsets),
-            _ => Self::last_brick(normals, offsets, room),
+            (Some(normals), Some(offsets)) if !self.walls => (normals, offsets),
+            (Some(normals), Some(offsets)) => {
+                (room.normals, room.offsets) = (*normals, offsets.map(one_by_one));
+                (&room.normals, &room.offsets)
+            }
+            _ => self.last_brick(normals, offsets, room),
         }
     }
 
@@ -173,13 +186,14 @@ impl<'a> CellItems<'a> {
             (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
         match (normals.first_chunk(), offsets.first_chunk()) {
             (Some(normals), Some(offsets)) => (room.normals, room.offsets) = (*normals, *offsets),
-            _ => _ = Self::last_brick(normals, offsets, room),
+            _ => _ = self.last_brick(normals, offsets, room),
         }
     }
 
     /// [`CellItems::brick`] where the sections end.
     #[cold]
     fn last_brick<'r>(
+        &self,
         normals: &[[u8; 2]],
         offsets: &[u8],
         room: &'r mut BrickCodes,
@@ -187,6 +201,9 @@ impl<'a> CellItems<'a> {
         *room = BrickCodes::NONE;
         copy_start(&mut room.normals, normals);
         copy_start(&mut room.offsets, offsets);
+        if self.walls {
+            room.offsets = room.offsets.map(one_by_one);
+        }
         (&room.normals, &room.offsets)
     }
 
@@ -197,6 +214,13 @@ impl<'a> CellItems<'a> {
             return self.wall_item(cell).labels.map(|label| if label > 0 { 1 } else { -1 });
         }
         self.corner_item(cell).map_or([1; CORNERS], |corners| corners.map(u8::cast_signed))
+    }
+
+    /// The plane between two labels, or one and none, of a cell that it parts.
+    #[inline]
+    pub(crate) fn wall(&self, cell: u64) -> Option<Plane> {
+        let offset = self.offset(cell);
+        (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), wall_offset(offset)))
     }
 
     /// The walls of a cell that one plane does not part.

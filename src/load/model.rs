@@ -440,7 +440,7 @@ impl<'a> ModelView<'a> {
     /// The walls between the labels of a cell (SPEC 4.12); `None` of other models. Any bytes are safe.
     pub fn walls(&self, cell: u64) -> Option<Walls> {
         let cells = self.cells.filter(CellItems::has_walls)?;
-        Some(match cells.plane(cell) {
+        Some(match cells.wall(cell) {
             Some(plane) => Walls::of_pair(plane, self.labels?.pair(cell).unwrap_or([u16::MAX, 0])),
             None => Walls::of_item(cells.code(cell), &cells.wall_item(cell)),
         })

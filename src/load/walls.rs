@@ -1,7 +1,7 @@
 //! The check of cells between labels (SPEC I23): in the order of the file, with the labels of each.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
-use crate::format::{Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls};
+use crate::format::{Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls, wall_offset};
 use crate::geom::VoxelIndex;
 
 use super::frame::Frame;
@@ -50,8 +50,8 @@ impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
                 && item.labels.iter().all(known)
                 && (0..CORNERS).all(|corner| walls.corner(corner) == item.labels[corner])
         } else {
-            let inside = Plane::new(code, offset).inside();
-            behind > front && offset % 2 == 0 && inside != 0 && inside != u8::MAX
+            let inside = Plane::new(code, wall_offset(offset)).inside();
+            behind > front && (offset % 2 == 0) == (front == 0) && inside != 0 && inside != u8::MAX
         };
         if is_sound { Ok(()) } else { Err(FormatError::Walls { cell }.into()) }
     }

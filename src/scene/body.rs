@@ -44,6 +44,9 @@ const ACROSS: f64 = 0.05;
 /// through it follow each other.
 const WALL: f64 = 1.75;
 
+/// How long a sliver between two cells' planes is at most, in boxes.
+const SLIVER: f64 = 0.5;
+
 /// Boxes of labels that are not solid that a line which looks around passes.
 const MAX_PASSED: u32 = 12;
 
@@ -112,7 +115,7 @@ impl<'a> Part<'a> {
     }
 
     /// The labels before and behind a hit.
-    fn beside(&self, walls: &Walls, line: Line, hit: &Hit) -> [u16; 2] {
+    pub(super) fn beside(&self, walls: &Walls, line: Line, hit: &Hit) -> [u16; 2] {
         let u = cell_coordinates(&self.space, hit.cell, add_scaled(line.0, hit.t, line.1));
         let way = self.space.world_to_grid().apply_vector(line.1);
         [way.map(|c| -c), way].map(|way| walls.met(u, way, NEAR_WALL).0)
@@ -336,7 +339,7 @@ impl<'a> Body<'a> {
             Begun::Met(met) => Some(met),
             Begun::Way(way) => {
                 let first = match start {
-                    Some(Start::Through { hit }) if self.has_walls() => self.beyond(line, hit),
+                    Some(Start::Through { hit }) if self.has_walls() => self.next_wall(line, hit),
                     _ => self.hit(purpose, line, way.span.enter, left(&way, start)),
                 };
                 self.follow(way, first)
@@ -527,15 +530,37 @@ impl<'a> Body<'a> {
         None
     }
 
-    /// What a line meets behind a wall that it has met at t = 0.
-    fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
+    /// What a line meets behind a wall that it has met at t = 0, but for slivers: planes of cells side by side are a little
+    /// apart.
+    fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
+        let mut met = self.beyond(line, &Hit { t: 0.0, ..*wall })?;
+        loop {
+            let sides = |hit: &Hit| {
+                let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
+                Some(self.part.beside(&walls, line, hit))
+            };
+            let Some(next) = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER)
+            else {
+                return Some(met);
+            };
+            match (sides(&met), sides(&next)) {
+                (Some([before, _]), Some([_, behind])) if before == behind => {
+                    met = self.beyond(line, &next)?
+                }
+                _ => return Some(met),
+            }
+        }
+    }
+
+    /// What a line meets behind a wall.
+    pub(super) fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let (part, opacity) = (self.part, self.part.opacity.as_ref()?);
         let walls = part.view.walls(wall.voxel(part.view)?)?;
         let hidden = opacity.hidden(true);
-        let [_, behind] = part.beside(&walls, line, &Hit { t: 0.0, ..*wall });
+        let [_, behind] = part.beside(&walls, line, wall);
         let mut label = hidden.seen(behind);
         // Within the cell, in its own coordinates.
-        let u = cell_coordinates(&part.space, wall.cell, line.0);
+        let u = cell_coordinates(&part.space, wall.cell, add_scaled(line.0, wall.t, line.1));
         let way = part.space.world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
         let end = (0..3).filter(|a| way[*a] != 0.0).map(|a| (way[a].signum() - u[a]) / way[a]);
         let end = end.fold(f64::INFINITY, f64::min);
@@ -545,11 +570,11 @@ impl<'a> Body<'a> {
             let next = crossings.get(at + 1).copied().unwrap_or(end);
             let here = hidden.seen(walls.at(add_scaled(u, f64::midpoint(*t, next), way)));
             if here != label {
-                return Some(Hit { face: None, t: *t, ..*wall });
+                return Some(Hit { face: None, t: wall.t + t, ..*wall });
             }
             label = here;
         }
-        let (ray, before) = self.ray(line, 0.0, Some(wall))?;
+        let (ray, before) = self.ray(line, wall.t, Some(wall))?;
         let cells = Cells::new(part.view.cells()?).hiding(hidden, label);
         let hit = single::trace(self.form, part.view, &cells, &ray, 0).hit?;
         Some(Hit { t: before + hit.t, ..hit })

@@ -5,11 +5,16 @@ use tempfile::TempDir;
 use super::body::{Body, Met, Purpose, Side, Start};
 use super::world::World;
 use super::*;
+use crate::builder::LabelChoice;
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims, add_scaled, dot};
-use crate::load::{Model, ModelView};
+use crate::load::{Model, ModelView, NodeView};
 use crate::random::Random;
+use crate::render::cells::Cells;
 use crate::render::form::Form;
+use crate::render::ray::Ray;
+use crate::render::single;
+use crate::render::walls::Hidden;
 use crate::volume::Voxels;
 use crate::{BuildOptions, Threshold};
 
@@ -163,4 +168,119 @@ fn of_bodies_in_one_place_the_first_is_met() {
     assert!((met.t() - 40.0).abs() < 1.0 && number == 1);
     let (number, _) = world.nearest(([50.0, 0.3, 0.2], [-1.0, 0.0, 0.0]), ALL, &None).unwrap();
     assert_eq!(number, 0);
+}
+
+/// A model of cells between the labels of a cube.
+fn labelled(side: u32, label: &dyn Fn([u32; 3]) -> u16) -> Model {
+    let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), label);
+    let options = BuildOptions {
+        labels: Some(LabelChoice::All),
+        surface: SurfaceKind::Cells,
+        threads: 1,
+        ..BuildOptions::default()
+    };
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("labels.oct");
+    crate::build(&volume, &options, &path).unwrap();
+    let model = Model::open(&path).unwrap();
+    crate::load::verify(&model).unwrap();
+    model
+}
+
+/// Lines from sample to sample, the half of them along axes and diagonals: they begin and end in the samples' labels, meet a
+/// wall wherever the label changes and nowhere else, and are in the right label in every box that has only one.
+#[test]
+fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
+    let lines = match std::env::var("INFOBYTE_LONG") {
+        Ok(_) => 2_000_000,
+        Err(_) => 8000,
+    };
+    let mut random = Random(7);
+    let noise: Vec<u16> = (0..20_u32.pow(3)).map(|_| (random.bits() >> 40) as u16).collect();
+    let of = |[x, y, z]: [u32; 3]| noise[(x + 20 * (y + 20 * z)) as usize];
+    let far = |p: [u32; 3], c: [f64; 3]| {
+        let d: [f64; 3] = std::array::from_fn(|a| f64::from(p[a]) - c[a]);
+        dot(d, d).sqrt()
+    };
+    let balls = [([12.0, 15.0, 16.0], 9.5), ([24.0, 15.0, 15.0], 7.0), ([17.0, 23.0, 18.0], 6.0)];
+    let ball = |p| (1..).zip(balls).filter(|(_, (c, r))| far(p, *c) < *r).map(|(label, _)| label).last();
+    let shells = |p| match far(p, [15.3, 15.1, 14.8]) {
+        r if r < 6.0 => 0,
+        r if r < 7.2 => 4,
+        r if r < 8.4 => 2,
+        r if r < 9.6 => 0,
+        r if r < 10.8 => 9,
+        _ => 0,
+    };
+    let bodies: [(u32, &dyn Fn([u32; 3]) -> u16); 5] = [
+        (20, &|p| of(p) % 2),
+        (20, &|p| of(p) % 5),
+        (20, &|p| of(p) % 300),
+        (32, &|p| ball(p).unwrap_or(0)),
+        (32, &shells),
+    ];
+    for (side, label) in bodies {
+        let model = labelled(side, label);
+        let (view, at_home) = (model.view(), Affine { rows: Affine::from_spacing([1.0; 3]).rows });
+        let opacity = Opacity::of(&[], view.labels().unwrap(), &model.frame().labels).unwrap();
+        let part = part(&model, &view, &at_home).labelled(Some(opacity));
+        let body = Body::of(&part, Form::best());
+        let none = Hidden::of(std::iter::empty());
+        let space = part.space();
+        let sample = |p: [i64; 3]| {
+            let within = p.iter().all(|c| (0..i64::from(side)).contains(c));
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within")]
+            if within { label(p.map(|c| c as u32)) } else { 0 }
+        };
+        let (mut met, mut boxes, mut slivers) = (0_u64, 0_u64, 0_u64);
+        for round in 0..lines {
+            let mut place = || std::array::from_fn(|_| random.below(side));
+            let (from, mut to): ([u32; 3], [u32; 3]) = (place(), place());
+            if round % 2 == 0 {
+                // Along an axis or a diagonal.
+                let (axes, steps) = (1 + random.below(7_u32), to[0]);
+                let run = |a: usize| if axes >> a & 1 == 1 { from[a].saturating_add(steps) } else { from[a] };
+                to = std::array::from_fn(|a| run(a).min(side - 1));
+            }
+            if from == to {
+                continue;
+            }
+            let aside: [f64; 3] = std::array::from_fn(|_| 0.002 * random.unit() - 0.001);
+            let [p, q] = [from, to].map(|s| std::array::from_fn(|a| f64::from(s[a]) + aside[a]));
+            let line = (p, add_scaled(q, -1.0, p));
+            let mut state = label(from);
+            let cells = Cells::new(view.cells().unwrap()).hiding(&none, state);
+            let way = space.world_to_grid().apply_vector(line.1);
+            let ray = Ray::new(space.dims().depth(), space.to_grid(p), way, 0.0).unwrap().unwrap();
+            let mut next = single::trace(Form::best(), &view, &cells, &ray, 0).hit;
+            let mut changes = vec![(0.0, state)];
+            while let Some(hit) = next.filter(|hit| hit.t <= 1.0) {
+                let walls = view.walls(hit.voxel(&view).unwrap()).unwrap();
+                let [_, behind] = part.beside(&walls, line, &hit);
+                // Of planes that are crossed at once, to within the rounding of rays, the last one counts.
+                slivers += u64::from(behind == state);
+                state = behind;
+                changes.push((hit.t, state));
+                next = body.beyond(line, &hit);
+            }
+            assert_eq!(state, label(to), "{from:?} {to:?} {changes:?}");
+            met += changes.len() as u64 - 1;
+            for _ in 0..16 {
+                let t = random.unit();
+                let at = space.to_grid(add_scaled(line.0, t, line.1));
+                #[expect(clippy::cast_possible_truncation, reason = "within the grid")]
+                let low = at.map(|c| c.floor() as i64 - 1);
+                let first = sample(low);
+                let alike =
+                    (1..8_i64).all(|c| sample(std::array::from_fn(|a| low[a] + (c >> a & 1))) == first);
+                if alike && at.iter().all(|c| (c - c.round()).abs() > 1e-6) {
+                    let here = changes.iter().rev().find(|change| change.0 <= t).unwrap().1;
+                    assert_eq!(here, first, "{from:?} {to:?} at {t}, {changes:?}");
+                    boxes += 1;
+                }
+            }
+        }
+        assert!(100 * slivers <= met, "{slivers} of {met}");
+        assert!(met > lines / 4 && (boxes > lines / 4 || side == 20), "{met} {boxes}");
+    }
 }

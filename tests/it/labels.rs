@@ -7,7 +7,7 @@ use crate::prelude::*;
 use infobyte::builder::{BuildNote, LabelChoice};
 
 /// Blocks of labels with ragged borders: `kinds` numbers from 1 on, some of them 300 and more apart, and none.
-fn map(dims: [u32; 3], kinds: u32, block: u32, seed: u64) -> Vec<u16> {
+pub(crate) fn map(dims: [u32; 3], kinds: u32, block: u32, seed: u64) -> Vec<u16> {
     let mut random = Random(seed);
     let mut labels = Vec::new();
     for z in 0..dims[2] {

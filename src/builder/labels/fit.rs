@@ -2,8 +2,8 @@
 //!
 //! A plane part its corners strictly: `N . u` of a corner is odd, as the sizes of N sum up to 127, and offsets are even.
 //! So no sample is on a wall, and each has its own label. Where the fitted direction does not part the corners, it is
-//! turned until it does. Of three labels, one is parted from the others first: none, if it is there, so that all labels
-//! together are a closed body in every cell; else the one for which the fewest planes are turned.
+//! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
+//! turned.
 
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{WallItem, normal};
@@ -16,7 +16,7 @@ const TURN: f32 = 0.03;
 /// What is stored of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Fitted {
-    /// A plane: code of the normal, offset, labels behind and in front.
+    /// A plane: code of the normal, what is stored of its offset, labels behind and in front.
     Plane(u16, i8, [u16; 2]),
     /// Code of the normal, and what follows it.
     Item(u16, WallItem),
@@ -50,7 +50,7 @@ pub(super) fn fit_cell(fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fit
     match labels[..count] {
         [a, b] => {
             if let Some(Parting { code, offset, .. }) = parting(fit, window, corners, a, Some(b)) {
-                return Fitted::Plane(code, offset, [a, b]);
+                return Fitted::Plane(code, offset + i8::from(b > 0), [a, b]);
             }
         }
         [a, b, c] => {
@@ -68,13 +68,10 @@ pub(super) fn fit_cell(fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fit
 #[inline(never)]
 fn two_planes(fit: &Fit, window: &Window<'_>, corners: &Corners, labels: [u16; 3]) -> Option<Fitted> {
     let [a, b, c] = labels;
-    let orders = [[a, b, c], [b, a, c], [c, a, b]];
-    // Where there is none, it comes first.
-    let tried = if c == 0 { &orders[2..] } else { &orders[..] };
     let mut best: Option<(u8, Fitted)> = None;
-    for [alone, one, other] in tried {
-        let Some(first) = parting(fit, window, corners, *alone, None) else { continue };
-        let Some(second) = parting(fit, window, corners, *one, Some(*other)) else { continue };
+    for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
+        let Some(first) = parting(fit, window, corners, alone, None) else { continue };
+        let Some(second) = parting(fit, window, corners, one, Some(other)) else { continue };
         let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
         if best.as_ref().is_none_or(|(least, _)| turned < *least) {
             let planes = Some((first.offset, second.code, second.offset));
@@ -180,8 +177,8 @@ fn smooth(fit: &Fit, window: &Window<'_>, corners: &Corners, greatest: u16) -> u
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::Walls;
     use crate::format::cell::Plane;
+    use crate::format::{Walls, wall_offset};
 
     /// Any 2^8 masks of two labels, and labels of three and more: planes part all corners that planes can part.
     #[test]
@@ -207,8 +204,8 @@ mod tests {
             let fitted = fit_cell(&fit, &window, &corners);
             let (walls, kind) = match fitted {
                 Fitted::Plane(code, offset, pair) => {
-                    assert!(offset % 2 == 0 && pair[0] > pair[1]);
-                    (Walls::of_pair(Plane::new(code, offset), pair), 0)
+                    assert!((offset % 2 == 0) == (pair[1] == 0) && pair[0] > pair[1]);
+                    (Walls::of_pair(Plane::new(code, wall_offset(offset)), pair), 0)
                 }
                 Fitted::Item(code, item) => {
                     assert!(!WallItem::is_illegal(&item.to_bytes()));

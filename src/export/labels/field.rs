@@ -111,7 +111,9 @@ impl Field {
         for row in rows {
             let Some(y) = row.first().and_then(|cell| cell.y.checked_sub(low[1])) else { continue };
             let first = (y as usize + MARGIN) * self.width + MARGIN;
-            let Some(samples) = self.ring[at].get_mut(first..first + self.width - 2 * MARGIN) else { continue };
+            let Some(samples) = self.ring[at].get_mut(first..first + self.width - 2 * MARGIN) else {
+                continue;
+            };
             let mut before = (0, 0);
             for cell in row {
                 let Some(walls) = view.walls(cell.voxel.get()) else { continue };

@@ -27,6 +27,7 @@ use super::{Bounds, ExportForm, ExportStop, Exported, Exporter};
 use crate::enclosed::{Fates, SkinVoxel, Sweep, extent};
 use crate::format::Label;
 use crate::geom::Dims;
+use crate::load::NodeView;
 use crate::progress::Progress;
 use crate::scratch;
 

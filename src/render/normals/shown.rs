@@ -18,8 +18,10 @@ use crate::render::traverse::{Hit, Trace};
 /// Line of sight in the world: origin and direction.
 pub(crate) type Line = ([f64; 3], [f64; 3]);
 
-/// How far the place of a hit may be from the wall that it is on, in half cells.
-pub(crate) const NEAR_WALL: f64 = 1e-3;
+/// How far the place of a hit may be from the wall that it is on, in half cells: rays are rounded in the grid.
+pub(crate) const NEAR_WALL: f64 = 1e-5;
+/// The same of a depth in single precision.
+const NEAR_BY_DEPTH: f64 = 1e-3;
 /// A step that leads into the cell that was hit, in cells.
 const AHEAD: f64 = 1e-4;
 
@@ -193,7 +195,7 @@ impl<'a> Normals<'a> {
         let longest = way.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
         let ahead = add_scaled(at, AHEAD / longest, way);
         let u = std::array::from_fn(|a| 2.0 * (ahead[a] - ahead[a].floor()) - 1.0);
-        labels.named(walls.met(u, way, NEAR_WALL).0).map(|label| label.color)
+        labels.named(walls.met(u, way, NEAR_BY_DEPTH).0).map(|label| label.color)
     }
 
     /// Code of the normal where a cell with corners was hit.

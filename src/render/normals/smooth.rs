@@ -90,10 +90,10 @@ impl Neighbourhood {
         // Between labels those of one wall count, and where several meet those that are alike.
         let hit = key.0.wrapping_sub(nodes);
         let labels = view.labels().filter(|_| cells.has_walls());
-        let wall = labels.and_then(|labels| cells.plane(hit).and_then(|_| labels.pair(hit)));
+        let wall = labels.and_then(|labels| cells.wall(hit).and_then(|_| labels.pair(hit)));
         let is_of_wall = |cell: u64| {
             let is_other = |labels: LabelItems<'_>| {
-                cells.plane(cell).is_none() || wall.is_some_and(|wall| labels.pair(cell) != Some(wall))
+                cells.wall(cell).is_none() || wall.is_some_and(|wall| labels.pair(cell) != Some(wall))
             };
             cell == hit || !labels.is_some_and(is_other)
         };
@@ -108,7 +108,7 @@ impl Neighbourhood {
             for (all, part) in self.normal.iter_mut().zip(unit) {
                 all[slot] = part;
             }
-            if let Some(plane) = cells.plane(cell) {
+            if let Some(plane) = cells.wall(cell).filter(|_| labels.is_some()).or_else(|| cells.plane(cell)) {
                 (self.has_plane[slot], self.offset[slot]) = (1.0, plane.offset as f32 / (2.0 * length));
             }
             let cosine = unit[0] * own[0] + unit[1] * own[1] + unit[2] * own[2];

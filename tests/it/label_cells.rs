@@ -1,0 +1,146 @@
+//! Cells between labels hold every sample's label and every wall, whatever the type of the samples, the memory and the
+//! threads; damaged ones are refused. If this fails, organs lose samples, have holes or grow into each other.
+#![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
+
+use crate::labels::map;
+use crate::prelude::*;
+use infobyte::builder::LabelChoice;
+use infobyte::format::{FormatError, SectionKind, Walls};
+use infobyte::load::{Fault, Frame};
+
+fn options(choice: &LabelChoice, memory: u64, threads: usize) -> BuildOptions {
+    BuildOptions {
+        labels: Some(choice.clone()),
+        surface: SurfaceKind::Cells,
+        memory: infobyte::budget::MemoryCap::Share(memory),
+        threads,
+        ..BuildOptions::default()
+    }
+}
+
+/// The walls of all cells of a model.
+fn walls_of(model: &Model) -> HashMap<[u32; 3], Walls> {
+    let view = model.view();
+    model.voxels().map(|cell| (cell.voxel, view.walls(cell.number).unwrap())).collect()
+}
+
+/// Every cell whose samples differ is there, and no other; and the samples have their labels in it.
+fn check(model: &Model, dims: [u32; 3], label: impl Fn([u32; 3]) -> u16) {
+    let cells = walls_of(model);
+    let mut due = 0;
+    let [nx, ny, nz] = dims;
+    for at in (0..=nz).flat_map(|z| (0..=ny).flat_map(move |y| (0..=nx).map(move |x| [x, y, z]))) {
+        let corner = |corner: u32| {
+            let p: [u32; 3] = std::array::from_fn(|a| (at[a] + (corner >> a & 1)).wrapping_sub(1));
+            if (0..3).all(|a| p[a] < dims[a]) { label(p) } else { 0 }
+        };
+        let corners: Vec<u16> = (0..8).map(corner).collect();
+        let differ = corners.iter().any(|label| *label != corners[0]);
+        let found = cells.get(&at);
+        assert_eq!(found.is_some(), differ, "{at:?}");
+        if let Some(walls) = found {
+            due += 1;
+            let own: Vec<u16> = (0..8).map(|corner| walls.corner(corner)).collect();
+            assert_eq!(own, corners, "{at:?}");
+        }
+    }
+    assert_eq!(cells.len(), due);
+}
+
+#[test]
+fn every_sample_keeps_its_label_at_any_budget_and_threads() {
+    let folder = tempfile::tempdir().unwrap();
+    let all = LabelChoice::All;
+    let cases = [
+        ([70, 40, 37], 2, 9, all.clone()),
+        ([130, 33, 35], 5, 4, all.clone()),
+        ([64, 65, 36], 300, 1, all.clone()),
+        ([1, 1, 1], 3, 1, all.clone()),
+        ([67, 34, 5], 40, 3, LabelChoice::Only(vec![[2, 2], [7, 19]])),
+        ([40, 200, 40], 20, 5, all),
+    ];
+    for (seed, (dims, kinds, block, choice)) in (1..).zip(cases) {
+        let mut labels = map(dims, kinds, block, seed);
+        labels[0] = 2;
+        let at = |[x, y, z]: [u32; 3]| labels[(x + dims[0] * (y + dims[1] * z)) as usize];
+        let volume = Voxels::from_fn(Dims::new(dims[0], dims[1], dims[2]).unwrap(), at);
+        let mut first: Option<Vec<u8>> = None;
+        for (memory, threads) in [(64 << 20, 1), (4 << 20, 2), (2 << 20, 1), (256 << 20, 5)] {
+            let options = options(&choice, memory, threads);
+            let path = folder.path().join("m.oct");
+            let least = infobyte::builder::smallest_share(&volume, &options);
+            if let Err(refusal) = infobyte::build(&volume, &options, &path) {
+                assert!(memory < least, "{refusal}");
+                continue;
+            }
+            let bytes = std::fs::read(&path).unwrap();
+            if let Some(first) = &first {
+                assert!(*first == bytes, "{dims:?} {memory} {threads}");
+                continue;
+            }
+            first = Some(bytes);
+            let model = Model::open(&path).unwrap();
+            verify(&model).unwrap();
+            check(&model, dims, |p| if choice.contains(at(p)) { at(p) } else { 0 });
+            let [packed, unpacked] = ["p.oct", "u.oct"].map(|name| folder.path().join(name));
+            pack::pack(&path, &packed).unwrap();
+            pack::unpack(&packed, &unpacked).unwrap();
+            assert!(std::fs::read(&unpacked).unwrap() == std::fs::read(&path).unwrap());
+        }
+        assert!(first.is_some());
+    }
+}
+
+/// SPEC I23: a cell that gives a corner another label, or says so of its labels, is found.
+#[test]
+fn i23_cells_between_labels() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("m.oct");
+    let labels = map([40, 40, 40], 5, 6, 3);
+    let dims = Dims::new(40, 40, 40).unwrap();
+    let volume = Voxels::from_fn(dims, |[x, y, z]| labels[(x + 40 * (y + 40 * z)) as usize]);
+    infobyte::build(&volume, &options(&LabelChoice::All, 64 << 20, 1), &path).unwrap();
+    let file = std::fs::read(&path).unwrap();
+    let frame = Frame::read(&file[..]).unwrap();
+    let place = |kind| {
+        let entry = frame.section(kind).unwrap();
+        (entry.offset as usize, entry.stored_bytes as usize)
+    };
+    let refused = |kind: SectionKind, at: usize, value: u8| {
+        let mut wrong = file.clone();
+        let (start, len) = place(kind);
+        assert!(at < len && wrong[start + at] != value);
+        wrong[start + at] = value;
+        let mut sections = frame.sections.clone();
+        let entry = sections.iter_mut().find(|entry| entry.kind == Some(kind)).unwrap();
+        entry.stored_crc = crc32c::crc32c(&wrong[start..start + len]);
+        entry.content_crc = entry.stored_crc;
+        let table = infobyte::format::table_bytes(&sections);
+        let header = infobyte::format::Header { table_crc: crc32c::crc32c(&table), ..frame.header.clone() };
+        wrong[64..64 + table.len()].copy_from_slice(&table);
+        wrong[..64].copy_from_slice(&header.to_bytes());
+        match verify(&wrong[..]) {
+            Err(Fault::Format(fault)) => fault,
+            other => panic!("{other:?}"),
+        }
+    };
+    let offsets = SectionKind::Voxels(Channel::Offset);
+    let corners = SectionKind::Voxels(Channel::Corners);
+    let (start, len) = place(offsets);
+    let offset = |cell: usize| file[start + cell];
+    let plane = (0..len).find(|cell| offset(*cell) != 0x80).unwrap();
+    let walls = |fault: FormatError| assert!(matches!(fault, FormatError::Walls { .. }), "{fault:?}");
+    // The other parity, a plane beyond all corners, and another label of a corner.
+    walls(refused(offsets, plane, offset(plane) ^ 1));
+    walls(refused(offsets, plane, 126 | (offset(plane) & 1)));
+    let (at, _) = place(corners);
+    walls(refused(corners, 0, file[at] ^ 1));
+    // An odd offset of a second plane, or bytes behind octants.
+    let fault = refused(corners, 17, file[at + 17] | 1);
+    assert!(matches!(fault, FormatError::IllegalItem { channel: Channel::Corners, .. }), "{fault:?}");
+    // Neither the encoding without labels nor labels without the encoding.
+    let mut plain = file.clone();
+    let header = infobyte::format::Header { walls: false, ..frame.header.clone() };
+    plain[..64].copy_from_slice(&header.to_bytes());
+    assert!(Frame::read(&plain[..]).is_err());
+}
