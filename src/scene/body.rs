@@ -531,22 +531,22 @@ impl<'a> Body<'a> {
     }
 
     /// What a line meets behind a wall that it has met at t = 0, but for slivers: planes of cells side by side are a little
-    /// apart.
+    /// apart, and of two planes that are crossed at once the last one counts.
     fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
+        let sides = |hit: &Hit| {
+            let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
+            Some(self.part.beside(&walls, line, hit))
+        };
         let mut met = self.beyond(line, &Hit { t: 0.0, ..*wall })?;
         loop {
-            let sides = |hit: &Hit| {
-                let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
-                Some(self.part.beside(&walls, line, hit))
-            };
-            let Some(next) = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER)
-            else {
-                return Some(met);
-            };
-            match (sides(&met), sides(&next)) {
-                (Some([before, _]), Some([_, behind])) if before == behind => {
-                    met = self.beyond(line, &next)?
-                }
+            let [before, behind] = sides(&met)?;
+            if before == behind {
+                met = self.beyond(line, &met)?;
+                continue;
+            }
+            let next = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER);
+            match next {
+                Some(next) if sides(&next)?[1] == before => met = self.beyond(line, &next)?,
                 _ => return Some(met),
             }
         }

@@ -18,8 +18,9 @@ use crate::render::traverse::{Hit, Trace};
 /// Line of sight in the world: origin and direction.
 pub(crate) type Line = ([f64; 3], [f64; 3]);
 
-/// How far the place of a hit may be from the wall that it is on, in half cells: rays are rounded in the grid.
-pub(crate) const NEAR_WALL: f64 = 1e-5;
+/// How far the place of a hit may be from the wall that it is on, in half cells: rays are rounded in the grid, by 2^-14 cell
+/// at most.
+pub(crate) const NEAR_WALL: f64 = 1.0 / 4096.0;
 /// The same of a depth in single precision.
 const NEAR_BY_DEPTH: f64 = 1e-3;
 /// A step that leads into the cell that was hit, in cells.
