@@ -73,3 +73,20 @@ pub(crate) fn dispatch<K: Kernel>(kernel: K) -> K::Output {
 unsafe fn with_avx2<K: Kernel>(avx2: Avx2, kernel: K) -> K::Output {
     kernel.run(avx2)
 }
+
+/// Bits 7 of 32 bytes, byte i giving bit i: the one instruction that portable code does not reach.
+#[cfg(target_arch = "x86_64")]
+#[inline(always)]
+pub(crate) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
+    use std::arch::x86_64::{__m256i, _mm256_movemask_epi8};
+    let v: __m256i = bytemuck::cast(bytes);
+    // SAFETY: the first argument proves that this machine has AVX2; no memory is accessed.
+    unsafe { _mm256_movemask_epi8(v).cast_unsigned() }
+}
+
+/// Portable stand-in, never called: other machines give no such proof.
+#[cfg(not(target_arch = "x86_64"))]
+#[inline(always)]
+pub(crate) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
+    bytes.iter().enumerate().fold(0, |m, (i, b)| m | u32::from(b >> 7) << i)
+}

@@ -1,25 +1,7 @@
-//! Instructions that portable code of the builder does not reach: one instruction, and one check for many reads.
+//! What portable code of the builder does not reach: one check for many reads.
 #![allow(unsafe_code)]
 
-use crate::cpu::Avx2;
-pub(super) use crate::cpu::{Isa, Kernel, dispatch};
-
-/// Bits 7 of 32 bytes, byte i giving bit i: the one instruction that portable code does not reach.
-#[cfg(target_arch = "x86_64")]
-#[inline(always)]
-pub(super) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
-    use std::arch::x86_64::{__m256i, _mm256_movemask_epi8};
-    let v: __m256i = bytemuck::cast(bytes);
-    // SAFETY: the first argument proves that this machine has AVX2; no memory is accessed.
-    unsafe { _mm256_movemask_epi8(v).cast_unsigned() }
-}
-
-/// Portable stand-in, never called: other machines give no such proof.
-#[cfg(not(target_arch = "x86_64"))]
-#[inline(always)]
-pub(super) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
-    bytes.iter().enumerate().fold(0, |m, (i, b)| m | u32::from(b >> 7) << i)
-}
+pub(super) use crate::cpu::{Isa, Kernel, dispatch, movemask};
 
 /// [`rows_of`] with five rows.
 ///

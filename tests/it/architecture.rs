@@ -23,7 +23,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("platform", ""),
     ("scratch", "budget"),
     ("identity", ""),
-    ("wall", ""),
+    ("wall", "cpu"),
     ("facts", "budget codec exit geom progress text"),
     ("volume", "budget exit facts geom progress scratch identity"),
     ("source", "budget codec cpu exit facts geom mark progress scratch volume"),

@@ -7,6 +7,8 @@ use crate::prelude::*;
 use infobyte::builder::LabelChoice;
 use infobyte::jobs::export::{ExportReport, export_each};
 
+const SURFACES: [SurfaceKind; 2] = [SurfaceKind::Skin, SurfaceKind::Cells];
+
 /// Labels of all samples, x fastest.
 struct Map {
     dims: [u32; 3],
@@ -33,11 +35,11 @@ impl Map {
         if within { self.labels[(p[0] + nx * (p[1] + ny * p[2])) as usize] } else { 0 }
     }
 
-    fn build(&self, path: &Path) {
+    fn build(&self, path: &Path, surface: SurfaceKind) {
         let [nx, ny, nz] = self.dims;
         let at = |p: [u32; 3]| self.at(p.map(i64::from));
         let volume = Voxels::from_fn(Dims::new(nx, ny, nz).unwrap(), at);
-        let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
+        let options = BuildOptions { labels: Some(LabelChoice::All), surface, ..BuildOptions::default() };
         infobyte::build(&volume, &options, path).unwrap();
     }
 
@@ -203,12 +205,12 @@ fn parts_are_closed_share_their_walls_and_keep_every_sample_on_its_side() {
     let full = Map::random([9, 9, 9], 1, 3);
     maps.push(("two, no background".into(), Map::new([9; 3], |p| 1 + full.at(p.map(i64::from)))));
     maps.push(("one".into(), Map::new([1, 1, 1], |_| 65_535)));
-    for (name, map) in maps {
-        map.build(&model);
+    for ((name, map), surface) in maps.iter().flat_map(|map| SURFACES.map(|surface| (map, surface))) {
+        map.build(&model, surface);
         for smooth in [None, Some(0.2), Some(0.0)] {
             let (path, report) = exported(&model, "m.ply", smooth);
             let found = Surfaces::read(&path);
-            let name = format!("{name} {smooth:?}");
+            let name = format!("{name} {surface:?} {smooth:?}");
             assert_eq!(report.unknown_voxels, 0, "{name}");
             found.assert_closed(&name);
             let numbers: Vec<u16> = map.voxels().into_keys().collect();
@@ -265,9 +267,13 @@ fn smooth_walls_lie_on_the_balls_that_were_sampled() {
     let distance = |p: [f64; 3]| (0..3).map(|a| (p[a] - middle[a]).powi(2)).sum::<f64>().sqrt() - radius;
     // Two halves, so that there is an inner wall, too.
     let label = |p: [u32; 3]| if distance(p.map(f64::from)) > 0.0 { 0 } else { 1 + u16::from(p[0] > 33) };
-    Map::new([67; 3], label).build(&model);
-    let (path, _) = exported(&model, "m.ply", None);
-    let found = Surfaces::read(&path);
+    let map = Map::new([67; 3], label);
+    let meshes = SURFACES.map(|surface| {
+        map.build(&model, surface);
+        fs::read(exported(&model, "m.ply", None).0).unwrap()
+    });
+    assert!(meshes[0] == meshes[1]);
+    let found = Surfaces::read(&folder.path().join("m.ply"));
     let (mut sum, mut count) = (0.0, 0.0);
     for corner in &found.corners {
         let p = corner.map(f64::from);
@@ -345,8 +351,9 @@ fn every_format_has_a_part_a_label_with_its_name_and_colour() {
 fn a_mask_of_labels_is_the_map_that_was_built() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("m.oct");
-    for map in [bodies(), Map::random([19, 7, 12], 5, 1), Map::random([8; 3], 300, 2)] {
-        map.build(&model);
+    let maps = [bodies(), Map::random([19, 7, 12], 5, 1), Map::random([8; 3], 300, 2)];
+    for (map, surface) in maps.iter().flat_map(|map| SURFACES.map(|surface| (map, surface))) {
+        map.build(&model, surface);
         let found = |skin_only| {
             let path = folder.path().join("m.nii");
             let request = ExportRequest { form: ExportForm::Nifti, skin_only, simplify: 0, smooth: None };
@@ -359,7 +366,10 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
             assert_eq!(report.unknown_voxels, 0);
             labels
         };
-        assert!(found(false) == map.labels);
+        assert!(found(false) == map.labels, "{surface:?}");
+        if surface == SurfaceKind::Cells {
+            continue;
+        }
         let mut skin = Map { dims: map.dims, labels: vec![0; map.labels.len()] };
         let [nx, ny, _] = map.dims;
         for stored in Model::open(&model).unwrap().voxels() {
@@ -369,11 +379,11 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
         assert!(found(true) == skin.labels);
     }
     // What the program writes it reads again, and builds the same of it.
-    bodies().build(&model);
+    bodies().build(&model, SurfaceKind::Skin);
     exported(&model, "m.nrrd", None);
     let again = folder.path().join("again.oct");
     let input = folder.path().join("m.nrrd");
-    assert_eq!(command::build(&[&input], &again, &["--labels", "all"]).code, 0);
+    assert_eq!(command::build(&[&input], &again, &["--labels", "all", "--surface", "skin"]).code, 0);
     let sections = |path: &Path| {
         let model = Model::open(path).unwrap();
         [SectionKind::Nodes, SectionKind::Voxels(Channel::Label)]
@@ -386,7 +396,7 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
 fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name));
-    bodies().build(&folder.path().join("m.oct"));
+    bodies().build(&folder.path().join("m.oct"), SurfaceKind::Cells);
     let plain =
         Voxels::from_fn(Dims::new(9, 9, 9).unwrap(), |p| u8::from(p.iter().all(|c| (2..6).contains(c))));
     let options = BuildOptions { threshold: Threshold::Iso(0.5), ..BuildOptions::default() };

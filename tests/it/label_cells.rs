@@ -130,9 +130,8 @@ fn i23_cells_between_labels() {
     let offset = |cell: usize| file[start + cell];
     let plane = (0..len).find(|cell| offset(*cell) != 0x80).unwrap();
     let walls = |fault: FormatError| assert!(matches!(fault, FormatError::Walls { .. }), "{fault:?}");
-    // The other parity, a plane beyond all corners, and another label of a corner.
+    // The other parity, and another label of a corner.
     walls(refused(offsets, plane, offset(plane) ^ 1));
-    walls(refused(offsets, plane, 126 | (offset(plane) & 1)));
     let (at, _) = place(corners);
     walls(refused(corners, 0, file[at] ^ 1));
     // An odd offset of a second plane, or bytes behind octants.

@@ -124,7 +124,7 @@ impl Kernel for FitKernel<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, isa: impl Isa) {
         let Self { slices, at, stride, skin, fit, items } = self;
         let half = WINDOW / 2;
         for (row, bits) in skin.rows().iter().enumerate() {
@@ -139,7 +139,7 @@ impl Kernel for FitKernel<'_, '_> {
                     *label = slices[half - 1 + (corner >> 2)].get(upper - back).copied().unwrap_or(0);
                 }
                 let window = Window { slices, first: upper - half * stride - half, stride };
-                items.push(&fit_cell(fit, &window, &corners));
+                items.push(&fit_cell(isa, fit, &window, &corners));
             }
         }
     }

@@ -5,6 +5,7 @@
 //! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
 //! turned.
 
+use crate::builder::simd::Isa;
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{WallItem, normal};
 use crate::wall::{Corners, Fit, Wall, Window};
@@ -45,33 +46,38 @@ fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
 
 /// Describes a cell by its corners, which have at least two labels, and the samples around it.
 #[inline(always)]
-pub(super) fn fit_cell(fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fitted {
+pub(super) fn fit_cell(isa: impl Isa, fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fitted {
     let (labels, count) = distinct(corners);
     match labels[..count] {
         [a, b] => {
-            if let Some(Parting { code, offset, .. }) = parting(fit, window, corners, a, Some(b)) {
+            if let Some(Parting { code, offset, .. }) = parting((isa, fit), window, corners, a, Some(b)) {
                 return Fitted::Plane(code, offset + i8::from(b > 0), [a, b]);
             }
         }
         [a, b, c] => {
-            if let Some(two) = two_planes(fit, window, corners, [a, b, c]) {
+            if let Some(two) = two_planes((isa, fit), window, corners, [a, b, c]) {
                 return two;
             }
         }
         _ => {}
     }
     let item = WallItem { labels: *corners, planes: None };
-    Fitted::Item(smooth(fit, window, corners, labels[0]), item)
+    Fitted::Item(smooth((isa, fit), window, corners, labels[0]), item)
 }
 
 /// Three labels, parted by two planes.
 #[inline(never)]
-fn two_planes(fit: &Fit, window: &Window<'_>, corners: &Corners, labels: [u16; 3]) -> Option<Fitted> {
+fn two_planes(
+    (isa, fit): (impl Isa, &Fit),
+    window: &Window<'_>,
+    corners: &Corners,
+    labels: [u16; 3],
+) -> Option<Fitted> {
     let [a, b, c] = labels;
     let mut best: Option<(u8, Fitted)> = None;
     for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
-        let Some(first) = parting(fit, window, corners, alone, None) else { continue };
-        let Some(second) = parting(fit, window, corners, one, Some(other)) else { continue };
+        let Some(first) = parting((isa, fit), window, corners, alone, None) else { continue };
+        let Some(second) = parting((isa, fit), window, corners, one, Some(other)) else { continue };
         let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
         if best.as_ref().is_none_or(|(least, _)| turned < *least) {
             let planes = Some((first.offset, second.code, second.offset));
@@ -84,13 +90,13 @@ fn two_planes(fit: &Fit, window: &Window<'_>, corners: &Corners, labels: [u16; 3
 /// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.
 #[inline(always)]
 fn parting(
-    fit: &Fit,
+    (isa, fit): (impl Isa, &Fit),
     window: &Window<'_>,
     corners: &Corners,
     one: u16,
     other: Option<u16>,
 ) -> Option<Parting> {
-    let wall = fit.between(window, corners, one, other);
+    let wall = fit.between(isa, window, corners, one, other);
     if let Some(wall) = wall
         && let Some(found) = parted_by(&wall, corners, one, other, false)
     {
@@ -167,16 +173,17 @@ fn turned(wall: Wall, corners: &Corners, one: u16, other: Option<u16>) -> Option
 
 /// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
 #[cold]
-fn smooth(fit: &Fit, window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
+fn smooth((isa, fit): (impl Isa, &Fit), window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
     let with_none = corners.contains(&0);
     let one = if with_none { 0 } else { greatest };
-    let out = fit.between(window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
+    let out = fit.between(isa, window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
     normal::encode(if with_none { out.map(|c| -c) } else { out })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::Portable;
     use crate::format::cell::Plane;
     use crate::format::{Walls, wall_offset};
 
@@ -201,7 +208,7 @@ mod tests {
             if corners.iter().all(|label| *label == corners[0]) {
                 continue;
             }
-            let fitted = fit_cell(&fit, &window, &corners);
+            let fitted = fit_cell(Portable, &fit, &window, &corners);
             let (walls, kind) = match fitted {
                 Fitted::Plane(code, offset, pair) => {
                     assert!((offset % 2 == 0) == (pair[1] == 0) && pair[0] > pair[1]);

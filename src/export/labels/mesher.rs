@@ -159,7 +159,7 @@ impl<'a> Mesher<'a> {
 
     /// Makes the vertices of a row of cells.
     #[inline(always)]
-    fn row(&mut self, field: &Field, y: usize, z: u32) -> io::Result<()> {
+    fn row(&mut self, isa: impl Isa, field: &Field, y: usize, z: u32) -> io::Result<()> {
         const CHUNK: usize = 32;
         let rows = field.around(y);
         let width = rows.iter().map(|row| row.len()).min().unwrap_or(0);
@@ -174,7 +174,7 @@ impl<'a> Mesher<'a> {
                 for x in start..end {
                     let corners = std::array::from_fn(|i| rows[i >> 1][x - 1 + (i & 1)]);
                     if corners.iter().any(|label| *label != corners[0]) {
-                        self.cell(field, [x, y], z, corners)?;
+                        self.cell(isa, field, [x, y, z as usize], corners)?;
                     }
                 }
             }
@@ -185,10 +185,16 @@ impl<'a> Mesher<'a> {
     }
 
     #[inline(always)]
-    fn cell(&mut self, field: &Field, [x, y]: [usize; 2], z: u32, corners: Corners) -> io::Result<()> {
+    fn cell(
+        &mut self,
+        isa: impl Isa,
+        field: &Field,
+        [x, y, z]: [usize; 3],
+        corners: Corners,
+    ) -> io::Result<()> {
         let (labels, count) = distinct(&corners);
-        let spot = self.placing.place(field, [x, y], &corners, &labels[..count]);
-        let [column, row] = [x, y].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
+        let spot = self.placing.place(isa, field, [x, y], &corners, &labels[..count]);
+        let [column, row, z] = [x, y, z].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
         let cell = [column, row, z];
         let at = self.mm(cell, spot.at);
         let begin = self.here.shares.len();
@@ -348,11 +354,11 @@ impl Kernel for Step<'_, '_> {
     type Output = io::Result<()>;
 
     #[inline(always)]
-    fn run(self, _: impl Isa) -> io::Result<()> {
+    fn run(self, isa: impl Isa) -> io::Result<()> {
         let Self { mesher, field, z } = self;
         mesher.here.cells.end_row();
         for y in 1..field.height() {
-            mesher.row(field, y, z)?;
+            mesher.row(isa, field, y, z)?;
         }
         mesher.join(field.height(), field.width(), z)
     }

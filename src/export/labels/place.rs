@@ -1,6 +1,7 @@
 //! Where the walls of a cell have their corner, and the normals of its labels there.
 
 use super::field::Field;
+use crate::cpu::Isa;
 use crate::export::patch::singles;
 use crate::export::write::unit;
 use crate::render::GridSpace;
@@ -43,15 +44,22 @@ impl<'a> Placing<'a> {
 
     /// Places the corner of the cell before sample `at` of the field's middle; `labels` are those of `corners`.
     #[inline(always)]
-    pub(super) fn place(&self, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
+    pub(super) fn place(
+        &self,
+        isa: impl Isa,
+        field: &Field,
+        at: [usize; 2],
+        corners: &Corners,
+        labels: &[u16],
+    ) -> Spot {
         if self.most == 0.0 {
             return Spot::default();
         }
         let with_none = corners.contains(&0);
         let mut spot = match (labels, with_none) {
-            ([label], _) => self.between(field, at, corners, [*label, 0]),
-            ([one, other], false) => self.between(field, at, corners, [*one, *other]),
-            _ => self.among(field, at, corners, labels),
+            ([label], _) => self.between(isa, field, at, corners, [*label, 0]),
+            ([one, other], false) => self.between(isa, field, at, corners, [*one, *other]),
+            _ => self.among(isa, field, at, corners, labels),
         };
         spot.at = spot.at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 });
         spot
@@ -59,8 +67,15 @@ impl<'a> Placing<'a> {
 
     /// The wall between two labels.
     #[inline(always)]
-    fn between(&self, field: &Field, at: [usize; 2], corners: &Corners, [one, other]: [u16; 2]) -> Spot {
-        let Some(wall) = self.fit.between(&field.window(at), corners, one, Some(other)) else {
+    fn between(
+        &self,
+        isa: impl Isa,
+        field: &Field,
+        at: [usize; 2],
+        corners: &Corners,
+        [one, other]: [u16; 2],
+    ) -> Spot {
+        let Some(wall) = self.fit.between(isa, &field.window(at), corners, one, Some(other)) else {
             return Spot::default();
         };
         let mut spot = Spot { at: wall.normal.map(|c| f64::from(c * wall.along)), ..Spot::default() };
@@ -72,12 +87,14 @@ impl<'a> Placing<'a> {
 
     /// The point nearest to the walls of several labels, each against all others.
     #[inline(never)]
-    fn among(&self, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
+    fn among(&self, isa: impl Isa, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
         let mut spot = Spot::default();
         let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
         (0..3).for_each(|a| matrix[a][a] = STAY);
         for (i, label) in labels.iter().chain(corners.contains(&0).then_some(&0)).enumerate() {
-            let Some(wall) = self.fit.between(&field.window(at), corners, *label, None) else { continue };
+            let Some(wall) = self.fit.between(isa, &field.window(at), corners, *label, None) else {
+                continue;
+            };
             let normal = wall.normal.map(f64::from);
             for a in 0..3 {
                 (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);
