@@ -111,6 +111,11 @@ impl<'a> Part<'a> {
         self.label(hit).map_or(1.0, |(_, part)| part)
     }
 
+    /// The number of a hit's label; 0 without one.
+    pub(super) fn label_number(&self, hit: &Hit) -> u16 {
+        self.label(hit).map_or(0, |(label, _)| label)
+    }
+
     /// The colour of a hit's label.
     pub(super) fn label_color(&self, hit: &Hit) -> Option<[f64; 3]> {
         self.opacity.as_ref().and(self.colors.as_ref())?.color(hit.voxel(self.view)?)
@@ -193,6 +198,17 @@ impl Met {
             Self::Cut { t, .. } => *t,
         }
     }
+}
+
+/// The part of a line within a box of the surface, as far as that is inside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    /// Its beginning.
+    pub(super) hit: Hit,
+    /// t of its end.
+    pub(super) leave: f64,
+    /// Does it end within the box?
+    is_open: bool,
 }
 
 /// A line on its way to a body.
@@ -443,13 +459,68 @@ impl<'a> Body<'a> {
         self.normals.smooth_outward(around, seen, line)
     }
 
-    /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
+    /// First hits of a line in every box of the surface, but for hidden labels.
+    fn hits(&self, line: Line) -> Vec<Hit> {
+        let (mut found, mut last) = (Vec::new(), None);
+        while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
+            && let Some(hit) = self.trace(&ray).map(|hit| Hit { t: before + hit.t, ..hit })
+        {
+            found.extend((self.part.opacity(&hit) > 0.0).then_some(hit));
+            last = Some(hit);
+        }
+        found
+    }
+
+    /// What a line of this length passes of every box of the surface. A line in the other direction finds where that ends.
+    pub(super) fn stretches(&self, line: Line, length: f64) -> Vec<Stretch> {
+        let back = self.hits((add_scaled(line.0, length, line.1), line.1.map(|c| -c)));
+        let mut ends = back.iter().rev();
+        let of = |hit: Hit| {
+            let mut ahead = ends.clone();
+            // A corner that is touched may be of one list alone.
+            let end = ahead.by_ref().take(8).find(|end| end.box_number == hit.box_number);
+            let Some(end) = end else { return Stretch { hit, leave: hit.t, is_open: true } };
+            ends = ahead;
+            Stretch { hit, leave: length - end.t, is_open: end.face.is_none() }
+        };
+        self.hits(line).into_iter().map(of).collect()
+    }
+
+    /// What fills a line between two stretches, one after the other: a box of the wall of it.
     ///
-    /// A point is within where lines along all six axes meet the surface, and more of them from within than from
-    /// outside; or in a box of the surface.
+    /// Of cells, where the line leaves the one and enters the other within what they enclose; of voxels, by their normals.
+    pub(super) fn between(&self, line: Line, one: &Stretch, other: &Stretch) -> Option<Hit> {
+        let ends = match self.cells {
+            Some(_) => Some((!one.is_open, other.hit.face.is_some())),
+            None => {
+                let along = |hit: Hit| self.outward(line, hit).map(|outward| dot(outward, line.1));
+                along(one.hit).zip(along(other.hit)).map(|(one, other)| (one < 0.0, other > 0.0))
+            }
+        };
+        let is_one = self.part.label_number(&one.hit) == self.part.label_number(&other.hit);
+        match ends {
+            Some((false, false)) => None,
+            Some((true, true)) if is_one => Some(one.hit),
+            // Planes of neighbouring cells meet nearly.
+            Some(_) if self.cells.is_some() && self.boxes(line, other.hit.t - one.leave) <= WALL => None,
+            _ => {
+                let hit = self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1))?;
+                (self.part.opacity(&hit) > 0.0).then_some(hit)
+            }
+        }
+    }
+
+    /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
-        let at = add_scaled(line.0, span.enter, line.1);
+        let hit = self.within(add_scaled(line.0, span.enter, line.1))?;
+        // Not what is hidden.
+        (self.part.opacity(&hit) > 0.0).then_some(Met::Cut { plane, t: span.enter, hit })
+    }
+
+    /// A box of the wall around a point that is within: where lines along all six axes meet the surface, and more of them
+    /// from within than from outside; or in a box of the surface.
+    fn within(&self, at: [f64; 3]) -> Option<Hit> {
         let mut exits: Vec<Hit> = Vec::new();
         let mut votes = 0;
         for axis in 0..6 {
@@ -457,7 +528,7 @@ impl<'a> Body<'a> {
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
             let hit = self.hit((at, direction), 0.0, None)?;
             if hit.t == 0.0 && hit.face.is_none() {
-                return self.cap(plane, span, hit);
+                return Some(hit);
             }
             let outward = self.outward((at, direction), hit)?;
             if dot(outward, direction) > 0.0 {
@@ -470,13 +541,7 @@ impl<'a> Body<'a> {
         // Of a model of labels, the one that most lines come out of.
         let label = |hit: &Hit| self.part.label(hit).map(|(label, _)| label);
         let same = |hit: &Hit| exits.iter().filter(|other| label(other) == label(hit)).count();
-        let hit = exits.iter().rev().max_by_key(|hit| same(hit)).copied();
-        hit.filter(|_| votes > 0).and_then(|hit| self.cap(plane, span, hit))
-    }
-
-    /// What a plane cut open, unless that is of a hidden label.
-    fn cap(&self, plane: usize, span: Span, hit: Hit) -> Option<Met> {
-        (self.part.opacity(&hit) > 0.0).then_some(Met::Cut { plane, t: span.enter, hit })
+        exits.iter().rev().max_by_key(|hit| same(hit)).copied().filter(|_| votes > 0)
     }
 }
 
