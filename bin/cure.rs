@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 25] = [
+const OTHERWISE: [(&str, &str); 24] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -9,7 +9,6 @@ const OTHERWISE: [(&str, &str); 25] = [
     ("form", "--as"),
     ("origin_mm", "--origin"),
     ("scalar", "--dtype"),
-    ("section_mm", "--section"),
     ("skin_only", "--skin"),
     ("spacing_mm", "--spacing"),
     ("unit_mm", "--unit"),

@@ -75,14 +75,11 @@ const GROUPS: [(&str, &[&str]); 5] = [
 pub(crate) fn command(is_short: bool) -> Command {
     let pages: Vec<String> =
         PAGES.iter().map(|(name, about, _)| format!("  oct help {name:<10}{about}")).collect();
-    Cli::command()
-        .max_term_width(COLUMNS)
-        .after_help(format!("Pages:\n{}", pages.join("\n")))
-        .mut_subcommands(|command| {
-            let name = command.get_name().to_owned();
-            let short = SHORT.iter().find(|(of, _)| *of == name).map(|(_, short)| *short);
-            command.mut_args(|arg| of_command(arg, &name, short, is_short))
-        })
+    Cli::command().after_help(format!("Pages:\n{}", pages.join("\n"))).mut_subcommands(|command| {
+        let name = command.get_name().to_owned();
+        let short = SHORT.iter().find(|(of, _)| *of == name).map(|(_, short)| *short);
+        command.mut_args(|arg| of_command(arg, &name, short, is_short))
+    })
 }
 
 /// An option of a command in its group; with its first clause for `-h`, or left out there.
@@ -160,15 +157,12 @@ fn wrapped(text: &str, first: &str, indent: usize) -> String {
 fn unlinked(line: &str) -> String {
     let mut out = String::new();
     let mut rest = line;
-    while let Some((before, (words, after))) = rest
-        .split_once('[')
-        .and_then(|(before, link)| Some((before, link.split_once("](")?)))
-        .filter(|(_, (words, _))| !words.contains(['[', ']']))
+    while let Some(middle) = rest.find("](")
+        && let (Some(open), Some(end)) = (rest[..middle].rfind('['), rest[middle..].find(')'))
     {
-        let Some((_, after)) = after.split_once(')') else { break };
-        out += before;
-        out += words;
-        rest = after;
+        out += &rest[..open];
+        out += &rest[open + 1..middle];
+        rest = &rest[middle + end + 1..];
     }
     out + rest
 }
@@ -180,7 +174,7 @@ mod tests {
     /// A screen has 24 lines; every option that is named here exists, and pages keep to their width.
     #[test]
     fn short_help_fits_a_screen_and_pages_a_terminal() {
-        for sub in command(true).max_term_width(80).get_subcommands_mut() {
+        for sub in command(true).get_subcommands_mut() {
             let name = sub.get_name().to_owned();
             let help = sub.render_help().to_string();
             let options = help.lines().skip_while(|line| !line.starts_with("Options:")).skip(1);

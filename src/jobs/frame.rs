@@ -7,9 +7,8 @@ use crate::format::Label;
 use crate::load::{ModelView, NodeView};
 use crate::render::Image;
 use crate::render::annotate::{Entry, Style};
+use crate::scene::Seen;
 use crate::text::{Short, shown};
-
-pub(super) use crate::scene::SeenKey as Key;
 
 /// A title, a legend, and the sizes that leaves for the picture within.
 pub(super) struct Frame {
@@ -20,7 +19,7 @@ pub(super) struct Frame {
     ground: Option<[u8; 3]>,
     title: Option<String>,
     /// The largest first; `None` where none is asked for.
-    legend: Option<Vec<(Key, Entry)>>,
+    legend: Option<Vec<(Seen, Entry)>>,
     columns: u32,
 }
 
@@ -30,7 +29,7 @@ impl Frame {
         size: [u32; 2],
         ground: Option<[u8; 3]>,
         title: Option<String>,
-        legend: Option<Vec<(Key, Entry)>>,
+        legend: Option<Vec<(Seen, Entry)>>,
     ) -> Self {
         let style = Style::of(size, ground);
         let entries: Vec<Entry> = legend.iter().flatten().map(|(_, entry)| entry.clone()).collect();
@@ -61,9 +60,9 @@ impl Frame {
     }
 
     /// A picture with its title and the labels that are seen; `None` for all.
-    pub(super) fn around(&self, mut image: Image, seen: Option<&BTreeSet<Key>>) -> Image {
+    pub(super) fn around(&self, mut image: Image, seen: Option<&BTreeSet<Seen>>) -> Image {
         if let (Some(style), Some(legend)) = (self.style, &self.legend) {
-            let is_seen = |key: &Key| seen.is_none_or(|seen| seen.contains(key));
+            let is_seen = |key: &Seen| seen.is_none_or(|seen| seen.contains(key));
             let entries: Vec<Entry> =
                 legend.iter().filter(|(key, _)| is_seen(key)).map(|(_, entry)| entry.clone()).collect();
             image = style.legend(&image, self.columns, &entries);
@@ -102,7 +101,7 @@ pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> Str
 }
 
 /// Lines of the labels of a model, the largest first; its number among the models of the picture.
-pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Key, Entry)> {
+pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Seen, Entry)> {
     let mut labels: Vec<&Label> = labels.collect();
     labels.sort_by_key(|label| std::cmp::Reverse(label.voxels));
     let entry = |label: &Label| {
@@ -114,7 +113,7 @@ pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a L
 }
 
 /// The labels of the boxes that a picture shows, whose numbers it has.
-pub(super) fn seen_labels(view: &ModelView<'_>, image: &Image, seen: &mut BTreeSet<Key>) {
+pub(super) fn seen_labels(view: &ModelView<'_>, image: &Image, seen: &mut BTreeSet<Seen>) {
     let Some(labels) = view.labels() else { return };
     let mut last = 0;
     for pixel in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {

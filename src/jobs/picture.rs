@@ -201,7 +201,11 @@ pub fn render_file(
                 let request = RenderRequest { width, height, point, ..request };
                 let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
                 model.check_unchanged(path)?;
-                seen_labels(&view, &image, seen);
+                match request.lod {
+                    // Coarse boxes have several.
+                    true => seen.extend(model.frame().labels.iter().map(|label| (0, label.number))),
+                    false => seen_labels(&view, &image, seen),
+                }
                 report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
                 Ok(image)
             },

@@ -6,7 +6,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::frame::{Frame, Key as Seen, label_entries};
+use super::frame::{Frame, label_entries};
 use super::opened::open_model;
 use super::picture::Outputs;
 use super::shots;
@@ -21,7 +21,7 @@ use crate::render::shade::{Shader, linear_of};
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
 use crate::scene::{
     self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
-    SceneFault, SceneModel, Section, Table,
+    SceneFault, SceneModel, Section, Seen, Table,
 };
 use crate::text::shown;
 

@@ -4,12 +4,13 @@ use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::frame::{Frame, Key};
+use super::frame::Frame;
 use super::picture::{Layers, Target};
 use crate::error::Error;
 use crate::progress::Progress;
 use crate::render::image::{ImageFile, PngLayer};
 use crate::render::{Image, NamedView, ViewPoint};
+use crate::scene::Seen;
 
 /// Which pictures are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -19,8 +20,8 @@ pub enum Shots {
     One,
     /// Six sides on one sheet.
     Contact,
-    /// So many, all around: an animated PNG, or a GIF where the name says so; or a file for each, where the output is a folder, ends with a slash, or has
-    /// a number's place in its name, as `turn-%03d.png` has.
+    /// So many, all around: an animated PNG, or a GIF where the name says so; or a file for each, where the output is a
+    /// folder, ends with a slash, or has a number's place in its name, as `turn-%03d.png` has.
     Turntable(u32),
 }
 
@@ -146,7 +147,7 @@ pub(super) fn write(
     frame: &Frame,
     begin: Option<ViewPoint>,
     progress: &dyn Progress,
-    mut take: impl FnMut(&Shot, &mut BTreeSet<Key>, &dyn Progress) -> Result<Image, Error>,
+    mut take: impl FnMut(&Shot, &mut BTreeSet<Seen>, &dyn Progress) -> Result<Image, Error>,
 ) -> Result<(), Error> {
     let size = frame.inner();
     progress.stage("render", shots.rows(size[1]));

@@ -488,7 +488,8 @@ impl<'a> Body<'a> {
 
     /// What fills a line between two stretches, one after the other: a box of the wall of it.
     ///
-    /// Of cells, where the line leaves the one and enters the other within what they enclose; of voxels, by their normals.
+    /// Next to each other, of cells by where the line leaves the one and enters the other, of voxels by their normals. Farther
+    /// apart that may mislead, as planes of neighbouring cells do not quite meet: lines along all axes say more.
     pub(super) fn between(&self, line: Line, one: &Stretch, other: &Stretch) -> Option<Hit> {
         let ends = match self.cells {
             Some(_) => Some((!one.is_open, other.hit.face.is_some())),
@@ -498,13 +499,13 @@ impl<'a> Body<'a> {
             }
         };
         let is_one = self.part.label_number(&one.hit) == self.part.label_number(&other.hit);
+        let is_near = self.boxes(line, other.hit.t - one.leave) <= WALL;
         match ends {
             Some((false, false)) => None,
-            Some((true, true)) if is_one => Some(one.hit),
-            // Planes of neighbouring cells meet nearly.
-            Some(_) if self.cells.is_some() && self.boxes(line, other.hit.t - one.leave) <= WALL => None,
+            Some((true, true)) if is_one && is_near => Some(one.hit),
+            Some(_) if is_near && self.cells.is_some() => None,
             _ => {
-                let hit = self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1))?;
+                let hit = self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1), true)?;
                 (self.part.opacity(&hit) > 0.0).then_some(hit)
             }
         }
@@ -513,20 +514,25 @@ impl<'a> Body<'a> {
     /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
-        let hit = self.within(add_scaled(line.0, span.enter, line.1))?;
+        let hit = self.within(add_scaled(line.0, span.enter, line.1), false)?;
         // Not what is hidden.
         (self.part.opacity(&hit) > 0.0).then_some(Met::Cut { plane, t: span.enter, hit })
     }
 
-    /// A box of the wall around a point that is within: where lines along all six axes meet the surface, and more of them
-    /// from within than from outside; or in a box of the surface.
-    fn within(&self, at: [f64; 3]) -> Option<Hit> {
+    /// A box of the wall around a point that is within: where lines along all six axes meet the surface, or some of them where
+    /// that may be open, and more of them from within than from outside; or in a box of the surface.
+    fn within(&self, at: [f64; 3], may_be_open: bool) -> Option<Hit> {
         let mut exits: Vec<Hit> = Vec::new();
         let mut votes = 0;
         for axis in 0..6 {
             let mut direction = [0.0; 3];
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
-            let hit = self.hit((at, direction), 0.0, None)?;
+            let Some(hit) = self.hit((at, direction), 0.0, None) else {
+                if may_be_open {
+                    continue;
+                }
+                return None;
+            };
             if hit.t == 0.0 && hit.face.is_none() {
                 return Some(hit);
             }

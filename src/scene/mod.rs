@@ -46,7 +46,7 @@ pub(crate) use fault::{Key, SceneFault, Table};
 pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};
-pub use paint::{Key as SeenKey, Look, Painted, paint};
+pub use paint::{Look, Painted, Seen, paint};
 pub use place::Placement;
 pub use rays::Rays;
 pub use read::MAX_BYTES;

@@ -57,7 +57,7 @@ pub struct Look {
 }
 
 /// The number of a model that is seen, and of its label; 0 of one without labels.
-pub type Key = (usize, u16);
+pub type Seen = (usize, u16);
 
 /// A picture that is finished.
 #[derive(Clone, Debug)]
@@ -67,7 +67,7 @@ pub struct Painted {
     /// Lines that it took.
     pub rays: Rays,
     /// What it shows first along any line.
-    pub seen: BTreeSet<Key>,
+    pub seen: BTreeSet<Seen>,
     /// Wall time.
     pub traced: Duration,
 }
@@ -141,7 +141,7 @@ struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, (Rays, BTreeSet<Key>)) {
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, (Rays, BTreeSet<Seen>)) {
         let width = self.look.width as usize;
         let mut image = self.look.blank();
         let mut strips: Vec<Strip<'_>> =
@@ -283,7 +283,7 @@ impl Painter<'_> {
 }
 
 /// What two strips took and show.
-pub(super) fn joined(one: (Rays, BTreeSet<Key>), other: (Rays, BTreeSet<Key>)) -> (Rays, BTreeSet<Key>) {
+pub(super) fn joined(one: (Rays, BTreeSet<Seen>), other: (Rays, BTreeSet<Seen>)) -> (Rays, BTreeSet<Seen>) {
     let mut seen = one.1;
     seen.extend(other.1);
     (one.0.plus(other.0), seen)

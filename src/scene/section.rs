@@ -1,9 +1,8 @@
 //! A slice through a scene: what a plane cuts, filled, and the line along which it cuts the surface.
 //!
 //! A line runs through the plane along every row of samples, there and back, which gives what it passes of every box of a
-//! surface. Between two of them, one after the other, all is inside or all is outside: both say which, and where they
-//! contradict each other the lines along all six axes do, as for caps. So a picture takes some lines a row, not some for
-//! each pixel.
+//! surface. Between two of them, one after the other, all is inside or all is outside: lines along all six axes from there
+//! say which, as for caps. So a picture takes some lines a row, not some for each pixel.
 
 use std::collections::BTreeSet;
 use std::time::Instant;
@@ -19,7 +18,7 @@ use crate::render::traverse::Hit;
 use crate::render::{NamedView, RenderError};
 
 use super::body::{Body, Part};
-use super::paint::{Key, Look, Painted, joined};
+use super::paint::{Look, Painted, Seen, joined};
 use super::rays::Rays;
 
 /// Samples along each side of a pixel, and how many of them the cut line reaches to either side.
@@ -62,8 +61,8 @@ struct Plane<'a> {
 
 /// Paints a slice; the camera of `look` is parallel and looks along the section's axis.
 ///
-/// Memory: the image, and for every thread two bytes for each of 600 samples a column. Time: some lines for each of four
-/// rows a pixel.
+/// Memory: the image, and for every thread 304 bytes for each column. Time: two lines for each of four rows a pixel, each of
+/// which finds all boxes of the surface on its way.
 ///
 /// # Errors
 /// [`RenderError`] when the size is not possible, or the threads do not start.
@@ -104,12 +103,12 @@ pub fn slice(
 /// Samples of some rows: for each 0, or 1 and the place of what fills it in `kinds`.
 struct Samples {
     width: usize,
-    kinds: Vec<(Key, [f64; 3])>,
+    kinds: Vec<(Seen, [f64; 3])>,
     items: Vec<u16>,
 }
 
 impl Samples {
-    fn kind(&mut self, key: Key, color: [f64; 3]) -> u16 {
+    fn kind(&mut self, key: Seen, color: [f64; 3]) -> u16 {
         let at = self.kinds.iter().position(|(known, _)| *known == key);
         let at = at.unwrap_or_else(|| {
             self.kinds.push((key, color));
@@ -139,7 +138,7 @@ impl Samples {
 
 impl Plane<'_> {
     /// Paints the rows of a band, of which the first is row `top` of the picture.
-    fn band(&self, top: usize, rgba: &mut [u8]) -> (Rays, BTreeSet<Key>) {
+    fn band(&self, top: usize, rgba: &mut [u8]) -> (Rays, BTreeSet<Seen>) {
         let columns = self.look.width as usize;
         let width = columns * SAMPLES;
         let rows = rgba.len() / 4 / columns.max(1) * SAMPLES + 2 * REACH;

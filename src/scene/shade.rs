@@ -16,7 +16,7 @@ use super::body::{Met, Side, Start};
 use super::light::{Ambient, Light, Way};
 use super::material::{Material, fresnel, power};
 use super::media::Media;
-use super::paint::Key;
+use super::paint::Seen;
 use super::rays::Rays;
 use super::world::{From, Lot, World};
 
@@ -55,7 +55,7 @@ pub(super) struct Kept {
     lot: Lot,
     pub(super) rays: Rays,
     /// What lines from the eye met first.
-    pub(super) seen: BTreeSet<Key>,
+    pub(super) seen: BTreeSet<Seen>,
 }
 
 impl Kept {

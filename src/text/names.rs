@@ -74,7 +74,7 @@ names! {
     RANGE = "Threshold::Range",
     ROI = "roi",
     SCRATCH = "scratch",
-    SECTION = "section_mm",
+    SECTION = "section",
     SIMPLIFY = "simplify",
     SKIN = "skin_only",
     SKIP = "skip",
