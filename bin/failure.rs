@@ -94,6 +94,7 @@ pub(crate) enum Dash {
 pub(crate) enum Written {
     Model,
     Picture,
+    Turntable,
     Export,
 }
 
@@ -203,6 +204,7 @@ impl fmt::Display for Refusal {
                 let (this, other) = match written {
                     Written::Model => ("a model", "MODEL.oct"),
                     Written::Picture => ("a PNG picture", "IMAGE.png"),
+                    Written::Turntable => ("an animation", "TURN.png or TURN.gif"),
                     Written::Export => ("an export", "FILE.stl"),
                 };
                 return write!(

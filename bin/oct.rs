@@ -4,6 +4,7 @@ mod args;
 mod bars;
 mod cure;
 mod failure;
+mod help;
 mod manual;
 mod parts;
 mod pictures;
@@ -15,7 +16,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::time::Duration;
 
-use clap::error::{ContextKind, ContextValue};
+use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
@@ -66,13 +67,18 @@ fn main() -> ExitCode {
 
 /// Help and version are printed as they are; wrong usage is one sentence like every other error.
 fn refuse(e: &clap::Error) -> ExitCode {
-    if !e.use_stderr() {
-        let _ = e.print();
-        return ExitCode::SUCCESS;
+    let is_missing = e.kind() == ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand;
+    if is_missing || !e.use_stderr() {
+        // Jobs read their arguments without what help needs.
+        let is_short = std::env::args_os().any(|word| word == "-h");
+        let shaped =
+            help::command(is_short).try_get_matches().err().filter(|shaped| shaped.kind() == e.kind());
+        let _ = shaped.as_ref().unwrap_or(e).print();
+        return if is_missing { ExitCode::from(ExitKind::Usage.code()) } else { ExitCode::SUCCESS };
     }
-    if e.kind() == clap::error::ErrorKind::DisplayHelpOnMissingArgumentOrSubcommand {
-        let _ = e.print();
-        return ExitCode::from(ExitKind::Usage.code());
+    let given: Vec<_> = std::env::args_os().skip(1).collect();
+    if let Some(page) = help::page(&given.iter().filter_map(|word| word.to_str()).collect::<Vec<_>>()) {
+        return put(&page).unwrap_or(ExitCode::FAILURE);
     }
     let words = || std::env::args_os().skip(1).take_while(|word| word != "--");
     if let (Some(help), Some(first), Some(_)) = (words().next(), words().nth(1), words().nth(2))
@@ -501,8 +507,10 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
         let whole = || cutting.map(|by| Refusal::ForWhole { flag, by });
         return Err(if is_scene { None } else { whole() }.unwrap_or(Refusal::ForModels(flag)).into());
     }
-    let output = Output::of(&args.output, Written::Picture, args.force, args.json)?;
-    let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots() };
+    let written = if args.turntable.is_some() { Written::Turntable } else { Written::Picture };
+    let output = Output::of(&args.output, written, args.force, args.json)?;
+    let (title, legend) = (args.title.as_deref(), args.legend);
+    let outputs = Outputs { image: output.path(), depth, normals, ids, shots: args.shots(), title, legend };
     let bars = Bars::new(args.json);
     platform::tell_of(&args.model, args.json);
     let model = Input::of(&args.model)?;

@@ -117,7 +117,8 @@ fn check_suffix(path: &Path, written: Written, force: bool) -> Result<(), Refusa
     let suffix = path.extension().map(|e| e.to_string_lossy().to_lowercase()).unwrap_or_default();
     let foreign = match written {
         Written::Model => "png",
-        Written::Picture => "oct",
+        Written::Turntable if suffix == "gif" => return Ok(()),
+        Written::Picture | Written::Turntable => "oct",
         // The name chooses the kind.
         Written::Export => return Ok(()),
     };
@@ -160,6 +161,7 @@ mod tests {
         for name in ["a.oct", "noname", "a.packed", ".hidden", "v1.2"] {
             assert!(!refused(name, Written::Model, false), "{name}");
         }
+        assert!(!refused("a.gif", Written::Turntable, false) && refused("a.mp4", Written::Turntable, false));
         assert!(!refused("a.png", Written::Picture, false) && !refused("tmp.XyZ", Written::Picture, false));
     }
 }

@@ -20,10 +20,10 @@ use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
-    CHANNELS, EACH, ERROR, FORM, GRADIENT, INFO, LABELS, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE, SKIN, SMOOTH,
-    VISIBLE_FROM,
+    CHANNELS, EACH, ERROR, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE,
+    SECTION, SKIN, SMOOTH, VISIBLE_FROM,
 };
-use crate::text::{shown, writing};
+use crate::text::{Short, shown, writing};
 
 /// Anything that can stop a job.
 #[non_exhaustive]
@@ -67,7 +67,7 @@ pub enum Error {
 
 /// A request that cannot be met, whatever the input.
 #[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Eq, Sentence)]
+#[derive(Clone, Debug, PartialEq, Sentence)]
 pub enum UsageError {
     #[error("{}: keeps only what can be seen ({VISIBLE_FROM} {seen_from}), so that its inside is not known; build it without {VISIBLE_FROM}, or write its skin with {FORM} points, or a mask with {SKIN}", shown(.path))]
     KeepsPart { path: PathBuf, seen_from: String },
@@ -83,6 +83,10 @@ pub enum UsageError {
     LabelTwice { path: PathBuf, number: u16 },
     #[error("{}: has no labels that could be hidden; build a map of labels with {LABELS}", shown(.path))]
     Unlabelled { path: PathBuf },
+    #[error("{}: has no labels to list; leave out {LEGEND}, or build a map of labels with {LABELS}", shown(.path))]
+    NoLegend { path: PathBuf },
+    #[error("{}: the plane does not meet it; choose {SECTION} with {axis} from {} to {} mm", shown(.path), Short(*.from_mm), Short(*.to_mm))]
+    Section { path: PathBuf, axis: char, from_mm: f64, to_mm: f64 },
     #[error("{}: has no labels but one surface; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}", shown(.path))]
     OneSurface { path: PathBuf },
     #[error("{}: walls are moved by 0 to half a voxel; choose {SMOOTH} in between", shown(.path))]

@@ -12,7 +12,7 @@ use infobyte::geom::{Affine, Dims, Orientation};
 use infobyte::jobs::export::MAX_SMOOTH;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples};
-use infobyte::scene::LabelRule;
+use infobyte::scene::{LabelRule, Section};
 use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
@@ -387,6 +387,16 @@ pub(super) fn bounds(text: &str) -> Result<Bounds, String> {
         bounds[axis] = [low, high];
     }
     Ok(Bounds(bounds))
+}
+
+/// Such as z=40.
+pub(super) fn section(text: &str) -> Result<Section, String> {
+    let (name, at) = text.split_once('=').unwrap_or((text, ""));
+    let axis = ["x", "y", "z"].iter().position(|axis| *axis == name.trim());
+    match (axis, number(at)) {
+        (Some(axis), Ok(at_mm)) => Ok(Section { axis, at_mm }),
+        _ => Err(format!("'{text}' is not a plane; write for example z=40, in mm")),
+    }
 }
 
 pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {

@@ -9,7 +9,7 @@ use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
-use infobyte::scene::{LabelPick, LabelRule};
+use infobyte::scene::{LabelPick, LabelRule, Section};
 
 use super::{Switch, ThreadArgs, parse};
 use crate::failure::Refusal;
@@ -28,6 +28,10 @@ pub(crate) enum Shade {
     /// Plain light by normals blended between the boxes around a hit
     Blended,
 }
+
+/// Options of views, which slices lack.
+const SLICED: [&str; 11] =
+    ["view", "eye", "up", "projection", "fov", "clip", "contact", "turntable", "depth", "normals", "shading"];
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
@@ -112,12 +116,23 @@ pub(crate) struct RenderArgs {
     /// Six sides on one sheet, each framed by itself
     #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]
     pub(crate) contact: bool,
-    /// So many pictures all around the model, as an animated PNG that begins at --view
+    /// So many pictures all around the model, from --view on: an animated PNG or, by its name, GIF; a file for each in a
+    /// folder (turn/) or with a number in its name (turn-%03d.png)
     #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals", "ids"], value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub(crate) turntable: Option<u32>,
-    /// Draw a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
+    /// A slice instead of a view: what a plane across an axis cuts, such as z=40 in mm (LPS), filled, in true scale
+    #[arg(long, value_name = "AXIS=MM", value_parser = parse::section, conflicts_with_all = SLICED)]
+    pub(crate) section: Option<Section>,
+    /// Below the picture, a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
     pub(crate) annotate: bool,
+    /// Above the picture, the name of the file and the size of the model, or --title=TEXT
+    #[arg(long, value_name = "TEXT", num_args = 0..=1, require_equals = true, default_missing_value = "")]
+    pub(crate) title: Option<String>,
+    /// On the right of the picture, colours and names of the labels that are seen, the largest first; of a scene also its
+    /// other models
+    #[arg(long)]
+    pub(crate) legend: bool,
     /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the
     /// farthest, 0 where nothing is hit; the report states both distances in mm
     #[arg(long, value_name = "F.png")]
@@ -238,6 +253,7 @@ impl RenderArgs {
             background: self.background.map(|color| color.0),
             color: self.color.map(|color| color.0),
             clip_mm: self.clip.map(|bounds| bounds.0),
+            section: self.section,
             labels: self.label_rules(),
             annotate: self.annotate,
             threads: self.threads.count(),
@@ -261,6 +277,7 @@ impl RenderArgs {
     pub(crate) fn cutting(&self) -> Option<&'static str> {
         let given = [
             (self.clip.is_some(), "--clip"),
+            (self.section.is_some(), "--section"),
             (self.only.is_some(), "--only"),
             (self.hide.is_some(), "--hide"),
             (!self.opacity.is_empty(), "--opacity"),

@@ -9,6 +9,7 @@ pub mod build;
 #[doc(hidden)]
 pub mod demo;
 pub mod export;
+mod frame;
 mod hint;
 pub mod info;
 pub mod intersect;

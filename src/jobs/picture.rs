@@ -4,16 +4,18 @@ use std::path::Path;
 
 use serde::Serialize;
 
+use super::frame::{Frame, label_entries, seen_labels, size_title};
 use super::opened::open_model;
 use super::relief::Relief;
 use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_relieved, thumbnail};
 use super::shots::{self, FrameNames, Shots};
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
+use crate::load::Model;
 use crate::progress::Progress;
 use crate::render::image::{ImageFile, PngLayer, PngRows};
-use crate::render::{Image, RenderError};
-use crate::text::data;
+use crate::render::{GridSpace, Image, RenderError};
+use crate::text::{data, shown};
 
 /// Where the pictures of one call go.
 #[derive(Clone, Copy, Debug)]
@@ -28,6 +30,10 @@ pub struct Outputs<'a> {
     pub ids: Option<&'a Path>,
     /// How many pictures `image` holds; there are no other images of several.
     pub shots: Shots,
+    /// A text above the picture; an empty one for the name of the file and the size of what it shows.
+    pub title: Option<&'a str>,
+    /// List the labels that are seen on the picture's right; of a scene also its models without labels.
+    pub legend: bool,
 }
 
 /// Where the colours go.
@@ -49,12 +55,20 @@ pub(super) struct Layers {
 impl<'a> Outputs<'a> {
     /// The colours alone.
     pub fn of(image: &'a Path) -> Self {
-        Self { image, depth: None, normals: None, ids: None, shots: Shots::One }
+        Self { image, depth: None, normals: None, ids: None, shots: Shots::One, title: None, legend: false }
     }
 
     /// All that are named.
     pub(super) fn all(&self) -> Vec<&'a Path> {
         [Some(self.image), self.depth, self.normals, self.ids].into_iter().flatten().collect()
+    }
+
+    /// The title of a picture of something with this support.
+    pub(super) fn title_of(&self, path: &Path, support: impl Fn([f64; 3]) -> f64) -> Option<String> {
+        match self.title {
+            Some("") => Some(size_title(path.file_stem().unwrap_or_default(), support)),
+            title => title.map(|text| shown(text).to_string()),
+        }
     }
 
     /// Names of the frames, if there are several files of them.
@@ -148,38 +162,76 @@ pub fn render_file(
     let request = RenderRequest {
         depth: outputs.depth.is_some(),
         normals: outputs.normals.is_some(),
-        ids: outputs.ids.is_some(),
+        ids: outputs.ids.is_some() || outputs.legend,
         ..*request
     };
     let (view, dims, affine) = (model.view(), model.dims(), model.affine());
-    let size = [request.width, request.height];
+    let whole = [request.width, request.height];
+    crate::render::picture::check_size(whole[0], whole[1])?;
+    let frame = frame_of(&model, path, outputs, &request)?;
+    let size = frame.inner();
+    let request = RenderRequest { width: size[0], height: size[1], ..request };
     let give_back = || model.give_back();
-    let held_pixels = outputs.shots.held_pixels(size);
+    let held_pixels = outputs.shots.held_pixels(whole, frame.has_legend());
     let pages = (model.bytes().len() as u64, &give_back as &(dyn Fn() + Sync));
     let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, pages);
     let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
-    if outputs.shots == Shots::One {
-        let mut rows = layers.begin(size)?;
-        let mut take = |part: &Image| rows.put(part);
-        let mut report = render_view_parts(&view, dims, &affine, &request, progress, &relief, &mut take)?;
+    let mut report = if outputs.shots == Shots::One && !frame.has_legend() {
+        let mut rows = layers.begin(whole)?;
+        let mut begun = false;
+        let mut take = |part: &Image| {
+            let title = if std::mem::replace(&mut begun, true) { None } else { frame.title(part) };
+            title.map_or(Ok(()), |title| rows.put(&title))?;
+            rows.put(part)
+        };
+        let report = render_view_parts(&view, dims, &affine, &request, progress, &relief, &mut take)?;
         model.check_unchanged(path)?;
         rows.finish()?;
-        report.bytes_touched = touched();
-        return Ok(report);
-    }
-    let mut report: Option<RenderReport> = None;
-    shots::write(outputs.shots, layers, size, Some(request.point), progress, |shot, progress| {
-        let [width, height] = shot.size;
-        let request = RenderRequest { width, height, point: shot.point.unwrap_or(request.point), ..request };
-        let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
-        model.check_unchanged(path)?;
-        report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
-        Ok(image)
-    })?;
-    let mut report = report.unwrap_or_default();
-    (report.width, report.height) = (request.width, request.height);
+        report
+    } else {
+        let mut report: Option<RenderReport> = None;
+        shots::write(
+            outputs.shots,
+            layers,
+            &frame,
+            Some(request.point),
+            progress,
+            |shot, seen, progress| {
+                let ([width, height], point) = (shot.size, shot.point.unwrap_or(request.point));
+                let request = RenderRequest { width, height, point, ..request };
+                let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
+                model.check_unchanged(path)?;
+                match request.lod {
+                    // Coarse boxes have several.
+                    true => seen.extend(model.frame().labels.iter().map(|label| (0, label.number))),
+                    false => seen_labels(&view, &image, seen),
+                }
+                report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
+                Ok(image)
+            },
+        )?;
+        report.unwrap_or_default()
+    };
+    [report.width, report.height] = whole;
     report.bytes_touched = touched();
     Ok(report)
+}
+
+/// What is written around the picture of a model.
+fn frame_of(
+    model: &Model,
+    path: &Path,
+    outputs: &Outputs<'_>,
+    request: &RenderRequest,
+) -> Result<Frame, Error> {
+    let labels = &model.frame().labels;
+    if outputs.legend && labels.is_empty() {
+        return Err(UsageError::NoLegend { path: path.to_path_buf() }.into());
+    }
+    let space = GridSpace::new(model.dims(), &model.affine())?;
+    let title = outputs.title_of(path, |direction| space.support(&model.view(), direction));
+    let legend = outputs.legend.then(|| label_entries(0, labels.iter()));
+    Ok(Frame::new([request.width, request.height], request.background, title, legend))
 }
 
 /// Writes a square thumbnail of the model at `model` to `output`.

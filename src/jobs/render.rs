@@ -9,7 +9,7 @@ use super::relief::Relief;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 use crate::progress::{Progress, Silent};
-use crate::render::annotate::annotate;
+use crate::render::annotate::Style;
 use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
@@ -63,7 +63,7 @@ pub struct RenderRequest {
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
-    /// Draw a scale bar and the patient's sides.
+    /// Draw a scale bar and the patient's sides below the picture.
     pub annotate: bool,
 }
 
@@ -71,11 +71,13 @@ impl RenderRequest {
     /// Default angle of perspective pictures, in degrees.
     pub const FOV_DEG: f64 = 35.0;
 
-    /// What comes over and behind the model, in rows from `top` on.
-    fn finish(&self, part: &mut Image, top: u32, scene: &Prepared) {
-        if self.annotate {
-            annotate(part, (top, self.height), &scene.camera, scene.middle_mm());
-        }
+    /// How scale bar and sides are written, if they are.
+    fn style(&self) -> Option<Style> {
+        Style::of([self.width, self.height], self.background).filter(|_| self.annotate)
+    }
+
+    /// Puts the background behind the model.
+    fn finish(&self, part: &mut Image) {
         if let Some(background) = self.background {
             part.lay_on(background);
         }
@@ -233,7 +235,10 @@ pub(super) fn render_view_relieved(
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, watch)?;
-    request.finish(&mut image, 0, &scene);
+    request.finish(&mut image);
+    if let Some(strip) = scene.strip(request, &image) {
+        image.append(&strip);
+    }
     Ok((image, scene.report(request, &counts)))
 }
 
@@ -256,12 +261,13 @@ pub(super) fn render_view_parts(
     scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
-    let mut top = 0;
+    let mut strip = None;
     let counts = picture::paint_parts(view, space, camera, *canvas, watch, &mut |part| {
-        request.finish(part, top, &scene);
-        top += part.height;
+        request.finish(part);
+        strip = strip.take().or_else(|| scene.strip(request, part));
         take(part)
     })?;
+    strip.map_or(Ok(()), |strip| take(&strip))?;
     Ok(scene.report(request, &counts))
 }
 
@@ -276,7 +282,8 @@ pub(crate) fn camera(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(GridSpace, Camera), RenderError> {
-    let prepared = Prepared::new(view, dims, affine, request, &Relief::new(None, 1, 0, (0, &|| {})))?;
+    let request = RenderRequest { annotate: false, ..*request };
+    let prepared = Prepared::new(view, dims, affine, &request, &Relief::new(None, 1, 0, (0, &|| {})))?;
     Ok((prepared.space, prepared.camera))
 }
 
@@ -303,7 +310,8 @@ impl Prepared {
         let start = Instant::now();
         picture::check_size(request.width, request.height)?;
         let space = GridSpace::new(dims, affine)?;
-        let aspect = f64::from(request.width) / f64::from(request.height);
+        let height = request.height - request.style().map_or(0, Style::bar_rows);
+        let aspect = f64::from(request.width) / f64::from(height);
         let (mut lod_edge_log2, mut finest) = (0, 0);
         if request.lod {
             // A first look, by boxes of which there are few, tells how large the boxes of the picture are; more of the
@@ -316,7 +324,7 @@ impl Prepared {
             let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?
                 .zoomed(request.zoom)?;
             let near_mm = camera.depth_range_mm(support).0;
-            lod_edge_log2 = level_of_detail(view, &space, &camera, request, near_mm);
+            lod_edge_log2 = level_of_detail(view, &space, &camera, (height, request.lod_bias), near_mm);
             finest = lod_edge_log2;
         }
         let support = |direction| {
@@ -328,7 +336,7 @@ impl Prepared {
         let range_mm = camera.depth_range_mm(support);
         let canvas = Canvas {
             width: request.width,
-            height: request.height,
+            height,
             threads: request.threads,
             lod_edge_log2,
             samples: request.samples,
@@ -354,9 +362,10 @@ impl Prepared {
         self.camera.pixel_mm(self.canvas.height, self.range_mm.1) / edge_mm
     }
 
-    /// The depth at which a scale bar is true.
-    fn middle_mm(&self) -> f64 {
-        (self.range_mm.0 + self.range_mm.1) / 2.0
+    /// The strip below the picture, whose bar is true at the model's middle; with the layers of `like`.
+    fn strip(&self, request: &RenderRequest, like: &Image) -> Option<Image> {
+        let middle_mm = (self.range_mm.0 + self.range_mm.1) / 2.0;
+        Some(request.style()?.bar(like, &self.camera, (self.canvas.height, middle_mm)))
     }
 
     fn report(&self, request: &RenderRequest, counts: &Counts) -> RenderReport {
@@ -400,13 +409,13 @@ fn level_of_detail(
     view: &ModelView<'_>,
     space: &GridSpace,
     camera: &Camera,
-    request: &RenderRequest,
+    (height, bias): (u32, i8),
     near_mm: f64,
 ) -> u32 {
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }
-    let most_mm = 1.5 * camera.pixel_mm(request.height, near_mm) * 2.0_f64.powi(request.lod_bias.into());
+    let most_mm = 1.5 * camera.pixel_mm(height, near_mm) * 2.0_f64.powi(bias.into());
     let edge_mm = |k: u32| f64::from(1_u32 << k) * space.largest_spacing_mm();
     let k = (1..=space.dims().depth()).take_while(|k| edge_mm(*k) <= most_mm).last().unwrap_or(0);
     if k >= 2 { k } else { 0 }

@@ -6,21 +6,24 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::frame::{Frame, label_entries};
 use super::opened::open_model;
 use super::picture::Outputs;
 use super::shots;
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
+use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
 use crate::progress::Progress;
-use crate::render::annotate::annotate;
-use crate::render::shade::linear_of;
+use crate::render::annotate::{Entry, Style};
+use crate::render::shade::{Shader, linear_of};
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
 use crate::scene::{
-    self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Part, Rays, Scene, SceneError,
-    SceneFault, SceneModel, Table,
+    self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
+    SceneFault, SceneModel, Section, Seen, Table,
 };
+use crate::text::shown;
 
 /// What the command line says of a scene's picture; it counts before what the scene says.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,6 +46,8 @@ pub struct SceneRequest {
     pub color: Option<[u8; 3]>,
     /// What is left of all models: low and high bounds along each axis in mm, which may be infinite.
     pub clip_mm: Option<[[f64; 2]; 3]>,
+    /// A slice instead of a view; it counts before where the camera stands.
+    pub section: Option<Section>,
     /// Which labels of a model are seen, later rules before earlier ones; models of scenes have their own.
     pub labels: Vec<LabelRule>,
     /// Draw a scale bar and the patient's sides.
@@ -204,7 +209,15 @@ pub fn render_scene(
     let layers = outputs.create()?;
     let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
     let parts = parts(path, &scene, &files, &views)?;
-    let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
+    let whole @ [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
+    crate::render::picture::check_size(width, height)?;
+    if let Some(section) = request.section {
+        check_section(path, section, &parts)?;
+    }
+    let ground = scene.background.map(|color| color.map(|c| Shader::new().encode(c)));
+    let title = outputs.title_of(path, |direction| support(&parts, direction));
+    let legend = outputs.legend.then(|| legend(&scene, &files, is_scene(path))).transpose()?;
+    let frame = Frame::new(whole, ground, title, legend);
     let begin = request.point.or(scene.camera.view.map(ViewPoint::Named));
     let mut report = SceneReport {
         width,
@@ -215,20 +228,26 @@ pub fn render_scene(
         depth_near_mm: f64::INFINITY,
         ..SceneReport::default()
     };
-    shots::write(outputs.shots, layers, [width, height], begin, progress, |shot, progress| {
+    shots::write(outputs.shots, layers, &frame, begin, progress, |shot, seen, progress| {
+        let style = Style::of(shot.size, ground).filter(|_| request.annotate);
+        let size = [shot.size[0], shot.size[1] - style.map_or(0, Style::bar_rows)];
         let request =
-            SceneRequest { size: Some(shot.size), point: shot.point.or(request.point), ..request.clone() };
+            SceneRequest { size: Some(size), point: shot.point.or(request.point), ..request.clone() };
         let look = look(path, &scene, &parts, &request, outputs)?;
         progress.stage("render", look.height.into());
         let rows_done = |rows: u32| progress.advance(rows.into());
-        let (mut image, rays, traced) = scene::paint(&parts, &look, &rows_done)?;
-        let (near, far) = depth_range(&parts, &look.camera);
-        if request.annotate {
-            annotate(&mut image, (0, look.height), &look.camera, (near + far) / 2.0);
+        let Painted { mut image, rays, seen: own, traced } = match request.section {
+            Some(section) => scene::slice(&parts, &look, section, &rows_done)?,
+            None => scene::paint(&parts, &look, &rows_done)?,
+        };
+        let (near, far) = look.camera.depth_range_mm(|direction| support(&parts, direction));
+        if let Some(style) = style {
+            image.append(&style.bar(&image, &look.camera, (look.height, (near + far) / 2.0)));
         }
         for (model, path) in files.models.iter().zip(&files.paths) {
             model.check_unchanged(path)?;
         }
+        seen.extend(own);
         report.count(rays);
         report.trace_s += traced.as_secs_f64();
         report.depth_near_mm = report.depth_near_mm.min(near);
@@ -242,6 +261,43 @@ pub fn render_scene(
     let rays = report.rays as f64;
     report.rays_per_s = rays / report.trace_s.max(1e-9);
     Ok(report)
+}
+
+/// A plane that meets nothing is refused.
+fn check_section(path: &Path, section: Section, parts: &[Part<'_>]) -> Result<(), UsageError> {
+    let mut normal = [0.0; 3];
+    normal[section.axis] = 1.0;
+    let (from_mm, to_mm) = (-support(parts, normal.map(|c: f64| -c)), support(parts, normal));
+    if (from_mm..=to_mm).contains(&section.at_mm) {
+        return Ok(());
+    }
+    let axis = ['x', 'y', 'z'][section.axis];
+    Err(UsageError::Section { path: path.to_path_buf(), axis, from_mm, to_mm })
+}
+
+/// Lines for the labels of all models, and for models without labels.
+fn legend(scene: &Scene, files: &Files, is_scene: bool) -> Result<Vec<(Seen, Entry)>, UsageError> {
+    let mut entries = Vec::new();
+    let shader = Shader::new();
+    for (number, (placed, file)) in scene.models.iter().zip(&files.of).enumerate() {
+        let (Some(model), Some(path)) = (files.models.get(*file), files.paths.get(*file)) else { continue };
+        let labels = &model.frame().labels;
+        if !labels.is_empty() {
+            let is_hidden = |label: &Label| {
+                let rule = placed.labels.iter().rev().find(|rule| rule.labels.contains(label));
+                rule.is_some_and(|rule| rule.opacity <= 0.0)
+            };
+            entries.extend(label_entries(number, labels.iter().filter(|label| !is_hidden(label))));
+        } else if is_scene {
+            let name = shown(path.file_stem().unwrap_or_default()).to_string();
+            let color = placed.material.color.map(|c| shader.encode(c));
+            let plain = format!("model {}", number + 1);
+            entries.push(((number, 0), Entry { color, name, plain }));
+        } else {
+            return Err(UsageError::NoLegend { path: path.clone() });
+        }
+    }
+    Ok(entries)
 }
 
 /// A size that a scene states is a fault of the scene.
@@ -324,24 +380,26 @@ fn look(
     outputs: &Outputs<'_>,
 ) -> Result<Look, Error> {
     let [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
-    crate::render::picture::check_size(width, height)?;
     let own = &scene.camera;
     let of_scene = match (own.eye, own.view) {
         (Some([eye, look_at]), _) => Some(ViewPoint::Free { eye, look_at, up: own.up }),
         (None, view) => view.map(ViewPoint::Named),
     };
-    let point = request.point.or(of_scene).unwrap_or(ViewPoint::Named(NamedView::Front));
+    let slice = request.section.map(|section| ViewPoint::Named(section.view()));
+    let point = slice.or(request.point).or(of_scene).unwrap_or(ViewPoint::Named(NamedView::Front));
     let framed: Vec<_> = parts.iter().zip(&scene.models).filter(|(_, model)| model.framed).collect();
-    let support = |direction| {
-        let all = parts.iter().map(|part| part.support(direction));
+    let frame = |direction| {
         let framed = framed.iter().map(|(part, _)| part.support(direction));
         let most = framed.fold(f64::NEG_INFINITY, f64::max);
-        if most.is_finite() { most } else { all.fold(f64::NEG_INFINITY, f64::max) }
+        if most.is_finite() { most } else { support(parts, direction) }
     };
-    let projection = request.projection.or(own.projection).unwrap_or_default();
+    let projection = match request.section {
+        Some(_) => Projection::Parallel,
+        None => request.projection.or(own.projection).unwrap_or_default(),
+    };
     let fov = request.fov_deg.or(own.fov_deg).unwrap_or(super::render::RenderRequest::FOV_DEG);
     let aspect = f64::from(width) / f64::from(height);
-    let camera = Camera::new(point, projection, fov, aspect, support)
+    let camera = Camera::new(point, projection, fov, aspect, frame)
         .and_then(|camera| camera.zoomed(request.zoom.unwrap_or(1.0)))
         .map_err(|error| match *error.fault() {
             // A fault of the command line is reported as elsewhere.
@@ -362,15 +420,13 @@ fn look(
         bounces: scene.bounces,
         samples: scene.samples,
         threads: request.threads,
-        depth_range_mm: outputs.depth.map(|_| depth_range(parts, &camera)),
+        depth_range_mm: outputs.depth.map(|_| camera.depth_range_mm(|direction| support(parts, direction))),
         normals: outputs.normals.is_some(),
         camera,
     })
 }
 
-/// Depths of all models.
-fn depth_range(parts: &[Part<'_>], camera: &Camera) -> (f64, f64) {
-    camera.depth_range_mm(|direction| {
-        parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
-    })
+/// Greatest `direction . p` over the points p of all models, in mm.
+fn support(parts: &[Part<'_>], direction: [f64; 3]) -> f64 {
+    parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
 }

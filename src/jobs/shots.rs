@@ -1,14 +1,16 @@
 //! Several pictures of one call: six sides on a sheet; a turntable in one file or in many.
 
+use std::collections::BTreeSet;
 use std::fs;
 use std::path::{Path, PathBuf};
 
+use super::frame::Frame;
 use super::picture::{Layers, Target};
 use crate::error::Error;
 use crate::progress::Progress;
-use crate::render::annotate::caption;
 use crate::render::image::{ImageFile, PngLayer};
 use crate::render::{Image, NamedView, ViewPoint};
+use crate::scene::Seen;
 
 /// Which pictures are made.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -18,8 +20,8 @@ pub enum Shots {
     One,
     /// Six sides on one sheet.
     Contact,
-    /// So many, all around: an animated PNG; or a file for each, where the output is a folder, ends with a slash, or has
-    /// a number's place in its name, as `turn-%03d.png` has.
+    /// So many, all around: an animated PNG, or a GIF where the name says so; or a file for each, where the output is a
+    /// folder, ends with a slash, or has a number's place in its name, as `turn-%03d.png` has.
     Turntable(u32),
 }
 
@@ -92,16 +94,19 @@ const TURN_MS: u32 = 6000;
 
 impl Shots {
     /// Pixels of whole pictures that are in memory together, where one is as large as this.
-    pub(super) fn held_pixels(self, [width, height]: [u32; 2]) -> u64 {
+    pub(super) fn held_pixels(self, [width, height]: [u32; 2], legend: bool) -> u64 {
         let one = u64::from(width) * u64::from(height);
-        match self {
-            // Made and written in bands.
-            Self::One => 0,
-            // A picture, and what it is compressed to: no more than that.
-            Self::Turntable(_) => 2 * one,
-            // A sheet, and a side on its way there.
-            Self::Contact => one + one / 6,
-        }
+        // With numbers of boxes, and again with the legend.
+        let labelled = if legend { 5 * one } else { 0 };
+        labelled
+            + match self {
+                // Made and written in bands.
+                Self::One => 0,
+                // A picture, and what it is compressed to: no more than that.
+                Self::Turntable(_) => 2 * one,
+                // A sheet, and a side on its way there.
+                Self::Contact => one + one / 6,
+            }
     }
 
     /// Rows of all pictures, where one has so many.
@@ -139,17 +144,28 @@ pub(super) struct Shot {
 pub(super) fn write(
     shots: Shots,
     layers: Layers,
-    size: [u32; 2],
+    frame: &Frame,
     begin: Option<ViewPoint>,
     progress: &dyn Progress,
-    mut take: impl FnMut(&Shot, &dyn Progress) -> Result<Image, Error>,
+    mut take: impl FnMut(&Shot, &mut BTreeSet<Seen>, &dyn Progress) -> Result<Image, Error>,
 ) -> Result<(), Error> {
+    let size = frame.inner();
     progress.stage("render", shots.rows(size[1]));
     let several = Several(progress);
-    let mut at = |point, size| take(&Shot { point: Some(point), size }, &several);
+    let mut seen = BTreeSet::new();
+    if shots == Shots::One {
+        let image = take(&Shot { point: None, size }, &mut seen, progress)?;
+        return layers.write(&frame.around(image, Some(&seen)));
+    }
+    let mut at = |point, size| take(&Shot { point: Some(point), size }, &mut seen, &several);
     match shots {
-        Shots::One => layers.write(&take(&Shot { point: None, size }, progress)?),
-        Shots::Contact => layers.write(&sheet(size, at)?),
+        Shots::One | Shots::Contact => {
+            let sheet = sheet(size, |view, size| {
+                let point = ViewPoint::Named(view);
+                frame.with_caption(size, view.name(), |size| at(point, size))
+            })?;
+            layers.write(&frame.around(sheet, Some(&seen)))
+        }
         Shots::Turntable(count) => {
             let view = match begin {
                 Some(ViewPoint::Named(view)) => view,
@@ -159,12 +175,14 @@ pub(super) fn write(
                 let degrees = 360.0 * f64::from(number) / f64::from(count);
                 ViewPoint::Turned { view, degrees }
             };
+            // All labels: those of one picture would come and go.
+            let mut picture = |number| Ok(frame.around(at(place(number), size)?, None));
             match layers.image {
-                Target::File(file) => animation(file, size, count, |number| at(place(number), size)),
+                Target::File(file) => Image::write_frames_to(file, frame.size(), count, TURN_MS, picture),
                 Target::Frames(names, first) => {
                     let mut begun = Some(first);
                     for number in 0..count {
-                        let image = at(place(number), size)?;
+                        let image: Image = picture(number)?;
                         let file = begun.take().map_or_else(|| ImageFile::create(&names.file(number)), Ok)?;
                         image.write_layer_to(file, PngLayer::Color)?;
                     }
@@ -178,16 +196,14 @@ pub(super) fn write(
 /// Six sides of one thing on a sheet of this size; `take` makes a picture.
 fn sheet(
     [width, height]: [u32; 2],
-    mut take: impl FnMut(ViewPoint, [u32; 2]) -> Result<Image, Error>,
+    mut take: impl FnMut(NamedView, [u32; 2]) -> Result<Image, Error>,
 ) -> Result<Image, Error> {
     let size @ [wide, high] = [(width / 3).max(1), (height / 2).max(1)];
     let (width, height) = (width.max(3), height.max(2));
-    let bytes = width as usize * height as usize * 4;
-    let mut sheet = Image { width, height, rgba: vec![0; bytes], depth: None, normals: None, ids: None };
+    let mut sheet = Image::blank([width, height], [false; 3]);
     for (down, views) in SHEET.into_iter().enumerate() {
         for (across, view) in views.into_iter().enumerate() {
-            let mut image = take(ViewPoint::Named(view), size)?;
-            caption(&mut image, &view.name().to_uppercase());
+            let image = take(view, size)?;
             for (y, row) in image.rgba.chunks(wide as usize * 4).enumerate() {
                 let at = ((down * high as usize + y) * width as usize + across * wide as usize) * 4;
                 if let Some(out) = sheet.rgba.get_mut(at..at + row.len()) {
@@ -197,17 +213,6 @@ fn sheet(
         }
     }
     Ok(sheet)
-}
-
-/// All around one thing in one file.
-fn animation(
-    file: ImageFile,
-    size: [u32; 2],
-    count: u32,
-    frame: impl FnMut(u32) -> Result<Image, Error>,
-) -> Result<(), Error> {
-    let each_ms = u16::try_from(TURN_MS / count.max(1)).unwrap_or(u16::MAX).max(1);
-    Image::write_frames_to(file, size, count, each_ms, frame)
 }
 
 #[cfg(test)]

@@ -201,7 +201,7 @@ pub(super) fn render_scene(
     threads: usize,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let outputs = Outputs { image: &output, depth: None, normals: None, ids: None, shots: Shots::One };
+    let outputs = Outputs::of(&output);
     let request = SceneRequest { size, threads, ..SceneRequest::default() };
     let report = watched(py, progress, |progress| {
         crate::jobs::scene::render_scene(&path, &outputs, &request, progress)

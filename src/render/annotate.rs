@@ -1,140 +1,230 @@
-//! Marks in a picture: a scale bar, and the patient's sides.
+//! What is written around a picture, in strips of its own: nothing covers the model.
 //!
-//! Letters and lines are white with a black border, so that they are read on any ground.
+//! ```text
+//! +---------------------------+
+//! | title                     |
+//! +-------------------+-------+
+//! |                   | # one |
+//! |  model            | # two |
+//! |                   |       |
+//! +-------------------+       |
+//! | |--50 mm--|  cube |       |
+//! +-------------------+-------+
+//! ```
 
 use super::Camera;
-use super::font::{self, HIGH, WIDE};
+use super::font::Letters;
 use super::image::Image;
 use crate::geom::dot;
 
-/// Pixels of a picture's shorter side for each size of letters.
-const SIDE_A_SIZE: u32 = 320;
+/// Pixels of a picture's shorter side under which nothing is written.
+const LEAST_SIDE: u32 = 64;
 
-/// The longest part of a picture's width that the bar takes.
+/// Letters have so many pixels to an em, and one more for each so many of the picture's height, or of its width twice.
+const LEAST_EM: f64 = 8.0;
+const SIDE_AN_EM: f64 = 80.0;
+
+/// The longest part of a picture's width that the bar takes, and the widest that a legend does.
 const LONGEST: f64 = 0.25;
+const WIDEST: f64 = 0.35;
+
+/// Ems of the strips' heights, and from one line of a legend to the next.
+const BAR_EMS: f64 = 4.0;
+const TITLE_EMS: f64 = 2.0;
+const LINE_EMS: f64 = 1.5;
+
+/// Height of capitals over that of an em.
+const CAPITAL: f64 = 0.729;
 
 /// The letters of the patient's sides: of x, y and z, towards more and towards less.
-const SIDES: [[char; 2]; 3] = [['L', 'R'], ['P', 'A'], ['S', 'I']];
+const SIDES: [[&str; 2]; 3] = [["L", "R"], ["P", "A"], ["S", "I"]];
 
 /// Cosine between a face of the cube and the line of sight from which on its letter is written.
 const FACING: f64 = 0.35;
 
-const WHITE: [u8; 4] = [255; 4];
-const BLACK: [u8; 4] = [0, 0, 0, 255];
+const DARK: [u8; 3] = [32; 3];
+const LIGHT: [u8; 3] = [240; 3];
 
-/// Draws a bar with its length in mm at the bottom left, true at `depth_mm` (everywhere, of a parallel camera), and at
-/// the bottom right a cube with the letters of the patient's sides. Pictures under 64 pixels stay as they are.
-///
-/// The image may be a part of the picture: the rows from the first number on, of a picture of as many as the second.
-pub(crate) fn annotate(image: &mut Image, (top, height): (u32, u32), camera: &Camera, depth_mm: f64) {
-    let side = image.width.min(height);
-    if side < 64 {
-        return;
-    }
-    let size = i64::from(side.div_ceil(SIDE_A_SIZE));
-    let mut sheet = Sheet { image, top, height, size };
-    sheet.bar(camera, depth_mm);
-    sheet.cube(camera, f64::from(side) / 16.0);
+/// Sizes and colours of what is written around a picture of these sides.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Style {
+    em: f64,
+    ink: [u8; 3],
+    /// Colour around letters, where what is behind the picture is not known.
+    halo: Option<[u8; 3]>,
+    ground: Option<[u8; 3]>,
 }
 
-/// Writes a word at the top left.
-pub(crate) fn caption(image: &mut Image, word: &str) {
-    let side = image.width.min(image.height);
-    if side < 64 {
-        return;
-    }
-    let size = i64::from(side.div_ceil(SIDE_A_SIZE));
-    let height = image.height;
-    Sheet { image, top: 0, height, size }.text(word, [4 * size, 4 * size]);
+/// A line of a legend.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct Entry {
+    /// sRGB.
+    pub(crate) color: [u8; 3],
+    pub(crate) name: String,
+    /// What is written where the font lacks letters of the name.
+    pub(crate) plain: String,
 }
 
-struct Sheet<'a> {
-    image: &'a mut Image,
-    /// The picture's row that the image begins at, and the picture's rows.
-    top: u32,
-    height: u32,
-    /// Pixels of a letter's point.
-    size: i64,
-}
-
-impl Sheet<'_> {
-    /// Rows of the picture that are drawn.
-    fn rows(&self) -> std::ops::Range<i64> {
-        let top = i64::from(self.top);
-        top..top + i64::from(self.image.height)
+impl Style {
+    /// For a picture of this width and height on a background (sRGB); `None` for one that is too small.
+    pub(crate) fn of([width, height]: [u32; 2], ground: Option<[u8; 3]>) -> Option<Self> {
+        let side = height.min(2 * width);
+        let is_dark = |[r, g, b]: [u8; 3]| 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 110;
+        (width.min(height) >= LEAST_SIDE).then(|| Self {
+            em: LEAST_EM + f64::from(side) / SIDE_AN_EM,
+            ink: if ground.is_some_and(is_dark) { LIGHT } else { DARK },
+            halo: ground.is_none().then_some([255; 3]),
+            ground,
+        })
     }
 
-    fn put(&mut self, [x, y]: [i64; 2], color: [u8; 4]) {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few hundred pixels")]
+    fn pixels(self, ems: f64) -> u32 {
+        (ems * self.em).round() as u32
+    }
+
+    /// Rows of a title.
+    pub(crate) fn title_rows(self) -> u32 {
+        self.pixels(TITLE_EMS)
+    }
+
+    /// Rows of scale bar and cube.
+    pub(crate) fn bar_rows(self) -> u32 {
+        self.pixels(BAR_EMS)
+    }
+
+    /// Columns of a legend of these entries, in a picture so wide.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the picture's")]
+    pub(crate) fn legend_columns(self, width: u32, entries: &[Entry]) -> u32 {
+        let letters = Letters::new(self.em);
+        let wide = |entry: &Entry| letters.as_ref().map_or(0.0, |letters| letters.width(entry.text(letters)));
+        let names = entries.iter().map(wide).fold(0.0, f64::max);
+        (names + 2.5 * self.em).ceil().min(WIDEST * f64::from(width)) as u32
+    }
+
+    /// An empty strip, with the layers of `like`.
+    fn strip(self, like: &Image, width: u32, height: u32) -> Sheet {
+        let mut image = Image::blank([width, height], like.layers());
+        if let Some([r, g, b]) = self.ground {
+            image.rgba.as_chunks_mut().0.fill([r, g, b, 255]);
+        }
+        Sheet { image, style: self }
+    }
+
+    /// A strip with a text, as wide as a picture and with its layers.
+    pub(crate) fn title(self, like: &Image, text: &str) -> Image {
+        let mut sheet = self.strip(like, like.width, self.title_rows());
+        let room = f64::from(like.width) - self.em;
+        if let Some(letters) = Letters::new(self.em) {
+            let line = f64::from(sheet.image.height) / 2.0 + CAPITAL * self.em / 2.0;
+            sheet.text(&letters, &letters.cut(text, room), [0.5 * self.em, line], self.ink);
+        }
+        sheet.image
+    }
+
+    /// A strip with a bar that has its length in mm, true at `depth_mm` (everywhere, of a parallel camera), and with a cube
+    /// that has the letters of the patient's sides; for a picture that this camera makes.
+    pub(crate) fn bar(self, like: &Image, camera: &Camera, (height, depth_mm): (u32, f64)) -> Image {
+        let mut sheet = self.strip(like, like.width, self.bar_rows());
+        sheet.bar(camera.pixel_mm(height, depth_mm));
+        sheet.cube(camera);
+        sheet.image
+    }
+
+    /// A picture with a legend on its right, so many columns wide: as many entries as fit, and how many more there are.
+    pub(crate) fn legend(self, picture: &Image, columns: u32, entries: &[Entry]) -> Image {
+        let mut sheet = self.strip(picture, columns, picture.height);
+        sheet.legend(entries);
+        picture.beside(&sheet.image)
+    }
+}
+
+impl Entry {
+    fn text(&self, letters: &Letters) -> &str {
+        if letters.knows(&self.name) { &self.name } else { &self.plain }
+    }
+}
+
+struct Sheet {
+    image: Image,
+    style: Style,
+}
+
+impl Sheet {
+    /// Lays a colour over a part of a pixel.
+    fn put(&mut self, [x, y]: [i64; 2], color: [u8; 3], part: f32) {
         let (width, height) = (i64::from(self.image.width), i64::from(self.image.height));
-        let y = y - i64::from(self.top);
-        if (0..width).contains(&x) && (0..height).contains(&y) {
-            let at = usize::try_from(4 * (y * width + x)).unwrap_or(usize::MAX);
-            if let Some(pixel) = at.checked_add(4).and_then(|end| self.image.rgba.get_mut(at..end)) {
-                pixel.copy_from_slice(&color);
-            }
+        if !((0..width).contains(&x) && (0..height).contains(&y)) || part <= 0.0 {
+            return;
+        }
+        let at = usize::try_from(y * width + x).unwrap_or(usize::MAX);
+        let Some(pixel) = self.image.rgba.as_chunks_mut::<4>().0.get_mut(at) else { return };
+        let behind = f32::from(pixel[3]) / 255.0 * (1.0 - part);
+        let alpha = part + behind;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let mixed =
+            |c: usize| ((f32::from(color[c]) * part + f32::from(pixel[c]) * behind) / alpha + 0.5) as u8;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let over = [mixed(0), mixed(1), mixed(2), (alpha * 255.0 + 0.5) as u8];
+        *pixel = over;
+    }
+
+    fn fill(&mut self, [x, y]: [i64; 2], [wide, high]: [i64; 2], color: [u8; 3]) {
+        for at in (y..y + high).flat_map(|y| (x..x + wide).map(move |x| [x, y])) {
+            self.put(at, color, 1.0);
         }
     }
 
-    fn fill(&mut self, [x, y]: [i64; 2], [wide, high]: [i64; 2], color: [u8; 4]) {
-        let rows = self.rows();
-        for y in y.max(rows.start)..(y + high).min(rows.end) {
-            for x in x..x + wide {
-                self.put([x, y], color);
+    /// Text that begins at x, on the line y.
+    fn text(&mut self, letters: &Letters, text: &str, [x, y]: [f64; 2], ink: [u8; 3]) {
+        if let Some(halo) = self.style.halo {
+            let reach = self.style.em / 14.0;
+            for (right, down) in (-1..=1).flat_map(|x| (-1..=1).map(move |y| (f64::from(x), f64::from(y)))) {
+                let at = [x + reach * right, y + (reach * down).round()];
+                letters.cover(text, at, &mut |at, part| self.put(at, halo, part));
             }
         }
+        letters.cover(text, [x, y], &mut |at, part| self.put(at, ink, part));
     }
 
-    /// Pixels that a text is wide.
-    fn wide(&self, text: &str) -> i64 {
-        let letters = i64::try_from(text.chars().count()).unwrap_or(0);
-        (letters * (WIDE as i64 + 1) - 1).max(0) * self.size
-    }
-
-    /// Text from its top left corner on.
-    fn text(&mut self, text: &str, [left, top]: [i64; 2]) {
-        let size = self.size;
-        for (border, color) in [(size, BLACK), (0, WHITE)] {
-            for (number, letter) in (0_i64..).zip(text.chars()) {
-                for (row, column) in (0..HIGH).flat_map(|row| (0..WIDE).map(move |column| (row, column))) {
-                    if font::is_inked(letter, column, row) {
-                        let x = left + (number * (WIDE as i64 + 1) + column as i64) * size;
-                        let y = top + row as i64 * size;
-                        self.fill([x - border, y - border], [size + 2 * border; 2], color);
-                    }
-                }
-            }
-        }
-    }
-
-    /// A bar of 1, 2 or 5 times a power of ten of mm.
+    /// A bar of 1, 2 or 5 times a power of ten of mm, with its length above.
     #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-    fn bar(&mut self, camera: &Camera, depth_mm: f64) {
-        let pixel_mm = camera.pixel_mm(self.height, depth_mm);
+    fn bar(&mut self, pixel_mm: f64) {
         let most_mm = LONGEST * f64::from(self.image.width) * pixel_mm;
-        let Some((length_mm, label)) = round_length(most_mm) else { return };
-        let size = self.size;
+        let (Some((length_mm, label)), Some(letters)) = (round_length(most_mm), Letters::new(self.style.em))
+        else {
+            return;
+        };
+        let (em, ink) = (self.style.em, self.style.ink);
         let pixels = (length_mm / pixel_mm).round() as i64;
-        let (left, bottom) = (6 * size, i64::from(self.height) - 6 * size);
-        for (border, color) in [(size, BLACK), (0, WHITE)] {
-            let across = |x: i64| {
-                ([x - border, bottom - 5 * size - border], [size + 2 * border, 5 * size + 2 * border])
-            };
-            for (at, sides) in [across(left), across(left + pixels - size)] {
-                self.fill(at, sides, color);
+        let (left, line) = ((0.75 * em) as i64, (0.7 * f64::from(self.image.height)) as i64);
+        let (thick, tick) = ((em / 8.0).ceil() as i64, (0.4 * em) as i64);
+        let parts = [
+            ([left, line], [pixels, thick]),
+            ([left, line - tick], [thick, 2 * tick + thick]),
+            ([left + pixels - thick, line - tick], [thick, 2 * tick + thick]),
+        ];
+        if let Some(halo) = self.style.halo {
+            for ([x, y], [wide, high]) in parts {
+                self.fill([x - 1, y - 1], [wide + 2, high + 2], halo);
             }
-            let at = [left - border, bottom - 3 * size - border];
-            self.fill(at, [pixels + 2 * border, size + 2 * border], color);
         }
-        let middle = left + (pixels - self.wide(&label)) / 2;
-        self.text(&label, [middle.max(left), bottom - 15 * size]);
+        for (at, sides) in parts {
+            self.fill(at, sides, ink);
+        }
+        let middle = left as f64 + (pixels as f64 - letters.width(&label)) / 2.0;
+        let at = [middle.max(0.75 * em), (line - tick) as f64 - 0.35 * em];
+        self.text(&letters, &label, at, ink);
     }
 
-    /// A cube of this half edge, as it lies to the camera.
-    #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-    fn cube(&mut self, camera: &Camera, half: f64) {
+    /// A cube as it lies to the camera.
+    fn cube(&mut self, camera: &Camera) {
         let [right, up, forward] = camera.axes();
-        let reach = 1.8 * half + 4.0 * self.size as f64;
-        let middle = [f64::from(self.image.width) - reach, f64::from(self.height) - reach];
+        // Its diagonal fits the strip.
+        let reach = 0.46 * f64::from(self.image.height);
+        let half = reach / 3.0_f64.sqrt();
+        let middle =
+            [f64::from(self.image.width) - reach - 0.25 * self.style.em, f64::from(self.image.height) / 2.0];
         let place = |p: [f64; 3]| [middle[0] + half * dot(p, right), middle[1] - half * dot(p, up)];
         for (axis, letters) in SIDES.into_iter().enumerate() {
             for (letter, sign) in letters.into_iter().zip([1.0, -1.0]) {
@@ -150,45 +240,67 @@ impl Sheet<'_> {
                     place(p)
                 };
                 let corners = [corner(-1.0, -1.0), corner(1.0, -1.0), corner(1.0, 1.0), corner(-1.0, 1.0)];
-                self.face(&corners, (70.0 + 110.0 * facing) as u8);
-                if facing >= FACING {
-                    let at = place(normal);
-                    let (wide, high) = (WIDE as i64 * self.size, HIGH as i64 * self.size);
-                    let at = [at[0].round() as i64 - wide / 2, at[1].round() as i64 - high / 2];
-                    self.text(letter.encode_utf8(&mut [0; 4]), at);
+                self.face(&corners, facing);
+                let font = Letters::new(half * (0.6 + 1.1 * facing)).filter(|_| facing >= FACING);
+                if let Some(font) = font {
+                    let [x, y] = place(normal);
+                    let (wide, high) = (font.width(letter), CAPITAL * half * (0.6 + 1.1 * facing));
+                    font.cover(letter, [x - wide / 2.0, y + high / 2.0], &mut |at, part| {
+                        self.put(at, DARK, part)
+                    });
                 }
             }
         }
     }
 
-    /// A convex face with a black border.
-    #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
-    fn face(&mut self, corners: &[[f64; 2]; 4], grey: u8) {
-        let drawn = self.rows();
+    /// A convex face with a dark border.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
+    fn face(&mut self, corners: &[[f64; 2]; 4], facing: f64) {
+        let grey = (140.0 + 100.0 * facing) as u8;
+        let border = (self.style.em / 12.0).max(1.0);
         let range = |a: usize| {
             let all = || corners.iter().map(|c| c[a]);
             let (low, high) = (all().fold(f64::INFINITY, f64::min), all().fold(f64::NEG_INFINITY, f64::max));
-            low.floor() as i64..high.ceil() as i64 + 1
+            low.floor() as i64 - 1..high.ceil() as i64 + 2
         };
         let area = |a: [f64; 2], b: [f64; 2], p: [f64; 2]| {
             (b[0] - a[0]) * (p[1] - a[1]) - (b[1] - a[1]) * (p[0] - a[0])
         };
         let turn = area(corners[0], corners[1], corners[2]).signum();
-        let rows = range(1);
-        for y in rows.start.max(drawn.start)..rows.end.min(drawn.end) {
-            for x in range(0) {
-                let at = [x as f64 + 0.5, y as f64 + 0.5];
-                let within = (0..4).map(|i| {
-                    let (a, b) = (corners[i], corners[(i + 1) % 4]);
-                    let length = ((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1])).sqrt();
-                    turn * area(a, b, at) / length.max(1e-9)
-                });
-                let within = within.fold(f64::INFINITY, f64::min);
-                if within >= 0.0 {
-                    let edge = within < self.size as f64;
-                    self.put([x, y], if edge { BLACK } else { [grey, grey, grey, 255] });
-                }
-            }
+        for (x, y) in range(1).flat_map(|y| range(0).map(move |x| (x, y))) {
+            let at = [x as f64 + 0.5, y as f64 + 0.5];
+            let within = (0..4).map(|i| {
+                let (a, b) = (corners[i], corners[(i + 1) % 4]);
+                let length = ((b[0] - a[0]) * (b[0] - a[0]) + (b[1] - a[1]) * (b[1] - a[1])).sqrt();
+                turn * area(a, b, at) / length.max(1e-9)
+            });
+            let within = within.fold(f64::INFINITY, f64::min);
+            let covered = |edge: f64| (within - edge + 0.5).clamp(0.0, 1.0) as f32;
+            self.put([x, y], DARK, covered(0.0));
+            self.put([x, y], [grey; 3], covered(border));
+        }
+    }
+
+    /// Swatches and names from the top.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "pixels of a picture")]
+    fn legend(&mut self, entries: &[Entry]) {
+        let (em, ink) = (self.style.em, self.style.ink);
+        let Some(letters) = Letters::new(em) else { return };
+        let line = LINE_EMS * em;
+        let fitting = ((f64::from(self.image.height) - em) / line) as usize;
+        let shown = if entries.len() > fitting { fitting.saturating_sub(1) } else { entries.len() };
+        let (side, room) = (em.round() as i64, f64::from(self.image.width) - 2.25 * em);
+        for (number, entry) in entries.iter().take(shown).enumerate() {
+            let top = (0.5 * em + number as f64 * line).round() as i64;
+            self.fill([(0.25 * em) as i64, top], [side; 2], ink);
+            self.fill([(0.25 * em) as i64 + 1, top + 1], [side - 2; 2], entry.color);
+            let name = letters.cut(entry.text(&letters), room);
+            self.text(&letters, &name, [1.75 * em, top as f64 + (1.0 + CAPITAL) / 2.0 * em], ink);
+        }
+        if shown < entries.len() {
+            let top = 0.5 * em + shown as f64 * line;
+            let more = letters.cut(&format!("and {} more", entries.len() - shown), room + 1.5 * em);
+            self.text(&letters, &more, [0.25 * em, top + (1.0 + CAPITAL) / 2.0 * em], ink);
         }
     }
 }
@@ -229,36 +341,56 @@ mod tests {
         assert_eq!(name(1e-9), None);
     }
 
-    /// The bar is as long as the millimetres that it names; what is written is letters that there are.
+    fn blank(width: u32, height: u32) -> Image {
+        Image::blank([width, height], [false; 3])
+    }
+
+    /// Pixels of a strip's row that are exactly of a colour.
+    fn inked(image: &Image, row: u32, color: [u8; 4]) -> usize {
+        let row = image.rgba.as_chunks::<4>().0.chunks(image.width as usize).nth(row as usize).unwrap();
+        row.iter().take(200).filter(|pixel| **pixel == color).count()
+    }
+
+    /// The bar is as long as the millimetres that it names.
     #[test]
-    fn a_picture_is_annotated_to_the_pixel() {
+    fn a_bar_is_true_to_the_pixel() {
         let support = |d: [f64; 3]| d.iter().map(|c| 100.0 * c.abs()).sum();
         let point = ViewPoint::Named(NamedView::Iso);
         let camera = Camera::new(point, Projection::Parallel, 35.0, 1.0, support).unwrap();
-        let mut image = Image {
-            width: 400,
-            height: 400,
-            rgba: vec![0; 400 * 400 * 4],
-            depth: None,
-            normals: None,
-            ids: None,
-        };
-        annotate(&mut image, (0, 400), &camera, 0.0);
-        let pixel_mm = camera.pixel_mm(400, 0.0);
-        let row = (400 - 6 * 2 - 3 * 2) as usize;
-        let white = (0..200).filter(|x| image.rgba[4 * (row * 400 + x)..][..4] == WHITE).count();
-        let mm = white as f64 * pixel_mm;
-        assert!((mm - 50.0).abs() < pixel_mm, "{mm}");
-        for letter in SIDES.iter().flatten().chain(&['0', '1', '2', '5', '.', 'm']) {
-            assert!((0..HIGH).any(|row| font::is_inked(*letter, 2, row) || font::is_inked(*letter, 0, row)));
+        for (ground, ink) in [(None, 32), (Some([255; 3]), 32), (Some([0, 0, 90]), 240)] {
+            let style = Style::of([400, 400], ground).unwrap();
+            let strip = style.bar(&blank(400, 300), &camera, (300, 0.0));
+            assert_eq!([strip.width, strip.height], [400, style.bar_rows()]);
+            let pixel_mm = camera.pixel_mm(300, 0.0);
+            let mm =
+                inked(&strip, (0.7 * f64::from(strip.height)) as u32, [ink, ink, ink, 255]) as f64 * pixel_mm;
+            assert!((mm - 100.0).abs() < pixel_mm, "{mm}");
         }
-        for view in NamedView::ALL {
-            assert!(
-                view.name()
-                    .to_uppercase()
-                    .chars()
-                    .all(|c| (0..HIGH).any(|row| { (0..WIDE).any(|column| font::is_inked(c, column, row)) }))
-            );
+        assert_eq!(Style::of([400, 63], None), None);
+    }
+
+    /// As many as fit are listed, the first ones; the rest is counted. Nothing else of the picture changes.
+    #[test]
+    fn a_legend_lists_what_fits_and_leaves_the_picture_alone() {
+        let style = Style::of([256, 200], Some([0; 3])).unwrap();
+        let entry =
+            |n: u8| Entry { color: [n, 200, 255 - n], name: format!("label {n}"), plain: String::new() };
+        let entries: Vec<Entry> = (0..40).map(entry).collect();
+        let columns = style.legend_columns(256, &entries);
+        assert!((60..90).contains(&columns), "{columns}");
+        let mut picture = blank(100, 100);
+        picture.rgba.fill(77);
+        for (count, shown) in [(3, 3), (5, 5), (6, 4), (40, 4)] {
+            let whole = style.legend(&picture, columns, &entries[..count]);
+            assert_eq!([whole.width, whole.height], [100 + columns, 100]);
+            let swatches = entries.iter().filter(|entry| {
+                let [r, g, b] = entry.color;
+                whole.rgba.as_chunks::<4>().0.contains(&[r, g, b, 255])
+            });
+            assert_eq!(swatches.count(), shown, "{count}");
+            for row in whole.rgba.chunks(4 * whole.width as usize) {
+                assert!(row[..400].iter().all(|byte| *byte == 77));
+            }
         }
     }
 }

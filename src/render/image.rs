@@ -19,6 +19,12 @@ const MAX_SMALL: u64 = 1 << 18;
 /// 6 16.6 and 38,220, 2 3.4 and 42,618, fast .7 and 51,073; all the rest of making it takes some 30 ms.
 const SMALL_LEVEL: png::DeflateCompression = png::DeflateCompression::Level(3);
 
+/// How fast palettes of GIF are chosen, 1 to 30: at 10 from a tenth of the pixels.
+const GIF_SPEED: i32 = 10;
+
+/// Hundredths of a second below which browsers show a picture of a GIF for ten of them.
+const LEAST_DELAY: u16 = 2;
+
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Image {
@@ -116,6 +122,50 @@ impl Image {
         }
     }
 
+    /// An empty picture of this size; with depth, normals and numbers of boxes?
+    pub(crate) fn blank([width, height]: [u32; 2], [depth, normals, ids]: [bool; 3]) -> Self {
+        let mut image = Self {
+            width,
+            height: 0,
+            rgba: Vec::new(),
+            depth: depth.then(Vec::new),
+            normals: normals.then(Vec::new),
+            ids: ids.then(Vec::new),
+        };
+        image.clear(height);
+        image
+    }
+
+    /// Which layers it has besides colours, as [`Image::blank`] takes them.
+    pub(crate) fn layers(&self) -> [bool; 3] {
+        [self.depth.is_some(), self.normals.is_some(), self.ids.is_some()]
+    }
+
+    /// This picture, and another one of its height and layers on its right.
+    pub(crate) fn beside(&self, other: &Self) -> Self {
+        fn rows<T: Copy>([one, other]: [&[T]; 2], [wide, high]: [u32; 2], more: u32, items: usize) -> Vec<T> {
+            let side = |pixels: u32| pixels as usize * items;
+            (0..high as usize)
+                .flat_map(|y| [&one[y * side(wide)..][..side(wide)], &other[y * side(more)..][..side(more)]])
+                .flatten()
+                .copied()
+                .collect()
+        }
+        let size = [self.width, self.height.min(other.height)];
+        let more = other.width;
+        fn both<'a, T>(one: &'a Option<Vec<T>>, other: &'a Option<Vec<T>>) -> Option<[&'a [T]; 2]> {
+            Some([one.as_deref()?, other.as_deref()?])
+        }
+        Self {
+            width: self.width + more,
+            height: size[1],
+            rgba: rows([&self.rgba, &other.rgba], size, more, 4),
+            depth: both(&self.depth, &other.depth).map(|layers| rows(layers, size, more, 1)),
+            normals: both(&self.normals, &other.normals).map(|layers| rows(layers, size, more, 3)),
+            ids: both(&self.ids, &other.ids).map(|layers| rows(layers, size, more, 3)),
+        }
+    }
+
     /// Writes a layer to a file begun before.
     pub(crate) fn write_layer_to(&self, file: ImageFile, layer: PngLayer) -> Result<(), RenderError> {
         let mut rows = PngRows::begin(file, layer, [self.width, self.height])?;
@@ -156,34 +206,56 @@ impl Image {
         add(&mut self.ids, &part.ids);
     }
 
-    /// Writes `count` pictures of one size as an animated PNG, each shown for so many milliseconds, over and over.
+    /// Writes `count` pictures of one size that take so many milliseconds together, over and over: as a GIF if the file's name
+    /// says so, else as an animated PNG.
+    ///
+    /// Pixels of a GIF are transparent or not, so without a background it gets a white one; each picture has a palette of
+    /// its own.
     pub(crate) fn write_frames_to<E: From<RenderError>>(
         file: ImageFile,
         [width, height]: [u32; 2],
         count: u32,
-        each_ms: u16,
+        all_ms: u32,
         mut frame: impl FnMut(u32) -> Result<Self, E>,
     ) -> Result<(), E> {
         let mut stopped = None;
+        let is_gif = file.path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("gif"));
+        let mut frame = |number: u32| -> io::Result<Self> {
+            frame(number).map_err(|error| {
+                stopped = Some(error);
+                io::ErrorKind::Interrupted.into()
+            })
+        };
+        let each = |whole: u32| u16::try_from(whole).unwrap_or(u16::MAX);
         let filled = file.fill(|out| {
+            if is_gif {
+                let mut encoder =
+                    gif::Encoder::new(out, each(width), each(height), &[]).map_err(io::Error::other)?;
+                encoder.set_repeat(gif::Repeat::Infinite).map_err(io::Error::other)?;
+                for number in 0..count {
+                    let mut image = frame(number)?;
+                    image.lay_on([255; 3]);
+                    let mut frame =
+                        gif::Frame::from_rgba_speed(each(width), each(height), &mut image.rgba, GIF_SPEED);
+                    // Hundredths of a second, which add up to the whole.
+                    let until = |number: u32| all_ms / 10 * number / count.max(1);
+                    frame.delay = each(until(number + 1) - until(number)).max(LEAST_DELAY);
+                    encoder.write_frame(&frame).map_err(io::Error::other)?;
+                }
+                return Ok(());
+            }
             let mut encoder = png::Encoder::new(out, width, height);
             encoder.set_color(png::ColorType::Rgba);
             encoder.set_depth(png::BitDepth::Eight);
             encoder.set_compression(png::Compression::Fast);
             encoder.set_filter(png::Filter::Paeth);
             encoder.set_animated(count, 0).map_err(io::Error::from)?;
-            encoder.set_frame_delay(each_ms, 1000).map_err(io::Error::from)?;
+            encoder.set_frame_delay(each(all_ms / count.max(1)).max(1), 1000).map_err(io::Error::from)?;
             encoder.add_text_chunk(KEYWORD.into(), PROGRAM.into()).map_err(io::Error::from)?;
             encoder.set_source_srgb(png::SrgbRenderingIntent::Perceptual);
             let mut writer = encoder.write_header().map_err(io::Error::from)?;
             for number in 0..count {
-                match frame(number) {
-                    Ok(image) => writer.write_image_data(&image.rgba).map_err(io::Error::from)?,
-                    Err(error) => {
-                        stopped = Some(error);
-                        return Err(io::ErrorKind::Interrupted.into());
-                    }
-                }
+                writer.write_image_data(&frame(number)?.rgba).map_err(io::Error::from)?;
             }
             writer.finish().map_err(io::Error::from)
         });

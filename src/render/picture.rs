@@ -362,16 +362,8 @@ fn step_size(space: &GridSpace, camera: &Camera, canvas: &Canvas) -> StepSize {
 
 /// Rows of a picture without anything in them.
 fn blank(canvas: &Canvas, rows: u32) -> Image {
-    let mut image = Image {
-        width: canvas.width,
-        height: 0,
-        rgba: Vec::new(),
-        depth: canvas.depth_range_mm.map(|_| Vec::new()),
-        normals: canvas.normals.then(Vec::new),
-        ids: canvas.ids.then(Vec::new),
-    };
-    image.clear(rows);
-    image
+    let layers = [canvas.depth_range_mm.is_some(), canvas.normals, canvas.ids];
+    Image::blank([canvas.width, rows], layers)
 }
 
 impl<'a> Painter<'a, Skin> {

@@ -24,6 +24,7 @@ use crate::render::ray::Ray;
 use crate::render::shade::linear_of;
 use crate::render::surface::Skin;
 use crate::render::traverse::{Hit, Trace};
+use crate::render::walls::Hidden;
 use crate::render::{GridSpace, RenderError, Smoothing, single};
 
 use super::clip::{Clip, Span};
@@ -43,9 +44,6 @@ const ACROSS: f64 = 0.05;
 /// How far apart, in boxes, hits of one wall of a label are at most: a wall is a voxel thick, and the boxes of a line
 /// through it follow each other.
 const WALL: f64 = 1.75;
-
-/// How long a sliver between two cells' planes is at most, in boxes.
-const SLIVER: f64 = 0.5;
 
 /// Boxes of labels that are not solid that a line which looks around passes.
 const MAX_PASSED: u32 = 12;
@@ -121,10 +119,20 @@ impl<'a> Part<'a> {
         [way.map(|c| -c), way].map(|way| walls.met(u, way, NEAR_WALL).0)
     }
 
+    /// The labels that sight does not meet, of a model with labels.
+    pub(super) fn hidden(&self) -> Option<&Hidden> {
+        Some(self.opacity.as_ref()?.hidden(true))
+    }
+
     /// The part of the light that stops at a hit.
     pub(super) fn opacity(&self, line: Line, hit: &Hit) -> f64 {
         let part = |opacity: &Opacity<'_>| Some(opacity.part(self.label(line, hit)?));
         self.opacity.as_ref().and_then(part).unwrap_or(1.0)
+    }
+
+    /// The number of the label that a line sees at a hit; 0 without one.
+    pub(super) fn label_number(&self, line: Line, hit: &Hit) -> u16 {
+        self.label(line, hit).unwrap_or(0)
     }
 
     /// The colour of a label.
@@ -212,6 +220,17 @@ impl Met {
     }
 }
 
+/// The part of a line within a box of the surface, as far as that is inside.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Stretch {
+    /// Its beginning.
+    pub(super) hit: Hit,
+    /// t of its end.
+    pub(super) leave: f64,
+    /// Does it end within the box?
+    is_open: bool,
+}
+
 /// A line on its way to a body.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Way {
@@ -240,7 +259,7 @@ pub(super) struct Body<'a> {
     pub(super) cells: Option<Cells<'a>>,
     /// The same to light, which does not meet labels that let some of it through.
     solids: Option<Cells<'a>>,
-    form: Form,
+    pub(super) form: Form,
     /// Boxes around its start's own that a line leaves at once.
     reach: u32,
     /// The surface lies between these two corners of the grid, one box aside.
@@ -283,11 +302,6 @@ impl<'a> Body<'a> {
         enter > leave
     }
 
-    /// Are there walls between labels?
-    pub(super) fn has_walls(&self) -> bool {
-        self.cells.is_some_and(|cells| cells.items().has_walls())
-    }
-
     /// First hit of a ray of the grid.
     fn trace(&self, purpose: Purpose, ray: &Ray) -> Option<Hit> {
         match if purpose == Purpose::Sight { &self.cells } else { &self.solids } {
@@ -306,7 +320,7 @@ impl<'a> Body<'a> {
 
     /// A line from t = `least` on, or from where it leaves the boxes around `from`, as a ray of the grid; and t where the
     /// ray's own begins. `None` where it passes the surface by.
-    fn ray(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<(Ray, f64)> {
+    pub(super) fn ray(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<(Ray, f64)> {
         let space = &self.part.space;
         let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
         if self.passes_by(origin, direction) {
@@ -453,7 +467,7 @@ impl<'a> Body<'a> {
     }
 
     /// Length of a part of a line, in boxes.
-    fn boxes(&self, line: Line, t: f64) -> f64 {
+    pub(super) fn boxes(&self, line: Line, t: f64) -> f64 {
         let direction = self.part.space.world_to_grid().apply_vector(line.1);
         t * dot(direction, direction).sqrt()
     }
@@ -479,111 +493,104 @@ impl<'a> Body<'a> {
         self.normals.smooth_outward(around, seen, line)
     }
 
-    /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
+    /// First hits of a line in every box of the surface, but for hidden labels.
+    fn hits(&self, line: Line) -> Vec<Hit> {
+        let (mut found, mut last) = (Vec::new(), None);
+        while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
+            && let Some(hit) = self.trace(Purpose::Sight, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
+        {
+            found.extend((self.part.opacity(line, &hit) > 0.0).then_some(hit));
+            last = Some(hit);
+        }
+        found
+    }
+
+    /// What a line of this length passes of every box of the surface. A line in the other direction finds where that ends.
+    pub(super) fn stretches(&self, line: Line, length: f64) -> Vec<Stretch> {
+        let back = self.hits((add_scaled(line.0, length, line.1), line.1.map(|c| -c)));
+        let mut ends = back.iter().rev();
+        let of = |hit: Hit| {
+            let mut ahead = ends.clone();
+            // A corner that is touched may be of one list alone.
+            let end = ahead.by_ref().take(8).find(|end| end.box_number == hit.box_number);
+            let Some(end) = end else { return Stretch { hit, leave: hit.t, is_open: true } };
+            ends = ahead;
+            Stretch { hit, leave: length - end.t, is_open: end.face.is_none() }
+        };
+        self.hits(line).into_iter().map(of).collect()
+    }
+
+    /// What fills a line between two stretches, one after the other: a box of the wall of it.
     ///
-    /// A point is within where lines along all six axes meet the surface, and more of them from within than from
-    /// outside; or in a box of the surface.
+    /// Next to each other, of cells by where the line leaves the one and enters the other, of voxels by their normals. Farther
+    /// apart that may mislead, as planes of neighbouring cells do not quite meet: lines along all axes say more.
+    pub(super) fn between(&self, line: Line, one: &Stretch, other: &Stretch) -> Option<Hit> {
+        let ends = match self.cells {
+            Some(_) => Some((!one.is_open, other.hit.face.is_some())),
+            None => {
+                let along = |hit: Hit| self.outward(line, hit).map(|outward| dot(outward, line.1));
+                along(one.hit).zip(along(other.hit)).map(|(one, other)| (one < 0.0, other > 0.0))
+            }
+        };
+        let is_one = self.part.label_number(line, &one.hit) == self.part.label_number(line, &other.hit);
+        let is_near = self.boxes(line, other.hit.t - one.leave) <= WALL;
+        match ends {
+            Some((false, false)) => None,
+            Some((true, true)) if is_one && is_near => Some(one.hit),
+            Some(_) if is_near && self.cells.is_some() => None,
+            _ => {
+                let hit = self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1), true)?;
+                (self.part.opacity(line, &hit) > 0.0).then_some(hit)
+            }
+        }
+    }
+
+    /// Matter that a plane has cut open where a line comes in by it, if the plane has a cap.
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
-        if self.has_walls() {
-            return self.cut_labels(at, plane, span);
-        }
-        let mut exits: Vec<(Hit, Option<u16>)> = Vec::new();
+        let (hit, label) = if self.has_walls() {
+            let (hit, label) = self.label_at(at)?;
+            (hit, Some(label))
+        } else {
+            let hit = self.within(at, false)?;
+            (hit, self.part.label(line, &hit))
+        };
+        // Not what is hidden.
+        let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
+        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, hit, label })
+    }
+
+    /// A box of the wall around a point that is within: where lines along all six axes meet the surface, or some of them where
+    /// that may be open, and more of them from within than from outside; or in a box of the surface.
+    fn within(&self, at: [f64; 3], may_be_open: bool) -> Option<Hit> {
+        let mut exits: Vec<Hit> = Vec::new();
         let mut votes = 0;
         for axis in 0..6 {
             let mut direction = [0.0; 3];
             direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
-            let hit = self.hit(Purpose::Light, (at, direction), 0.0, None)?;
+            let Some(hit) = self.hit(Purpose::Light, (at, direction), 0.0, None) else {
+                if may_be_open {
+                    continue;
+                }
+                return None;
+            };
             if hit.t == 0.0 && hit.face.is_none() {
-                return self.cap(plane, span, hit, self.part.label((at, direction), &hit));
+                return Some(hit);
             }
             let outward = self.outward((at, direction), hit)?;
             if dot(outward, direction) > 0.0 {
                 votes += 1;
-                exits.push((hit, self.part.label((at, direction), &hit)));
+                exits.push(hit);
             } else {
                 votes -= 1;
             }
         }
         // Of a model of labels, the one that most lines come out of.
-        let same = |label: &Option<u16>| exits.iter().filter(|(_, other)| other == label).count();
-        let exit = exits.iter().rev().max_by_key(|(_, label)| same(label)).copied();
-        exit.filter(|_| votes > 0).and_then(|(hit, label)| self.cap(plane, span, hit, label))
-    }
-
-    /// The same of labels with walls between them: that of the first cell that a line comes to.
-    fn cut_labels(&self, at: [f64; 3], plane: usize, span: Span) -> Option<Met> {
-        for axis in 0..6 {
-            let mut direction = [0.0; 3];
-            direction[axis / 2] = if axis % 2 == 0 { 1.0 } else { -1.0 };
-            let line = (at, direction);
-            let (ray, _) = self.ray(line, 0.0, None)?;
-            let hit = single::trace(self.form, self.part.view, &Skin, &ray, 0).hit?;
-            let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
-            // A hit at an edge says as little as the next line says more.
-            let [before, behind] = self.part.beside(&walls, line, &hit);
-            if before == behind {
-                return (behind > 0).then(|| self.cap(plane, span, hit, Some(behind)))?;
-            }
-        }
-        None
-    }
-
-    /// What a line meets behind a wall that it has met at t = 0, but for slivers: planes of cells side by side are a little
-    /// apart, and of two planes that are crossed at once the last one counts.
-    fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
-        let sides = |hit: &Hit| {
-            let walls = self.part.view.walls(hit.voxel(self.part.view)?)?;
-            Some(self.part.beside(&walls, line, hit))
-        };
-        let mut met = self.beyond(line, &Hit { t: 0.0, ..*wall })?;
-        loop {
-            let [before, behind] = sides(&met)?;
-            if before == behind {
-                met = self.beyond(line, &met)?;
-                continue;
-            }
-            let next = self.beyond(line, &met).filter(|next| self.boxes(line, next.t - met.t) < SLIVER);
-            match next {
-                Some(next) if sides(&next)?[1] == before => met = self.beyond(line, &next)?,
-                _ => return Some(met),
-            }
-        }
-    }
-
-    /// What a line meets behind a wall.
-    pub(super) fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
-        let (part, opacity) = (self.part, self.part.opacity.as_ref()?);
-        let walls = part.view.walls(wall.voxel(part.view)?)?;
-        let hidden = opacity.hidden(true);
-        let [_, behind] = part.beside(&walls, line, wall);
-        let mut label = hidden.seen(behind);
-        // Within the cell, in its own coordinates.
-        let u = cell_coordinates(&part.space, wall.cell, add_scaled(line.0, wall.t, line.1));
-        let way = part.space.world_to_grid().apply_vector(line.1).map(|c| 2.0 * c);
-        let end = (0..3).filter(|a| way[*a] != 0.0).map(|a| (way[a].signum() - u[a]) / way[a]);
-        let end = end.fold(f64::INFINITY, f64::min);
-        let mut crossings = walls.crossings(u, way);
-        crossings.retain(|t| *t > NEAR_WALL / dot(way, way).sqrt() && *t < end);
-        for (at, t) in crossings.iter().enumerate() {
-            let next = crossings.get(at + 1).copied().unwrap_or(end);
-            let here = hidden.seen(walls.at(add_scaled(u, f64::midpoint(*t, next), way)));
-            if here != label {
-                return Some(Hit { face: None, t: wall.t + t, ..*wall });
-            }
-            label = here;
-        }
-        let (ray, before) = self.ray(line, wall.t, Some(wall))?;
-        let cells = Cells::new(part.view.cells()?).hiding(hidden, label);
-        let hit = single::trace(self.form, part.view, &cells, &ray, 0).hit?;
-        Some(Hit { t: before + hit.t, ..hit })
-    }
-
-    /// What a plane cut open, unless that is of a hidden label.
-    fn cap(&self, plane: usize, span: Span, hit: Hit, label: Option<u16>) -> Option<Met> {
-        let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
-        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, hit, label })
+        let line = (at, [1.0, 0.0, 0.0]);
+        let label = |hit: &Hit| self.part.label(line, hit);
+        let same = |hit: &Hit| exits.iter().filter(|other| label(other) == label(hit)).count();
+        exits.iter().rev().max_by_key(|hit| same(hit)).copied().filter(|_| votes > 0)
     }
 }
 

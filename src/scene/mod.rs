@@ -13,6 +13,8 @@
 //! | `world` | all of them |
 //! | `shade` | light, shadow, mirrors, glass |
 //! | `paint` | pixels |
+//! | `section` | slices |
+//! | `walls` | lines from label to label |
 //! | `rays` | how many |
 //! | `place`, `material`, `light`, `clip`, `labels` | what a scene is made of |
 #![doc = "\n"]
@@ -31,10 +33,12 @@ mod paint;
 mod place;
 mod rays;
 mod read;
+mod section;
 mod shade;
 mod spec;
 #[cfg(test)]
 mod tests;
+mod walls;
 mod world;
 
 pub use body::Part;
@@ -44,9 +48,10 @@ pub(crate) use fault::{Key, SceneFault, Table};
 pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};
-pub use paint::{Look, paint};
+pub use paint::{Look, Painted, Seen, paint};
 pub use place::Placement;
 pub use rays::Rays;
 pub use read::MAX_BYTES;
 pub(crate) use read::read;
+pub use section::{Section, slice};
 pub use spec::{Place, Scene, SceneCamera, SceneModel};

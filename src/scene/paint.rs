@@ -4,6 +4,7 @@
 //! of threads. Lines from the eye walk each body's octree together, as in pictures of one model; those of bodies that
 //! are cut, and all others, go alone.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -55,6 +56,42 @@ pub struct Look {
     pub normals: bool,
 }
 
+/// The number of a model that is seen, and of its label; 0 of one without labels.
+pub type Seen = (usize, u16);
+
+/// A picture that is finished.
+#[derive(Clone, Debug)]
+pub struct Painted {
+    /// The picture.
+    pub image: Image,
+    /// Lines that it took.
+    pub rays: Rays,
+    /// What it shows first along any line.
+    pub seen: BTreeSet<Seen>,
+    /// Wall time.
+    pub traced: Duration,
+}
+
+impl Look {
+    /// An empty picture.
+    pub(super) fn blank(&self) -> Image {
+        let layers = [self.depth_range_mm.is_some(), self.normals, false];
+        Image::blank([self.width, self.height], layers)
+    }
+
+    /// The pixel of some lines, of which so many meet something and have this sum of colours.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    pub(super) fn pixel(&self, shader: &Shader, sum: [f64; 3], hits: f64, lines: f64) -> [u8; 4] {
+        let (color, alpha) = match self.background {
+            Some(background) => (add_scaled(sum, lines - hits, background).map(|c| c / lines), 255.0),
+            None if hits > 0.0 => (sum.map(|c| c / hits), 255.0 * hits / lines),
+            None => ([0.0; 3], 0.0),
+        };
+        let [r, g, b] = color.map(|c| shader.encode(c));
+        if alpha > 0.0 { [r, g, b, (alpha + 0.5) as u8] } else { [0; 4] }
+    }
+}
+
 /// Paints a scene; `rows_done` gets the number of rows each time that more are painted.
 ///
 /// Memory: the image, and for every thread 20 KiB for each file, 1.5 KiB a tile.
@@ -65,7 +102,7 @@ pub fn paint(
     parts: &[Part<'_>],
     look: &Look,
     rows_done: &(dyn Fn(u32) + Sync),
-) -> Result<(Image, Rays, Duration), RenderError> {
+) -> Result<Painted, RenderError> {
     check_size(look.width, look.height)?;
     let samples = look.samples.clamp(1, 8);
     let (wide, high) = (look.width * samples, look.height * samples);
@@ -88,8 +125,8 @@ pub fn paint(
     };
     let pool = pool(look.threads)?;
     let start = Instant::now();
-    let (image, rays) = pool.install(|| painter.paint(rows_done));
-    Ok((image, rays, start.elapsed()))
+    let (image, (rays, seen)) = pool.install(|| painter.paint(rows_done));
+    Ok(Painted { image, rays, seen, traced: start.elapsed() })
 }
 
 struct Painter<'a> {
@@ -104,16 +141,9 @@ struct Painter<'a> {
 }
 
 impl Painter<'_> {
-    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, Rays) {
-        let (width, height) = (self.look.width as usize, self.look.height as usize);
-        let mut image = Image {
-            width: self.look.width,
-            height: self.look.height,
-            rgba: vec![0; width * height * 4],
-            depth: self.look.depth_range_mm.map(|_| vec![0; width * height]),
-            normals: self.look.normals.then(|| vec![0; width * height * 3]),
-            ids: None,
-        };
+    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, (Rays, BTreeSet<Seen>)) {
+        let width = self.look.width as usize;
+        let mut image = self.look.blank();
         let mut strips: Vec<Strip<'_>> =
             image.rgba.chunks_mut(width * TILE * 4).map(|rgba| Strip { rgba, ..Strip::default() }).collect();
         let depth = image.depth.as_mut().map(|all| all.chunks_mut(width * TILE));
@@ -130,10 +160,10 @@ impl Painter<'_> {
             let rows = self.strip(tracer, kept, number * TILE, strip);
             #[expect(clippy::cast_possible_truncation, reason = "rows of a strip")]
             rows_done(rows as u32);
-            kept.rays
+            (kept.rays, std::mem::take(&mut kept.seen))
         });
-        let rays = rays.reduce(Rays::default, Rays::plus);
-        (image, rays)
+        let traced = rays.reduce(Default::default, joined);
+        (image, traced)
     }
 
     /// Paints a strip of pixels from row `top` on; how many rows it has.
@@ -219,6 +249,11 @@ impl Painter<'_> {
         let Some((number, first)) = met else { return };
         kept.rays.hits += 1;
         let line = self.line(at);
+        let label = match &first {
+            Met::Surface(hit) => self.stage.world.bodies[number].part.label_number(line, hit),
+            Met::Cut { label, .. } => label.unwrap_or(0),
+        };
+        kept.seen.insert((number, label));
         let (color, open) = self.stage.color(kept, Branch::first(line), met, at);
         sum.color = add_scaled(sum.color, 1.0, color);
         sum.open += open;
@@ -232,20 +267,12 @@ impl Painter<'_> {
     }
 
     /// Writes the pixels of a strip.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
     fn write(&self, sums: &[Sum], strip: Strip<'_>) {
         let (rgba, _) = strip.rgba.as_chunks_mut::<4>();
         for (sum, out) in sums.iter().zip(rgba) {
             let (hits, lines) = (f64::from(sum.hits) - sum.open, f64::from(sum.lines.max(1)));
-            let (color, alpha) = match self.look.background {
-                Some(background) => {
-                    (add_scaled(sum.color, lines - hits, background).map(|c| c / lines), 255.0)
-                }
-                None if hits > 0.0 => (sum.color.map(|c| c / hits), 255.0 * hits / lines),
-                None => ([0.0; 3], 0.0),
-            };
-            let [r, g, b] = color.map(|c| self.shader.encode(c));
-            *out = if alpha > 0.0 { [r, g, b, (alpha + 0.5) as u8] } else { [0; 4] };
+            *out = self.look.pixel(&self.shader, sum.color, hits, lines);
         }
         if let Some(range) = self.look.depth_range_mm {
             for (sum, out) in sums.iter().zip(strip.depth) {
@@ -256,6 +283,13 @@ impl Painter<'_> {
             *out = if sum.hits > 0 { sum.normal.map(normal_code) } else { [0; 3] };
         }
     }
+}
+
+/// What two strips took and show.
+pub(super) fn joined(one: (Rays, BTreeSet<Seen>), other: (Rays, BTreeSet<Seen>)) -> (Rays, BTreeSet<Seen>) {
+    let mut seen = one.1;
+    seen.extend(other.1);
+    (one.0.plus(other.0), seen)
 }
 
 /// The pixels of some rows.

@@ -3,6 +3,8 @@
 //! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
 //! and are dropped where that share is too small to be seen, or where they have been thrown back or bent too often.
 
+use std::collections::BTreeSet;
+
 use crate::geom::{add_scaled, dot};
 use crate::render::Camera;
 use crate::render::ambient::{Sky, tangents};
@@ -14,6 +16,7 @@ use super::body::{Met, Side, Start};
 use super::light::{Ambient, Light, Way};
 use super::material::{Material, fresnel, power};
 use super::media::Media;
+use super::paint::Seen;
 use super::rays::Rays;
 use super::world::{From, Lot, World};
 
@@ -51,12 +54,15 @@ pub(super) struct Kept {
     waiting: Vec<Branch>,
     lot: Lot,
     pub(super) rays: Rays,
+    /// What lines from the eye met first.
+    pub(super) seen: BTreeSet<Seen>,
 }
 
 impl Kept {
     pub(super) fn new(files: usize) -> Self {
         let around = (0..files).map(|_| Surroundings::new()).collect();
-        Self { around, waiting: Vec::new(), lot: Lot::default(), rays: Rays::default() }
+        let (rays, seen) = (Rays::default(), BTreeSet::new());
+        Self { around, waiting: Vec::new(), lot: Lot::default(), rays, seen }
     }
 }
 

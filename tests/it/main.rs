@@ -57,6 +57,7 @@ mod real_files;
 mod report;
 mod scene_command;
 mod scene_pictures;
+mod slices_and_strips;
 mod slices_kept;
 mod solid_ball;
 mod solid_cells;

@@ -245,7 +245,7 @@ fn chunks(path: &Path) -> Vec<String> {
 }
 
 /// The samples of a PNG, as bytes.
-fn samples(path: &Path) -> Vec<u8> {
+pub(crate) fn samples(path: &Path) -> Vec<u8> {
     let decoder = png::Decoder::new(std::io::BufReader::new(fs::File::open(path).unwrap()));
     let mut reader = decoder.read_info().unwrap();
     let mut bytes = vec![0; reader.output_buffer_size().unwrap()];

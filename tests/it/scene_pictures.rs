@@ -5,7 +5,9 @@
 
 use crate::prelude::*;
 use infobyte::Image;
-use infobyte::scene::{Ambient, Clip, CutPlane, Light, LightKind, Look, Material, Part, Placement, paint};
+use infobyte::scene::{
+    Ambient, Clip, CutPlane, Light, LightKind, Look, Material, Painted, Part, Placement, paint,
+};
 
 fn add_scaled(a: [f64; 3], s: f64, b: [f64; 3]) -> [f64; 3] {
     std::array::from_fn(|i| a[i] + s * b[i])
@@ -133,7 +135,7 @@ fn normals_at_silhouettes_are_not_negated() {
             let parts = [part(&model, (&view, 0), STAY, material)];
             let mut look = look([-90.0, -120.0, 70.0], [0.0; 3], Projection::Perspective, 25.0, 96);
             look.normals = true;
-            let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
+            let Painted { image, .. } = paint(&parts, &look, &|_| {}).unwrap();
             let normals = image.normals.as_ref().unwrap();
             let (mut seen, mut far, mut farthest) = (0, 0, 0.0_f64);
             for y in 0..96 {
@@ -202,7 +204,7 @@ fn a_mirror_shows_the_ball_where_it_is() {
         part(&red, (&red_view, 1), moved([1.0; 3], [0.0, 10.0, 30.0]), plain([1.0, 0.0, 0.0])),
     ];
     let look = look([0.0, -150.0, 60.0], [0.0, 0.0, 10.0], Projection::Perspective, 35.0, 160);
-    let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
+    let Painted { image, rays, .. } = paint(&parts, &look, &|_| {}).unwrap();
     let shown = |at: [u32; 2]| {
         let sight = line(&look, at);
         let direct = sphere(sight, [0.0, 10.0, 30.0], 12.0);
@@ -244,7 +246,7 @@ fn glass_bends_as_snell_says() {
             part(&glass, (&glass_view, 1), STAY, material),
         ];
         let look = look([8.0, -100.0, 5.0], [3.0, 0.0, 0.0], Projection::Perspective, 26.0, 160);
-        let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
+        let Painted { image, .. } = paint(&parts, &look, &|_| {}).unwrap();
         let steps = [(20.0, 1.0, index), (20.0, index, 1.0)];
         let is_clear = |step, cosine, sine| (step > 0 || cosine >= 0.45) && sine < 1.0;
         let (mut seen, mut inverted) = (0, 0);
@@ -284,7 +286,7 @@ fn glass_within_glass_bends_by_both_indices() {
             part(&inner, (&views.2, 2), STAY, glass(indices[1])),
         ];
         let look = look([8.0, -100.0, 5.0], [3.0, 0.0, 0.0], Projection::Perspective, 26.0, 160);
-        let (image, ..) = paint(&parts, &look, &|_| {}).unwrap();
+        let Painted { image, .. } = paint(&parts, &look, &|_| {}).unwrap();
         let steps = [
             (RADII[0], 1.0, indices[0]),
             (RADII[1], indices[0], indices[1]),
@@ -326,7 +328,7 @@ fn lines_are_thrown_back_as_often_as_they_may() {
     for bounces in 0..7 {
         let mut look = look([0.0; 3], [3.0, 50.0, 5.0], Projection::Perspective, 30.0, 24);
         look.bounces = bounces;
-        let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
+        let Painted { image, rays, .. } = paint(&parts, &look, &|_| {}).unwrap();
         assert_eq!(rays.mirrored, 24 * 24 * u64::from(bounces));
         let want = color.map(|c: f64| {
             let light: f64 = (0..=bounces).map(|k| (0.5 * c).powi(k.cast_signed()) * 0.5 * c).sum();
@@ -357,7 +359,7 @@ fn shadows_end_where_the_light_passes_the_edge() {
     look.ambient.color = [0.05; 3];
     let towards = [0.6, 0.0, 0.8];
     look.lights = vec![Light { kind: LightKind::Directional { towards }, color: [0.9; 3], shadows: true }];
-    let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
+    let Painted { image, rays, .. } = paint(&parts, &look, &|_| {}).unwrap();
     assert!(rays.shadow > 30_000);
     // Light from +x throws the shadow to -x: from the lower edge at x = 10 to the upper edge at x = -10.
     let far = -10.0 - 24.0 * 0.75;
@@ -380,7 +382,7 @@ fn shadows_end_where_the_light_passes_the_edge() {
     }
     // A light that throws no shadows.
     look.lights[0].shadows = false;
-    let (image, rays, _) = paint(&parts, &look, &|_| {}).unwrap();
+    let Painted { image, rays, .. } = paint(&parts, &look, &|_| {}).unwrap();
     assert!(rays.shadow == 0 && pixel(&image, [column(-20.0), 126])[0] > 180);
 }
 
@@ -396,7 +398,7 @@ fn cuts_are_closed_where_matter_is() {
     let part = Part::new((&view, 0), shell.dims(), &shell.affine(), &STAY, red, clip).unwrap();
     let look = look([0.0, -100.0, 0.0], [0.0, 0.0, 0.0], Projection::Parallel, 35.0, 128);
     let half_mm = 100.0 * (17.5_f64).to_radians().tan();
-    let (image, ..) = paint(&[part], &look, &|_| {}).unwrap();
+    let Painted { image, .. } = paint(&[part], &look, &|_| {}).unwrap();
     let at_cut = |radius: f64| (radius * radius - 9.0).sqrt();
     for y in 0..128 {
         for x in 0..128 {
@@ -424,14 +426,14 @@ fn the_eye_may_be_within_and_near_things_are_left_out() {
     let view = model.view();
     let parts = [part(&model, (&view, 0), STAY, plain([1.0, 0.0, 0.0]))];
     let mut inside = look([0.0; 3], [0.0, 10.0, 0.0], Projection::Perspective, 90.0, 64);
-    let (_, rays, _) = paint(&parts, &inside, &|_| {}).unwrap();
+    let Painted { rays, .. } = paint(&parts, &inside, &|_| {}).unwrap();
     assert_eq!((rays.primary, rays.hits), (4096, 4096));
     inside.near_mm = 25.0;
-    assert_eq!(paint(&parts, &inside, &|_| {}).unwrap().1.hits, 0);
+    assert_eq!(paint(&parts, &inside, &|_| {}).unwrap().rays.hits, 0);
     let mut before = look([0.0, -60.0, 0.0], [0.0, 0.0, 0.0], Projection::Perspective, 20.0, 64);
     before.depth_range_mm = Some((0.0, 100.0));
     let depth = |look: &Look| {
-        let (image, ..) = paint(&parts, look, &|_| {}).unwrap();
+        let Painted { image, .. } = paint(&parts, look, &|_| {}).unwrap();
         f64::from(image.depth.unwrap()[32 * 64 + 32] - 1) / 65534.0 * 100.0
     };
     assert!((depth(&before) - 40.0).abs() < 0.6);
@@ -476,9 +478,9 @@ fn three_bodies_give_this_picture() {
         look.threads = threads;
         paint(&parts, &look, &|_| {}).unwrap()
     });
-    assert_eq!(pictures[0].0, pictures[1].0);
-    assert_eq!(pictures[0].1, pictures[1].1);
-    let (image, rays, _) = &pictures[0];
+    assert_eq!(pictures[0].image, pictures[1].image);
+    assert_eq!(pictures[0].rays, pictures[1].rays);
+    let Painted { image, rays, .. } = &pictures[0];
     if let Ok(folder) = std::env::var("INFOBYTE_PICTURES") {
         image.write_png(std::path::Path::new(&folder).join("three-bodies.png")).unwrap();
     }

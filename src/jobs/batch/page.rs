@@ -28,18 +28,19 @@ const HEAD: &str = r#"<!doctype html>
 :root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--bad:#b3261e;--note:#8a5a00;--tile:linear-gradient(#e9edf2,#cfd6df)}
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--bad:#ff8a80;--note:#e0b35a;--tile:linear-gradient(#323943,#1b2027)}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}
-header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}a{color:inherit}
+header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}body>.in{margin:10px 28px 0;color:var(--note)}a{color:inherit}
 .bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;gap:8px;border-bottom:1px solid var(--line)}
-.bar input{flex:1;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
+.bar input[type=search]{flex:1;min-width:0;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
 .bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
 main{display:grid;grid-template-columns:repeat(auto-fill,minmax(236px,1fr));gap:16px;padding:16px 28px 28px}
-article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column}
-main{align-items:start}main.list{grid-template-columns:repeat(auto-fill,minmax(380px,1fr));padding-top:4px}article.failed{border-left:3px solid var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
+article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column;content-visibility:auto;contain-intrinsic-size:auto 480px}main.list article{contain-intrinsic-size:auto 120px}
+main{align-items:start}main.list{grid-template-columns:repeat(auto-fill,minmax(min(380px,100%),1fr));padding-top:4px}article.failed{border-left:3px solid var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
 .shot img{width:100%;height:100%;object-fit:contain}.shot span{font-size:13px;color:var(--soft);padding:16px;text-align:center}
 .text{padding:10px 12px 12px;overflow-wrap:anywhere}.text h3{font-size:14px;margin:0 0 2px}.text .in{color:var(--soft);font-size:12px;margin:0 0 6px}
 dl{display:grid;grid-template-columns:auto 1fr;gap:0 10px;margin:0;font-size:12.5px;font-variant-numeric:tabular-nums}dt{color:var(--soft)}dd{margin:0;text-align:right}
 .why{color:var(--bad);margin:6px 0 0;font-size:12.5px}ul{margin:8px 0 0;padding:0;list-style:none;font-size:12px;color:var(--note)}li+li{margin-top:3px}
 table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 14px 3px 0;border-top:1px solid var(--line);color:var(--soft)}
+@media print{.bar{display:none}article{break-inside:avoid;content-visibility:visible}main{grid-template-columns:repeat(4,1fr)}.shot{print-color-adjust:exact}}
 </style></head><body>
 "#;
 
@@ -47,6 +48,10 @@ const FILTER: &str = r#"<script>
 const q=document.getElementById("q"),f=document.getElementById("f"),all=[...document.querySelectorAll("article")];
 function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
 for(const a of all)a.style.display=a.hidden?"none":""}
+const s=document.getElementById("s"),cards=document.querySelector("main"),found=[...cards.children];
+const keys={name:a=>a.querySelector("h3").textContent,kind:a=>a.querySelector(".in").textContent,size:a=>-a.dataset.bytes};
+s.addEventListener("change",()=>{const k=keys[s.value],n=new Intl.Collator(undefined,{numeric:true}).compare;
+cards.append(...(k?found.map(a=>[k(a),a]).sort(([a],[b])=>typeof a=="number"?a-b:n(a,b)).map(r=>r[1]):found))});
 q.addEventListener("input",sift);f.addEventListener("change",sift);
 if(typeof report!="undefined"){const at=new Map(report.map(r=>[r[0],r]));
 for(const a of document.querySelectorAll("main.list article")){const r=at.get(a.querySelector("h3").textContent);if(!r)continue;
@@ -72,7 +77,8 @@ pub(super) fn write(
          &middot; {:.1} s with {} job(s) &middot; peak memory of the whole process {} of {} allowed</p>\n\
          <p class=\"sum\">The folder holds {} model(s), {}, with {} thumbnail(s).</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
-         aria-label=\"Filter\"><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
+         aria-label=\"Filter\"><select id=\"s\" aria-label=\"Order\"><option value=\"\">as found\
+         <option>name<option>kind<option value=\"size\">largest first</select><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
         c.converted + c.skipped + c.failed,
         c.converted,
         c.skipped,
@@ -184,7 +190,8 @@ fn without_model(item: &Item, report: &BatchReport, w: &mut dyn Write) -> io::Re
 }
 
 fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn Write) -> io::Result<()> {
-    write!(w, "<article class=\"{}\"><div class=\"shot\">", status(item.status))?;
+    let bytes = item.model.as_ref().map_or(0, |m| m.bytes);
+    write!(w, "<article class=\"{}\" data-bytes={bytes}><div class=\"shot\">", status(item.status))?;
     let thumbnail = item.model.as_ref().and_then(|m| m.thumbnail.as_deref());
     match thumbnail {
         None => {
@@ -196,16 +203,22 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
             write!(w, "<span>no thumbnail{why}</span>")?;
         }
         Some(file) => {
-            write!(w, "<img alt=\"{}\" loading=\"lazy\" src=\"", html(&item.name))?;
+            write!(
+                w,
+                "<a href=\"{}\"><img alt=\"{}\" loading=\"lazy\" src=\"",
+                html(file),
+                html(&item.name)
+            )?;
             if !embed || !embed_png(&out.join(file), w)? {
                 w.write_all(html(file).as_bytes())?;
             }
-            w.write_all(b"\">")?;
+            w.write_all(b"\"></a>")?;
         }
     }
     write!(
         w,
-        "</div><div class=\"text\"><h3>{}</h3><p class=\"in\">{}</p>",
+        "</div><div class=\"text\"><h3><a href=\"{}\">{}</a></h3><p class=\"in\">{}</p>",
+        html(item.model.as_ref().map_or("", |m| &m.file)),
         html(&item.name),
         kind(item, report)
     )?;

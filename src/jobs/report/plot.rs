@@ -187,15 +187,22 @@ pub(super) fn scatter(series: &[Series], x_title: &str, y_title: &str) -> Option
                 short(point.y),
                 short(point.x)
             );
-            // Beside the point, on the side with room; left out where another label stands.
-            let to_left = px > left + 0.72 * width;
-            let (tx, anchor) = if to_left { (px - 9.0, "end") } else { (px + 9.0, "start") };
+            // Next to the point, on the side with room; left out where other labels or points are.
             let wide = CHARACTER * point.label.chars().count() as f64;
-            let from = if to_left { tx - wide } else { tx };
-            let meets = |at: &[f64; 3]| at[0] < from + wide && from < at[1] && (at[2] - py).abs() < LABEL;
+            let [before, after] = [(px - 9.0 - wide, px - 9.0, "end"), (px + 9.0, px + 9.0, "start")];
+            let sides = if px > left + 0.72 * width { [before, after] } else { [after, before] };
+            let meets =
+                |from: f64, at: &[f64; 3]| at[0] < from + wide && from < at[1] && (at[2] - py).abs() < LABEL;
+            let is_free = |(from, ..): &&(f64, f64, &str)| {
+                let mut dots = all().map(|p| [x(p.x) - 5.0, x(p.x) + 5.0, y(p.y)]);
+                *from > left
+                    && from + wide < left + width + right
+                    && !taken.iter().any(|at| meets(*from, at))
+                    && !dots.any(|dot| meets(*from, &dot))
+            };
             let is_named = !is_crowded || point.on_front || point.usual;
-            if is_named && !taken.iter().any(meets) {
-                taken.push([from, from + wide, py]);
+            if let Some((from, tx, anchor)) = sides.iter().find(is_free).filter(|_| is_named) {
+                taken.push([*from, from + wide, py]);
                 let _ = write!(
                     svg,
                     "<text class=\"label\" x=\"{tx:.1}\" y=\"{:.1}\" text-anchor=\"{anchor}\">{}</text>",

@@ -3,6 +3,8 @@
 use crate::prelude::*;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::pack::StripRequest;
+use infobyte::jobs::picture::Outputs;
+use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::view::ViewRequest;
 use infobyte::text::Name;
 
@@ -177,8 +179,10 @@ fn the_library_names_its_own_options() {
     let picture = RenderRequest { point, ..Default::default() };
     let export = ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0, smooth: None };
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
-    let view = ViewRequest::default();
-    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}");
+    let (view, scene, outputs) =
+        (ViewRequest::default(), SceneRequest::default(), Outputs::of(Path::new("p.png")));
+    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}")
+        + &format!(" {scene:?} {outputs:?}");
     // Values of fields, arguments of functions, and functions.
     let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];

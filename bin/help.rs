@@ -1,0 +1,198 @@
+//! Help: the options that matter for `-h`, all of them in groups for `--help`, and pages for `oct help PAGE`.
+
+use clap::{Arg, Command, CommandFactory};
+
+use crate::args::Cli;
+
+/// Columns of a page, and of the names in its tables.
+const COLUMNS: usize = 100;
+const NAMES: usize = 26;
+
+/// Pages by name, and what they are about.
+const PAGES: [(&str, &str, &str); 7] = [
+    ("commands", "all commands, exit codes, streams", include_str!("../src/jobs/COMMANDS.md")),
+    ("formats", "what is read: volumes and series", include_str!("../src/source/READING.md")),
+    ("reading", "the same", include_str!("../src/source/READING.md")),
+    ("scenes", "several models in one picture", include_str!("../src/scene/SCENES.md")),
+    ("meshes", "triangles as input", include_str!("../src/mesh/MESHES.md")),
+    ("solids", "trees of solids as input", include_str!("../src/csg/CSG.md")),
+    ("cleaning", "crop, presets, components", include_str!("../src/clean/CLEANING.md")),
+];
+
+/// Options that `-h` lists, of commands that have more than a screen holds.
+const SHORT: [(&str, &[&str]); 4] = [
+    ("build", &["output", "iso", "preset", "labels", "memory", "error", "spacing", "dims", "dtype", "grid"]),
+    (
+        "batch",
+        &["out", "iso", "preset", "memory", "jobs", "thumbnails", "modality", "keep-names", "json", "quiet"],
+    ),
+    ("plan", &["parts", "out", "iso", "preset", "memory", "labels", "error", "spacing", "dims", "dtype"]),
+    (
+        "render",
+        &[
+            "output",
+            "size",
+            "view",
+            "clip",
+            "section",
+            "background",
+            "shading",
+            "annotate",
+            "legend",
+            "turntable",
+        ],
+    ),
+];
+
+/// Groups of options that share no type of arguments.
+const GROUPS: [(&str, &[&str]); 5] = [
+    (
+        "Camera",
+        &[
+            "size",
+            "view",
+            "eye",
+            "look-at",
+            "up",
+            "projection",
+            "fov",
+            "zoom",
+            "contact",
+            "turntable",
+            "section",
+        ],
+    ),
+    (
+        "What is shown",
+        &["clip", "only", "hide", "opacity", "color", "background", "annotate", "title", "legend"],
+    ),
+    ("Light and rays", &["shading", "blended", "samples", "ao-rays", "traversal", "lod", "lod-bias"]),
+    ("Other pictures of the same view", &["depth", "normals", "ids"]),
+    ("Machine and output", &["threads", "memory", "json", "force"]),
+];
+
+/// The command line as help shows it; short help has no groups.
+pub(crate) fn command(is_short: bool) -> Command {
+    let pages: Vec<String> =
+        PAGES.iter().map(|(name, about, _)| format!("  oct help {name:<10}{about}")).collect();
+    Cli::command().after_help(format!("Pages:\n{}", pages.join("\n"))).mut_subcommands(|command| {
+        let name = command.get_name().to_owned();
+        let short = SHORT.iter().find(|(of, _)| *of == name).map(|(_, short)| *short);
+        command.mut_args(|arg| of_command(arg, &name, short, is_short))
+    })
+}
+
+/// An option of a command in its group; with its first clause for `-h`, or left out there.
+fn of_command(arg: Arg, command: &str, short: Option<&[&str]>, is_short: bool) -> Arg {
+    let Some(name) = arg.get_long().map(str::to_owned) else { return arg };
+    let group = GROUPS.iter().find(|(_, names)| command == "render" && names.contains(&name.as_str()));
+    let heading = group.map(|(heading, _)| *heading);
+    match short {
+        Some(short) if is_short && short.contains(&name.as_str()) => {
+            let full = arg.get_help().map(ToString::to_string).unwrap_or_default();
+            let first = ["; ", ": "].iter().filter_map(|end| full.find(end)).min().unwrap_or(full.len());
+            arg.help(full[..first].to_owned()).help_heading(None)
+        }
+        Some(_) if is_short => arg.hide_short_help(true),
+        _ if heading.is_some() && !is_short => arg.help_heading(heading),
+        _ => arg,
+    }
+}
+
+/// The page that the words of the command line ask for.
+pub(crate) fn page(words: &[&str]) -> Option<String> {
+    let &["help", name] = words else { return None };
+    let (.., text) = PAGES.iter().find(|(page, ..)| *page == name)?;
+    Some(shown(text))
+}
+
+/// A page as a terminal shows it: links without their targets, lines and tables within [`COLUMNS`].
+fn shown(page: &str) -> String {
+    let (mut out, mut is_code) = (String::new(), false);
+    for line in page.lines() {
+        if line.starts_with("```") {
+            is_code = !is_code;
+        } else if is_code {
+            out += &format!("    {line}\n");
+        } else if let Some(row) = line.strip_prefix('|') {
+            let row = unlinked(row.trim_end().trim_end_matches('|'));
+            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
+            let is_rule = cells.iter().all(|cell| cell.chars().all(|c| c == '-'));
+            if let ([name, rest @ ..], false) = (cells.as_slice(), is_rule) {
+                let rest = rest.join(" | ");
+                if name.chars().count() < NAMES {
+                    out += &wrapped(&rest, &format!("{name:NAMES$}"), NAMES);
+                } else {
+                    out += &wrapped(name, "", 2);
+                    out += &wrapped(&rest, &" ".repeat(NAMES), NAMES);
+                }
+            }
+        } else {
+            let hang = if line.starts_with("- ") { 2 } else { 0 };
+            out += &wrapped(&unlinked(line), "", hang);
+        }
+    }
+    out
+}
+
+/// A text in lines, of which all but the first are indented.
+fn wrapped(text: &str, first: &str, indent: usize) -> String {
+    let (mut out, mut line) = (String::new(), first.to_owned());
+    for word in text.split_whitespace() {
+        let is_begun = line.trim_start().len() > first.trim_start().len() || line.len() > indent;
+        if is_begun && line.chars().count() + 1 + word.chars().count() > COLUMNS {
+            out += line.trim_end();
+            out.push('\n');
+            line = " ".repeat(indent);
+        }
+        if !(line.is_empty() || line.ends_with(' ')) {
+            line.push(' ');
+        }
+        line += word;
+    }
+    out + line.trim_end() + "\n"
+}
+
+/// A line with the words of its links alone.
+fn unlinked(line: &str) -> String {
+    let mut out = String::new();
+    let mut rest = line;
+    while let Some(middle) = rest.find("](")
+        && let (Some(open), Some(end)) = (rest[..middle].rfind('['), rest[middle..].find(')'))
+    {
+        out += &rest[..open];
+        out += &rest[open + 1..middle];
+        rest = &rest[middle + end + 1..];
+    }
+    out + rest
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A screen has 24 lines; every option that is named here exists, and pages keep to their width.
+    #[test]
+    fn short_help_fits_a_screen_and_pages_a_terminal() {
+        for sub in command(true).get_subcommands_mut() {
+            let name = sub.get_name().to_owned();
+            let help = sub.render_help().to_string();
+            let options = help.lines().skip_while(|line| !line.starts_with("Options:")).skip(1);
+            let count = options.take_while(|line| !line.is_empty()).count();
+            assert!(count <= 24 || SHORT.iter().all(|(of, _)| *of != name), "{name}: {count}\n{help}");
+            let known: Vec<&str> = sub.get_arguments().filter_map(Arg::get_long).collect();
+            let short = SHORT.iter().filter(|(of, _)| *of == name).flat_map(|(_, names)| *names);
+            let grouped = GROUPS.iter().filter(|_| name == "render").flat_map(|(_, names)| *names);
+            for option in short.chain(grouped) {
+                assert!(known.contains(option), "{name} --{option}");
+            }
+        }
+        for (name, ..) in PAGES {
+            let page = page(&["help", name]).unwrap();
+            let is_wide = |line: &&str| line.chars().count() > COLUMNS && !line.starts_with("    ");
+            assert_eq!(page.lines().find(is_wide), None, "{name}");
+        }
+        assert_eq!(unlinked("see [A](b.md), [x] and [C](d)"), "see A, [x] and C");
+        assert_eq!(page(&["help", "build"]), None);
+    }
+}

@@ -1,0 +1,128 @@
+//! What is written around a picture besides its scale bar: a title, and the labels that are seen.
+
+use std::collections::BTreeSet;
+use std::ffi::OsStr;
+
+use crate::format::Label;
+use crate::load::{ModelView, NodeView};
+use crate::render::Image;
+use crate::render::annotate::{Entry, Style};
+use crate::scene::Seen;
+use crate::text::{Short, shown};
+
+/// A title, a legend, and the sizes that leaves for the picture within.
+pub(super) struct Frame {
+    /// Width and height of all.
+    size: [u32; 2],
+    style: Option<Style>,
+    /// Colour behind the picture.
+    ground: Option<[u8; 3]>,
+    title: Option<String>,
+    /// The largest first; `None` where none is asked for.
+    legend: Option<Vec<(Seen, Entry)>>,
+    columns: u32,
+}
+
+impl Frame {
+    /// Around a picture of this size on a background (sRGB).
+    pub(super) fn new(
+        size: [u32; 2],
+        ground: Option<[u8; 3]>,
+        title: Option<String>,
+        legend: Option<Vec<(Seen, Entry)>>,
+    ) -> Self {
+        let style = Style::of(size, ground);
+        let entries: Vec<Entry> = legend.iter().flatten().map(|(_, entry)| entry.clone()).collect();
+        let columns =
+            style.filter(|_| !entries.is_empty()).map_or(0, |s| s.legend_columns(size[0], &entries));
+        Self { size, style, ground, title, legend: legend.filter(|_| columns > 0), columns }
+    }
+
+    /// Width and height of the picture within.
+    pub(super) fn inner(&self) -> [u32; 2] {
+        let rows = self.style.filter(|_| self.title.is_some()).map_or(0, Style::title_rows);
+        [self.size[0] - self.columns, self.size[1] - rows]
+    }
+
+    /// Width and height with everything around.
+    pub(super) fn size(&self) -> [u32; 2] {
+        self.size
+    }
+
+    /// Is the picture to be finished before anything can be written?
+    pub(super) fn has_legend(&self) -> bool {
+        self.legend.is_some()
+    }
+
+    /// The strip above a picture with these layers.
+    pub(super) fn title(&self, like: &Image) -> Option<Image> {
+        Some(self.style?.title(like, self.title.as_deref()?))
+    }
+
+    /// A picture with its title and the labels that are seen; `None` for all.
+    pub(super) fn around(&self, mut image: Image, seen: Option<&BTreeSet<Seen>>) -> Image {
+        if let (Some(style), Some(legend)) = (self.style, &self.legend) {
+            let is_seen = |key: &Seen| seen.is_none_or(|seen| seen.contains(key));
+            let entries: Vec<Entry> =
+                legend.iter().filter(|(key, _)| is_seen(key)).map(|(_, entry)| entry.clone()).collect();
+            image = style.legend(&image, self.columns, &entries);
+        }
+        captioned(self.title(&image), image)
+    }
+
+    /// A part of the picture with a caption of its own, which `take` makes in the size that this leaves.
+    pub(super) fn with_caption<E>(
+        &self,
+        size: [u32; 2],
+        caption: &str,
+        take: impl FnOnce([u32; 2]) -> Result<Image, E>,
+    ) -> Result<Image, E> {
+        let Some(style) = Style::of(size, self.ground) else { return take(size) };
+        let image = take([size[0], size[1] - style.title_rows()])?;
+        Ok(captioned(Some(style.title(&image, caption)), image))
+    }
+}
+
+/// A picture below a strip.
+fn captioned(strip: Option<Image>, image: Image) -> Image {
+    let Some(mut whole) = strip else { return image };
+    whole.append(&image);
+    whole
+}
+
+/// A title that says a name and how large something is: the sides of the box around it, in mm.
+pub(super) fn size_title(name: &OsStr, support: impl Fn([f64; 3]) -> f64) -> String {
+    let side = |axis: usize| {
+        let mut direction = [0.0; 3];
+        direction[axis] = 1.0;
+        Short(support(direction) + support(direction.map(|c| -c))).to_string()
+    };
+    format!("{} · {} × {} × {} mm", shown(name), side(0), side(1), side(2))
+}
+
+/// Lines of the labels of a model, the largest first; its number among the models of the picture.
+pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a Label>) -> Vec<(Seen, Entry)> {
+    let mut labels: Vec<&Label> = labels.collect();
+    labels.sort_by_key(|label| std::cmp::Reverse(label.voxels));
+    let entry = |label: &Label| {
+        let plain = format!("label {}", label.number);
+        let name = if label.name.is_empty() { plain.clone() } else { shown(&label.name).to_string() };
+        Entry { color: label.color, name, plain }
+    };
+    labels.into_iter().map(|label| ((model, label.number), entry(label))).collect()
+}
+
+/// The labels of the boxes that a picture shows, whose numbers it has.
+pub(super) fn seen_labels(view: &ModelView<'_>, image: &Image, seen: &mut BTreeSet<Seen>) {
+    let Some(labels) = view.labels() else { return };
+    let mut last = 0;
+    for pixel in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {
+        let number = pixel.iter().fold(0, |number, word| number << 16 | u64::from(*word));
+        if number != last
+            && let Some(label) = number.checked_sub(1 + view.node_count()).and_then(|voxel| labels.get(voxel))
+        {
+            seen.insert((0, label));
+        }
+        last = number;
+    }
+}
