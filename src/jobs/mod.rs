@@ -12,6 +12,7 @@ pub mod export;
 mod hint;
 pub mod info;
 pub mod intersect;
+mod labels;
 #[doc(hidden)]
 pub mod measure;
 pub mod names;

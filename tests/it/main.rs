@@ -30,6 +30,7 @@ mod foreign_text;
 mod hard_cases;
 mod intersect;
 mod invariants;
+mod label_maps;
 mod labels;
 mod larger_leaves;
 mod library;

@@ -14,6 +14,7 @@
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
 //! | `options` | what was asked for, as a number and for people |
+//! | `settle` | labels or a threshold, where nobody chose |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
@@ -27,6 +28,7 @@ mod options;
 mod page;
 mod record;
 mod report;
+mod settle;
 
 pub use record::{Cause, Item, ModelFacts, Status};
 pub use report::{
@@ -58,7 +60,7 @@ use crate::render::picture::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
-use crate::volume::SourceError;
+use crate::volume::{Overlap, SourceError};
 pub(super) use claims::{Claim, Claims};
 pub(super) use folder::NewFolders;
 use key::Key;
@@ -93,6 +95,9 @@ pub struct BatchRequest {
     pub how: OpenOptions,
     /// What is done to each volume before it is built.
     pub clean: CleanOptions,
+    /// Are volumes that look like labels built as these, all of them, where no cleaning is asked for? A threshold that was
+    /// asked for says no.
+    pub find_labels: bool,
     /// How models are built. Its memory is the whole process's cap, its threads are shared by the jobs.
     pub build: BuildOptions,
     /// Volumes worked on at a time.
@@ -165,7 +170,8 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let skip = request.out.canonicalize().ok();
-    let how = OpenOptions { skip, meshes: request.grid.grid.is_some(), ..request.how.clone() };
+    let masks = request.find_labels.then(Overlap::default);
+    let how = OpenOptions { skip, masks, meshes: request.grid.grid.is_some(), ..request.how.clone() };
     let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
@@ -621,6 +627,7 @@ impl Run<'_> {
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
             selection: super::info::kind_name(r.selection.kind).to_owned(),
             skin_voxels: r.skin_voxels,
+            labels: built.info.frame.labels.len() as u64,
             nodes: r.nodes,
             bytes: r.file_bytes,
             wall_s: started.elapsed().as_secs_f64(),
@@ -658,6 +665,9 @@ impl Run<'_> {
                 (data(&path), Some(Box::new(move || Subject::Tree(path.clone()))))
             }
         };
+        let (options, note) = self.settle(&job, &mut subject, &name, least)?;
+        let job = BuildJob { options: &options, ..job };
+        least = job.least_share(&subject).max(least);
         loop {
             let job = BuildJob { grid, ..job };
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
@@ -672,7 +682,11 @@ impl Run<'_> {
                     least = error.minimum_bytes().unwrap_or(least);
                     subject = again();
                 }
-                (built, _) => return Ok((built?, granted, prepared)),
+                (built, _) => {
+                    let mut built = built?;
+                    built.warnings.extend(note.map(|note| note.to_string()));
+                    return Ok((built, granted, prepared));
+                }
             }
         }
     }

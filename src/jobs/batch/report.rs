@@ -203,7 +203,7 @@ pub const NOTICE: &str =
 
 /// The first column says in every line what the table is.
 const CSV_HEAD: &str = "names_files_and_folders,status,name,input,part,format,kind,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
-skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes\n";
+skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes,labels\n";
 
 impl BatchReport {
     pub(super) fn write(&self, out: &Path, journal: &Journal) -> io::Result<()> {
@@ -291,8 +291,10 @@ fn csv_line(item: &Item) -> String {
     cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
     cells.push(quoted(&item.warnings.join("; ")));
     match &item.model {
-        Some(m) => cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string()]),
-        None => cells.extend([String::new(), String::new()]),
+        Some(m) => {
+            cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string(), m.labels.to_string()]);
+        }
+        None => cells.extend(std::iter::repeat_n(String::new(), 3)),
     }
     cells.join(",") + "\n"
 }
