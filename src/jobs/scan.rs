@@ -46,7 +46,7 @@ pub fn scan(
             number += 1 + finding.more;
             let mut listed = list(before + finding.at + 1, &finding);
             if let (true, Ok(Subject::Volume(source))) =
-                (values && listed.labels.is_none(), &mut finding.subject)
+                (values && listed.label_count.is_none(), &mut finding.subject)
             {
                 listed.look(&mut **source);
             }
@@ -100,7 +100,7 @@ fn list(number: usize, finding: &Finding) -> Listed {
         reason: None,
         size: None,
         warnings: Some(Vec::new()),
-        labels: None,
+        label_count: None,
         subject: finding.subject.as_ref().map_or(SubjectKind::Volume, Subject::kind),
         stated: finding.size,
     };
@@ -109,7 +109,7 @@ fn list(number: usize, finding: &Finding) -> Listed {
         Err(e) => listed.refuse(e.to_string()),
         Ok(Subject::Volume(source)) => {
             let info = source.info();
-            listed.labels = Some(stated(&**source)).filter(|labels| *labels > 0);
+            listed.label_count = Some(stated(&**source)).filter(|labels| *labels > 0);
             listed.size = Some(ListedSize {
                 dims: info.dims.to_array(),
                 spacing_mm: info.spacing_mm,
@@ -128,7 +128,7 @@ impl Listed {
         let options = BuildOptions::default();
         let output = std::env::temp_dir().join("x");
         match look(source, &CleanOptions::default(), &options, &output, &Silent) {
-            Ok(Values::Labels(count)) => self.labels = Some(count),
+            Ok(Values::Labels(count)) => self.label_count = Some(count),
             Err(Error::Source(error)) => self.refuse(error.to_string()),
             // Values that are all alike are no reason to refuse a volume here.
             Ok(Values::Mixed(..)) | Err(_) => {}

@@ -171,7 +171,9 @@ impl BuildAsked {
             labels: self.labels.as_deref().map(str::parse).transpose()?,
             overlap: Overlap::default(),
             label_names: match &self.names {
-                Either::A(table) => read_label_names(table, self.keep_names).map_err(|error| error.to_string())?,
+                Either::A(table) => {
+                    read_label_names(table, self.keep_names).map_err(|error| error.to_string())?
+                }
                 Either::B(names) => names
                     .iter()
                     .map(|(number, name)| LabelName { number: *number, name: name.clone(), color: None })

@@ -36,7 +36,6 @@ pub use report::{
 };
 
 use std::fs;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -627,7 +626,7 @@ impl Run<'_> {
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
             selection: super::info::kind_name(r.selection.kind).to_owned(),
             skin_voxels: r.skin_voxels,
-            labels: built.info.frame.labels.len() as u64,
+            label_count: built.info.frame.labels.len() as u64,
             nodes: r.nodes,
             bytes: r.file_bytes,
             wall_s: started.elapsed().as_secs_f64(),
@@ -788,14 +787,4 @@ pub(super) fn fnv(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
-}
-
-/// An atomic text file of the output folder, written through a buffer.
-fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) -> io::Result<()> {
-    let file = crate::atomic::AtomicFile::create(path)?;
-    let mut buffered = io::BufWriter::with_capacity(16 << 10, file.file());
-    write(&mut buffered)?;
-    io::Write::flush(&mut buffered)?;
-    drop(buffered);
-    file.commit()
 }

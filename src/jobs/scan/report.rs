@@ -40,7 +40,7 @@ pub struct Listed {
     pub size: Option<ListedSize>,
     /// Labels that its header states, or that its values look like where these were read; null where it is not known to
     /// be a label map.
-    pub labels: Option<usize>,
+    pub label_count: Option<usize>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<String>>,
@@ -118,7 +118,8 @@ impl Listed {
             }
             Some(size) => {
                 let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
-                let labels = self.labels.map_or_else(String::new, |labels| format!(", {labels} label(s)"));
+                let labels =
+                    self.label_count.map_or_else(String::new, |labels| format!(", {labels} label(s)"));
                 let size = format!("{x}x{y}x{z} {}{labels}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
                 format!("{head}\n  {size} -> {}\n", self.name)
             }

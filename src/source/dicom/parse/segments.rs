@@ -99,8 +99,8 @@ fn words(value: &[u8]) -> String {
 }
 
 /// sRGB of a Recommended Display CIELab Value: L, a and b in 16 bits each, in the profile connection space of ICC, whose
-/// white is D50 (PS3.3 C.10.7.1.1, PS3.4 N.2.2.2). DCMTK and what is made with it reckon with D65 as white instead, so
-/// that saturated colours of theirs come out up to some 25 of 255 off.
+/// white is D50 (PS3.3 C.10.7.1.1, PS3.4 N.2.2.2). DCMTK and what is made with it take D65 for that white, so that
+/// saturated colours of theirs come out a little different: the red of a pure blue may be 60 of 255, not 0.
 fn color(value: &[u8], endian: Endian) -> Option<[u8; 3]> {
     let part = |i: usize| value.get(2 * i..).and_then(|v| word_of(v, endian)).map(f64::from);
     let lightness = part(0)? / 65_535.0 * 100.0;
