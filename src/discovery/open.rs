@@ -235,15 +235,11 @@ fn with_names(
         }
     }
     let mut info = volume.info().clone();
-    let differs =
-        |label: &&mut StatedLabel| !label.typed.is_empty() && !label.typed.eq_ignore_ascii_case(&label.name);
-    let mut others = info.description.labels.iter_mut().filter(differs).peekable();
-    if others.peek().is_none() {
-        return Ok(volume);
-    }
-    match typed {
-        true => others.for_each(|label| label.name.clone_from(&label.typed)),
-        false => info.notes.push(Note::TypedNames),
+    let mut others = info.description.labels.iter_mut().filter(|label| !label.typed.is_empty());
+    if typed {
+        others.for_each(|label| label.name.clone_from(&label.typed));
+    } else if others.any(|label| !label.typed.eq_ignore_ascii_case(&label.name)) {
+        info.notes.push(Note::TypedNames);
     }
     Ok(InfoOverride::boxed(volume, info))
 }

@@ -25,7 +25,7 @@ use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Fault, Note};
 use crate::geom::Dims;
 use crate::platform::open_file;
-use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 use layers::{LayeredMap, Layers, Order};
 use segments::Segments;
@@ -68,8 +68,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     })?;
     let Some(layers) = layers else { return stored.open() };
     let mut sides = stored.size.map(|n| u32::try_from(n).unwrap_or(0));
-    let along = if layers.order == Order::Together { 0 } else { 2 };
-    sides[along] /= u32::try_from(layers.count).unwrap_or(1).max(1);
+    sides[layers.order.axis()] /= u32::try_from(layers.count).unwrap_or(1).max(1);
     let map = |source: Box<dyn VolumeSource>| -> Box<dyn VolumeSource> {
         match Dims::new(sides[0], sides[1], sides[2]) {
             Some(dims) => Box::new(LayeredMap::new(source, dims, layers.clone())),
@@ -276,29 +275,12 @@ impl Header {
         let (labels, layers) = match order {
             None => (segments.labels(), None),
             Some(order) => {
-                let count = std::mem::replace(&mut layout.volumes, 1);
-                let along = if order == Order::Together { 0 } else { 2 };
-                layout.size[along] = layout.size[along].saturating_mul(count);
-                let (labels, segments) = segments.layered();
-                let overlap = options.masks.unwrap_or_default();
-                (labels.clone(), Some(Layers { count, order, labels, segments, overlap }))
+                let layers = layout.join(order, segments, options.masks.unwrap_or_default());
+                (layers.labels.clone(), Some(layers))
             }
         };
         let slices = layout.size[2].saturating_mul(layout.volumes);
-        let (files, start) = match self.data {
-            Some(DataFiles::Attached(offset)) => {
-                let mut files = files_beside(path);
-                files.push(Path::new(&path.file_name().unwrap_or_default()));
-                (files, offset)
-            }
-            Some(DataFiles::Listed(files)) => (files, 0),
-            Some(DataFiles::Pattern(pattern, range)) => {
-                let mut files = files_beside(path);
-                numbered(&mut files, &pattern, range, slices)?;
-                (files, 0)
-            }
-            None => return Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
-        };
+        let (files, start) = files_of(self.data, path, slices)?;
         check_links(path, &files, options.follow_links).map_err(HeaderError::Other)?;
         let mut skip = start;
         if self.line_skip > 0 {
@@ -350,6 +332,23 @@ impl Header {
             labels,
         };
         Ok((stored, layers))
+    }
+}
+
+/// The files of `slices` slices, and where the samples of each begin.
+fn files_of(data: Option<DataFiles>, path: &Path, slices: u64) -> Result<(FileList, u64), HeaderError> {
+    let mut files = files_beside(path);
+    match data {
+        Some(DataFiles::Attached(offset)) => {
+            files.push(Path::new(&path.file_name().unwrap_or_default()));
+            Ok((files, offset))
+        }
+        Some(DataFiles::Listed(files)) => Ok((files, 0)),
+        Some(DataFiles::Pattern(pattern, range)) => {
+            numbered(&mut files, &pattern, range, slices)?;
+            Ok((files, 0))
+        }
+        None => Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
     }
 }
 
@@ -439,6 +438,17 @@ impl Layout {
             return Err(NrrdFault::SpatialAxes { count: space.len() });
         }
         Ok(Self { size: [size_of(0), size_of(1), size_of(2)], volumes, space })
+    }
+}
+
+impl Layout {
+    /// Makes the layers, which are volumes so far, parts of one.
+    fn join(&mut self, order: Order, segments: Segments, overlap: Overlap) -> Layers {
+        let count = std::mem::replace(&mut self.volumes, 1);
+        let side = &mut self.size[order.axis()];
+        *side = side.saturating_mul(count);
+        let (labels, segments) = segments.layered();
+        Layers { count, order, labels, segments, overlap }
     }
 }
 

@@ -129,7 +129,7 @@ fn models_of_random_labels_are_taken_from_one_build_whatever_their_shape() {
         let shuffled: Vec<u16> = (0..64 * 64 * 64).map(|_| random.below(kinds) + 1).collect();
         let place = |i: u32| [i % dims[0], i / dims[0] % dims[1], i / dims[0] / dims[1]].map(|c| c / block);
         let map: Vec<u16> = (0..dims.iter().product::<u32>())
-            .map(|i| place(i))
+            .map(place)
             .map(
                 |[x, y, z]| if (x + y + z) % 7 == 6 { 0 } else { shuffled[(x + 64 * (y + 64 * z)) as usize] },
             )

@@ -87,16 +87,12 @@ fn write(
     job.give_back();
     let scratch = job.options.scratch_folder(&each.folder.join("x"));
     let made = split((whole, &built.input), &outputs, &scratch, job.options.memory, job.progress)?;
-    let model =
-        |((label, output), [skin_voxels, bytes]): ((&crate::format::Label, &PathBuf), [u64; 2])| LabelModel {
-            number: label.number,
-            name: label.name.clone(),
-            output: data(output),
-            voxels: label.voxels,
-            skin_voxels,
-            bytes,
-        };
-    let all = labels.iter().zip(&outputs).zip(made).filter(|(_, [voxels, _])| *voxels > 0);
-    let each = all.map(model).collect();
+    let mut each = Vec::with_capacity(labels.len());
+    for ((label, output), [skin_voxels, bytes]) in labels.iter().zip(&outputs).zip(made) {
+        if skin_voxels > 0 {
+            let (number, name, voxels) = (label.number, label.name.clone(), label.voxels);
+            each.push(LabelModel { number, name, output: data(output), voxels, skin_voxels, bytes });
+        }
+    }
     Ok(BuildSummary { each, ..built })
 }

@@ -303,7 +303,7 @@ impl<'a> Buckets<'a> {
     fn for_each(
         &self,
         bucket: &Bucket,
-        found: &mut dyn FnMut(u64, &[u8]) -> Result<(), Stop>,
+        mut found: impl FnMut(u64, &[u8]) -> Result<(), Stop>,
     ) -> Result<(), Stop> {
         let mut bytes = vec![0; WORD + self.chunk];
         let (mut at, mut left) = (bucket.first, bucket.voxels);
@@ -379,14 +379,14 @@ fn write(
             .try_for_each(|d| levels[d].write(&[std::mem::take(&mut open[d])]))
             .map_err(Stop::Output)
     };
-    buckets.for_each(bucket, &mut |code, bytes| {
+    buckets.for_each(bucket, |code, bytes| {
         let shared = last.replace(code).map_or(0, |last| shared_levels(last, code, depth));
         if bucket.voxels > 0 && open[0] != 0 {
             close(&mut open, shared)?;
         }
         // Where a node is shared, so is the way to it; the node above what differs has one more child.
-        for d in shared.saturating_sub(1)..depth {
-            open[d] |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
+        for (d, node) in open.iter_mut().enumerate().take(depth).skip(shared.saturating_sub(1)) {
+            *node |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
         }
         let mut rest = bytes;
         items.iter_mut().try_for_each(|(bytes, writer)| {

@@ -21,6 +21,13 @@ pub(super) enum Order {
     Apart,
 }
 
+impl Order {
+    /// The axis along which they follow each other.
+    pub(super) fn axis(self) -> usize {
+        if self == Self::Together { 0 } else { 2 }
+    }
+}
+
 /// The layers of one file, and how they are joined.
 #[derive(Clone, Debug)]
 pub(super) struct Layers {
