@@ -1,13 +1,14 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 24] = [
+const OTHERWISE: [(&str, &str); 25] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
     ("anyway", "--measure"),
     ("form", "--as"),
     ("origin_mm", "--origin"),
+    ("replace", "--force"),
     ("scalar", "--dtype"),
     ("skin_only", "--skin"),
     ("spacing_mm", "--spacing"),

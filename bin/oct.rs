@@ -24,9 +24,10 @@ use infobyte::export::ExportForm;
 use infobyte::format::{Channels, SurfaceKind};
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
-use infobyte::jobs::build::{BuildJob, GridOptions};
+use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
+use infobyte::jobs::names::read_label_names;
 use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
@@ -118,7 +119,7 @@ fn first_paragraph(printed: &str) -> String {
 fn run(command: Command) -> Result<ExitCode, Failure> {
     match command {
         Command::Build(args) if args.resume => parts::resume(&args.build),
-        Command::Build(args) => build(&args.build),
+        Command::Build(args) => build(&args.build, args.each.as_deref()),
         Command::Batch(args) => batch(&args),
         Command::Scan(args) => scan(&args),
         Command::Plan(args) => parts::plan(&args),
@@ -168,15 +169,22 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
     }
 }
 
-fn build(args: &args::BuildArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.output.as_path()], Dash::Model)?;
-    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failure> {
+    refuse_dash([args.output()], Dash::Model)?;
+    refuse_dash(each, Dash::Folder)?;
+    check_suffixes([args.output()], Written::Model, args.force)?;
     // The arguments have been read: what that took is given back before the rest.
     jobs::give_back();
-    let build = Build::of(args)?;
+    let build = Build::of(args, each.is_some())?;
     let bars = Bars::new(args.quiet || args.json);
-    let summary =
-        jobs::build::convert(build.kind, &build.inputs, &build.how, &build.job(&args.output, &bars));
+    let (kind, inputs, how, job) = (build.kind, &build.inputs, &build.how, build.job(args.output(), &bars));
+    let summary = match each {
+        Some(folder) => {
+            let each = EachLabel { folder, replace: args.force, keep_whole: args.output.is_some() };
+            jobs::build::convert_each(kind, inputs, how, &job, each)
+        }
+        None => jobs::build::convert(kind, inputs, how, &job),
+    };
     bars.finish();
     let mut summary = summary?;
     summary.input = args.input.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
@@ -196,14 +204,14 @@ struct Build {
 }
 
 impl Build {
-    fn of(args: &args::BuildArgs) -> Result<Self, Failure> {
+    fn of(args: &args::BuildArgs, is_split: bool) -> Result<Self, Failure> {
         // Standard input gives headerless voxels only.
         let is_piped = args.input.iter().any(|path| is_dash(path));
         let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
         args.refuse_foreign(kind)?;
         let label_names =
-            args.names.as_deref().map_or_else(|| Ok(Vec::new()), jobs::names::read_label_names)?;
-        let surface = args.skin.surface(args.mesh.grid.is_thin());
+            args.names.as_deref().map_or(Ok(Vec::new()), |table| read_label_names(table, args.keep_names))?;
+        let surface = args.skin.surface(args.mesh.grid.is_thin() || is_split);
         let usual = match kind {
             SubjectKind::Mesh => usual_channels(surface),
             SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
@@ -244,6 +252,7 @@ impl Build {
             volume: args.which.volume,
             index: args.which.index.clone(),
             follow_links: args.which.links.follow_links,
+            keep_names: args.keep_names,
             placement: Placement { spacing_mm: args.raw.spacing, orientation: args.raw.orientation },
             ..OpenOptions::default()
         };
@@ -274,6 +283,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             ..OpenOptions::default()
         },
         clean: args.clean.options(),
+        find_labels: !args.selection.is_given(),
         build: BuildOptions {
             threshold: args.selection.threshold(),
             labels: None,
@@ -350,7 +360,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         meshes: args.mesh.options(&args.search.links).grid.is_some(),
         ..OpenOptions::default()
     };
-    let report = jobs::scan::scan(&args.input, &how, &mut |listed| {
+    let report = jobs::scan::scan(&args.input, &how, args.values, &mut |listed| {
         let before = match (args.json, std::mem::take(&mut first)) {
             (_, true) => &begin,
             (true, false) => ",\n",
@@ -374,7 +384,11 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         if report.copies > 0 {
             text += &format!(", {} skipped as copies", report.copies);
         }
-        text += "; only headers were read, so that damaged pixels, or none inside, show in the batch\n";
+        text += if args.values {
+            "; values were read, too\n"
+        } else {
+            "; only headers were read, so that damaged pixels, or none inside, show in the batch\n"
+        };
         for LeftOutCount { reason, count, first } in &report.left_out {
             text += &format!("  {count} file(s) left out: {} (first: {})\n", shown(reason), shown(first));
             if *count > 1 && reason == NOT_VOLUME {

@@ -15,9 +15,9 @@ use crate::{Build, print};
 
 pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let PlanArgs { build: args, parts } = args;
-    refuse_dash([args.output.as_path()], Dash::Folder)?;
+    refuse_dash([args.output()], Dash::Folder)?;
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
-    let build = Build::of(args)?;
+    let build = Build::of(args, false)?;
     // The words of this command line are those of the parts.
     let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
     let command =
@@ -25,8 +25,8 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let folder = std::env::current_dir().map_err(|cause| Error::Output { path: ".".into(), cause })?;
     let folder = folder.to_str().ok_or(Refusal::NotText)?;
     let bars = Bars::new(args.quiet || args.json);
-    let input = input(&build, &args.output, &bars);
-    let report = parts::plan(&input, *parts, &args.output, command, folder)?;
+    let input = input(&build, args.output(), &bars);
+    let report = parts::plan(&input, *parts, args.output(), command, folder)?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
 }
 
@@ -59,7 +59,7 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     planned.memory = args.memory.unwrap_or(planned.memory);
     planned.threads.threads = args.threads.threads.or(planned.threads.threads);
     planned.scratch.clone_from(&args.scratch);
-    let build = Build::of(&planned)?;
+    let build = Build::of(&planned, false)?;
     infobyte::jobs::give_back();
     let bars = Bars::new(args.quiet || args.json);
     let input = input(&build, &output, &bars);
@@ -74,13 +74,13 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
 
 /// `oct build --resume`.
 pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.output.as_path()], Dash::Model)?;
+    refuse_dash([args.output()], Dash::Model)?;
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
-    check_suffixes([args.output.as_path()], Written::Model, args.force)?;
+    check_suffixes([args.output()], Written::Model, args.force)?;
     infobyte::jobs::give_back();
-    let build = Build::of(args)?;
+    let build = Build::of(args, false)?;
     let bars = Bars::new(args.quiet || args.json);
-    let report = parts::resume(&input(&build, &args.output, &bars));
+    let report = parts::resume(&input(&build, args.output(), &bars));
     bars.finish();
     let report = report?;
     Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?)
@@ -91,7 +91,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     let bars = Bars::new(args.quiet || args.json);
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
-        let build = Build::of(&planned(&plan)?)?;
+        let build = Build::of(&planned(&plan)?, false)?;
         infobyte::jobs::give_back();
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
         return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);

@@ -20,8 +20,8 @@ use crate::progress::Stopped;
 use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
-    CHANNELS, EACH, ERROR, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT, RANGE,
-    SECTION, SKIN, SMOOTH, VISIBLE_FROM,
+    CHANNELS, EACH, ERROR, FORCE, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT,
+    RANGE, SECTION, SKIN, SMOOTH, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
 
@@ -81,6 +81,8 @@ pub enum UsageError {
     LabelNames { path: PathBuf, line: usize },
     #[error("{}: names the label {number} twice; name it once", shown(.path))]
     LabelTwice { path: PathBuf, number: u16 },
+    #[error("{}: is there already; {FORCE} replaces it, and the models of the other labels", shown(.path))]
+    Exists { path: PathBuf },
     #[error("{}: has no labels that could be hidden; build a map of labels with {LABELS}", shown(.path))]
     Unlabelled { path: PathBuf },
     #[error("{}: has no labels to list; leave out {LEGEND}, or build a map of labels with {LABELS}", shown(.path))]

@@ -20,6 +20,7 @@ use crate::failure::Refusal;
 
 /// `oct build`: what other commands build as well, and what only it can.
 #[derive(Debug, Args)]
+#[command(mut_arg("output", |arg| arg.required(false).required_unless_present("each")))]
 pub(crate) struct BuildCommand {
     #[command(flatten)]
     pub(crate) build: BuildArgs,
@@ -27,6 +28,10 @@ pub(crate) struct BuildCommand {
     /// goes on from those that are there, and the report is that of merge
     #[arg(long)]
     pub(crate) resume: bool,
+    /// Write a model of each label, too, into this folder, named by the label; without --output these alone. The volume is
+    /// read once
+    #[arg(long, value_name = "FOLDER", requires = "labels", conflicts_with = "resume")]
+    pub(crate) each: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]
@@ -35,9 +40,9 @@ pub(crate) struct BuildArgs {
     #[arg(required = true, value_name = "INPUT")]
     pub(crate) input: Vec<PathBuf>,
     /// The model to write
-    #[arg(short, long, value_name = "MODEL.oct")]
-    pub(crate) output: PathBuf,
-    /// Write it even if its name says that it is another kind of file
+    #[arg(short, long, value_name = "MODEL.oct", required = true)]
+    pub(crate) output: Option<PathBuf>,
+    /// Write it even if its name says that it is another kind of file; with --each, replace models that are there
     #[arg(long)]
     pub(crate) force: bool,
     #[command(flatten)]
@@ -50,7 +55,11 @@ pub(crate) struct BuildArgs {
     /// SEG tools
     #[arg(long, value_name = "FILE", requires = "labels")]
     pub(crate) names: Option<PathBuf>,
-    /// Of several masks of one grid, which become one map of labels: whose a voxel is that several hold
+    /// Name labels as somebody typed it in where the input states the meaning of a code, too (DICOM SEG, .seg.nrrd, the JSON
+    /// of DICOM SEG tools); such names may tell who is shown, so that by default those of codes are taken
+    #[arg(long, requires = "labels")]
+    pub(crate) keep_names: bool,
+    /// Of masks of one grid, or segments, which become one map of labels: whose a voxel is that several hold
     #[arg(long, value_enum, default_value_t = OverlapArg::Last, requires = "labels")]
     pub(crate) overlap: OverlapArg,
     /// Peak resident memory of the whole process
@@ -168,6 +177,10 @@ pub(crate) struct ScanArgs {
     pub(crate) gaps: GapArgs,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
+    /// Read the values, too, as slowly as a batch does: label maps that no header states are recognised, and damaged
+    /// pixels show
+    #[arg(long)]
+    pub(crate) values: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
@@ -223,6 +236,11 @@ pub(crate) struct SelectionArgs {
 }
 
 impl SelectionArgs {
+    /// Was anything of it asked for?
+    pub(crate) fn is_given(&self) -> bool {
+        self.iso.is_some() || self.range.is_some() || self.otsu
+    }
+
     /// The threshold of the library.
     pub(crate) fn threshold(&self) -> Threshold {
         match (self.iso, self.range) {
@@ -438,6 +456,11 @@ impl CleanArgs {
 }
 
 impl BuildArgs {
+    /// The model to write; empty where none is asked for.
+    pub(crate) fn output(&self) -> &Path {
+        self.output.as_deref().unwrap_or(Path::new(""))
+    }
+
     /// Refuses a flag that says nothing about what is built.
     pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
         self.skin.refuse_ignored()?;

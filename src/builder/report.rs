@@ -4,7 +4,7 @@ use std::fmt;
 
 use crate::format::Selection;
 use crate::text::Short;
-use crate::text::names::{ISO, RANGE};
+use crate::text::names::{ISO, LABELS, RANGE};
 
 /// Results and costs of a build.
 #[derive(Clone, Debug)]
@@ -66,6 +66,13 @@ pub enum BuildNote {
         /// How many there are besides.
         others: usize,
     },
+    /// Labels that have names have no voxel.
+    NamesAbsent {
+        /// The first of them.
+        first: u16,
+        /// How many there are besides.
+        others: usize,
+    },
     /// None of the labels that the table of names has is there.
     LabelsUnnamed {
         /// Labels of the table.
@@ -87,11 +94,15 @@ impl fmt::Display for BuildNote {
         match self {
             Self::Labels { count } => write!(
                 f,
-                "its values are taken for labels, {count} of them, and everything above 0 is inside; {RANGE} takes a label alone, {ISO} those from one on"
+                "its values are taken for labels, {count} of them, and everything above 0 is inside; {LABELS} all gives each a surface of its own, {RANGE} takes a label alone"
             ),
             Self::LabelsAbsent { first, others: 0 } => write!(f, "no voxel has the label {first}"),
             Self::LabelsAbsent { first, others } => {
                 write!(f, "no voxel has the label {first}, nor {others} more of those asked for")
+            }
+            Self::NamesAbsent { first, others } => {
+                write!(f, "no voxel has the label {first}, which has a name")?;
+                if *others > 0 { write!(f, ", nor {others} more that have one") } else { Ok(()) }
             }
             Self::LabelsUnnamed { named } => {
                 write!(f, "no voxel has any of the {named} labels of the table, so that none has a name")

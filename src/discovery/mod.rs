@@ -30,6 +30,7 @@ mod surveyor;
 mod walk;
 
 pub use left_out::LeftOut;
+use open::join_segments;
 pub(crate) use open::open_unprepared_in;
 pub use open::{open, open_unprepared};
 
@@ -117,7 +118,15 @@ impl Catalogue {
             // Nothing is made of what cannot be read: its name has to tell it from others in reports only.
             Err(_) => unreadable(format),
         });
-        self.first_of_many(findings)
+        self.first_of_many(self.joined(findings))
+    }
+
+    /// The segments of a segmentation as one map, if masks are taken together.
+    fn joined(&self, findings: Vec<Finding>) -> Vec<Finding> {
+        match self.options.masks {
+            Some(overlap) => join_segments(findings, overlap),
+            None => findings,
+        }
     }
 
     /// The first of very many volumes of one input that are alike, unless all are wanted: a functional study has
@@ -203,7 +212,7 @@ impl Catalogue {
     /// Cost: that item is opened again, and all files of both are read, up to the first difference. One that
     /// cannot be read is not a copy.
     pub(crate) fn is_copy(&self, finding: &Finding, (index, part): (usize, usize)) -> bool {
-        let mut others = self.first_of_many(self.open_unnamed(index)).into_iter();
+        let mut others = self.first_of_many(self.joined(self.open_unnamed(index))).into_iter();
         others.nth(part).is_some_and(|other| is_copy(finding, &other).unwrap_or(false))
     }
 

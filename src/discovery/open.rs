@@ -1,6 +1,6 @@
 //! One entrance for every kind of input.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -17,14 +17,15 @@ use crate::facts::{
 use crate::mesh;
 use crate::platform::open_file;
 use crate::progress::Silent;
-use crate::source::dicom::{Recognition, recognise};
+use crate::source::dicom::{FRACTIONAL, Recognition, SEGMENTATION, recognise};
 use crate::source::{HEAD_BYTES, Subject, SubjectKind, known, known_folder};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
 use crate::volume::InfoOverride;
 use crate::volume::place;
 use crate::volume::{
-    FileWatch, MAX_MASKS, MaskPart, Masks, Overlap, Result, SourceError, VolumeSource, Workspace,
+    FileWatch, ImageKind, MAX_MASKS, MaskPart, Masks, Overlap, Result, SourceError, StatedLabel,
+    VolumeSource, Workspace,
 };
 
 /// How deep folders are searched below the one given.
@@ -77,7 +78,10 @@ pub(crate) fn open_unprepared_in(
     options: &OpenOptions,
     scratch: &Path,
 ) -> Result<Box<dyn VolumeSource>> {
-    let volume = found(inputs, options, scratch)?;
+    let mut volume = found(inputs, options, scratch)?;
+    if let Some(overlap) = options.masks {
+        volume = with_names(volume, overlap, options.keep_names)?;
+    }
     if !options.index.is_empty() && volume.info().description.format != "zarr" {
         let path = inputs.first().cloned().unwrap_or_default();
         let misuse = Misuse::Index(IndexFault { axes: Vec::new() });
@@ -160,19 +164,84 @@ fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSou
         let misuse = Misuse::ManyMasks { found: count, most: MAX_MASKS };
         return Err(SourceFault::Usage { path, misuse }.into());
     }
+    joined(findings, overlap).map(Some)
+}
+
+/// The map of masks, or of the segments of one file. Each has the label that its file states of it, unless two have the
+/// same number, and otherwise the name of its part or file.
+fn joined(findings: Vec<Finding>, overlap: Overlap) -> Result<Box<dyn VolumeSource>> {
     let segments = findings.iter().all(|finding| finding.path == findings[0].path);
     let mut parts: Vec<MaskPart> = Vec::new();
     for (number, finding) in (1..).zip(findings) {
-        let name = match finding.part {
-            Some(part) => part,
-            None => stem(&finding.path),
+        let Some(source) = finding.subject?.into_volume() else { continue };
+        let mut label = match source.info().description.labels.as_slice() {
+            [stated] => stated.clone(),
+            _ => StatedLabel { number, ..StatedLabel::default() },
         };
-        if let Some(source) = finding.subject?.into_volume() {
-            parts.push(MaskPart { source, number, name });
+        if label.name.is_empty() {
+            label.name = finding.part.unwrap_or_else(|| stem(&finding.path));
+        }
+        parts.push(MaskPart { source, label });
+    }
+    let numbers: BTreeSet<u16> = parts.iter().map(|part| part.label.number).collect();
+    if numbers.len() < parts.len() {
+        (1..).zip(&mut parts).for_each(|(number, part)| part.label.number = number);
+    }
+    Ok(Box::new(Masks::of(parts, overlap, segments)?))
+}
+
+/// The segments of one segmentation as one map of its labels, under the name of the whole; other volumes as they are.
+pub(super) fn join_segments(findings: Vec<Finding>, overlap: Overlap) -> Vec<Finding> {
+    let is_segment = |finding: &Finding| {
+        let volume = finding.subject.as_ref().ok().and_then(Subject::volume);
+        finding.kind == SEGMENTATION
+            && finding.path == findings[0].path
+            && volume.is_some_and(|volume| volume.info().description.labels.len() == 1)
+    };
+    if !(2..=MAX_MASKS).contains(&findings.len()) || !findings.iter().all(is_segment) {
+        return findings;
+    }
+    let Finding { path, id, format, kind, files, burned_in, .. } = &findings[0];
+    let id = match id.rsplit_once('-') {
+        Some((whole, part)) if part.starts_with("segment") => whole.to_owned(),
+        _ => id.clone(),
+    };
+    let (path, kind, more) = (path.clone(), kind.clone(), findings.len() - 1);
+    let (format, files, burned_in) = (*format, *files, *burned_in);
+    let map = joined(findings, overlap);
+    let size = map.as_ref().ok().map(|map| map.info().dims.to_array());
+    let subject = map.map(Subject::Volume);
+    vec![Finding { path, id, format, kind, part: None, size, files, burned_in, at: 0, more, subject }]
+}
+
+/// A volume of labels with the names that are to be stored: those of codes, or those that were typed in.
+fn with_names(
+    mut volume: Box<dyn VolumeSource>,
+    overlap: Overlap,
+    typed: bool,
+) -> Result<Box<dyn VolumeSource>> {
+    let description = &volume.info().description;
+    if let ImageKind::Series { object, .. } = &description.kind {
+        if object == FRACTIONAL {
+            let path = PathBuf::from(&description.name);
+            return Err(SourceFault::Usage { path, misuse: Misuse::Fractional }.into());
+        }
+        // The values of a segment are 0 and 1, whatever its number.
+        if let [label] = description.labels.as_slice()
+            && label.number != 1
+        {
+            let part = MaskPart { label: label.clone(), source: volume };
+            volume = Box::new(Masks::of(vec![part], overlap, true)?);
         }
     }
-    let volume: Box<dyn VolumeSource> = Box::new(Masks::of(parts, overlap, segments)?);
-    Ok(Some(volume))
+    let mut info = volume.info().clone();
+    let mut others = info.description.labels.iter_mut().filter(|label| !label.typed.is_empty());
+    if typed {
+        others.for_each(|label| label.name.clone_from(&label.typed));
+    } else if others.any(|label| !label.typed.eq_ignore_ascii_case(&label.name)) {
+        info.notes.push(Note::TypedNames);
+    }
+    Ok(InfoOverride::boxed(volume, info))
 }
 
 /// A file's name without what follows its first dot: `liver` of `liver.nii.gz`.

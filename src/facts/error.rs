@@ -31,7 +31,8 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::geom::Dims;
 use crate::progress::Stopped;
 use crate::text::names::{
-    DIMS, DOWNSAMPLE, DTYPE, GRID, MEMORY, OVERLAP, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME, VOXEL,
+    DIMS, DOWNSAMPLE, DTYPE, GRID, ISO, MEMORY, OVERLAP, RANGE, ROI, SCAN, SCRATCH, SKIP, SPACING, VOLUME,
+    VOXEL,
 };
 use crate::text::{reading, shown};
 
@@ -353,6 +354,10 @@ pub(crate) enum Misuse {
     OtherGrid { first: String },
     #[error("{voxels} voxel(s) are in several masks; {OVERLAP} first or last says whose they are")]
     Overlaps { voxels: u64 },
+    #[error(
+        "is a FRACTIONAL segmentation: its values are parts of voxels, not labels; choose a part with {ISO} V or {RANGE} LO..HI"
+    )]
+    Fractional,
     #[error("{found} masks are more than the {most} that one map can be made of")]
     ManyMasks { found: usize, most: usize },
     #[error("{0}")]

@@ -11,7 +11,7 @@ use super::left_out::NotVolume;
 use super::numbered::NumberNote;
 use super::stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
 use crate::geom::Orientation;
-use crate::text::names::{ALL_VOLUMES, ORIENTATION, SPACING};
+use crate::text::names::{ALL_VOLUMES, KEEP_NAMES, ORIENTATION, SPACING};
 use crate::text::shown;
 
 /// One thing that a user of a volume should know of it.
@@ -148,6 +148,10 @@ pub enum Note {
         if *.first { "first" } else { "last" }
     )]
     Overlaps { voxels: u64, first: bool },
+    #[error(
+        "labels have the meanings of their codes; names that were typed in may tell who is shown, and {KEEP_NAMES} takes those"
+    )]
+    TypedNames,
     #[error("{count} file(s) left out: {why} (first: {first})")]
     LeftOut { count: u64, why: NotVolume, first: String },
     #[error("{count} more file(s) left out for other reasons")]

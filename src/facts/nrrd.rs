@@ -38,6 +38,12 @@ pub(crate) enum NrrdFault {
     Components { axis: usize, axes: usize, kind: String },
     #[error("it has {count} axes in space, and a volume needs two or three")]
     SpatialAxes { count: usize },
+    #[error(
+        "is an empty segmentation: 3D Slicer writes a single voxel where no segment has any; there is nothing to build"
+    )]
+    EmptySegmentation,
+    #[error("layer {layer} of the segmentation holds the value {value}, which no segment of its header has")]
+    NoSegment { layer: u64, value: f64 },
     #[error("an axis has no direction")]
     NoDirection,
 }

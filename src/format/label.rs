@@ -143,10 +143,15 @@ pub(crate) struct LabelForm {
 }
 
 impl LabelForm {
+    /// That of skin voxels.
+    pub(crate) const OF_SKIN: Self = Self { is_pair: false, bytes: 2 };
+
     /// That of a model with so many labels.
     pub(crate) fn of(surface: SurfaceKind, labels: usize) -> Self {
-        let is_pair = surface == SurfaceKind::Cells;
-        Self { is_pair, bytes: if is_pair && labels > BYTE_PLACES { 4 } else { 2 } }
+        match surface {
+            SurfaceKind::Skin => Self::OF_SKIN,
+            SurfaceKind::Cells => Self { is_pair: true, bytes: if labels > BYTE_PLACES { 4 } else { 2 } },
+        }
     }
 
     /// Bytes of an item before it is coded: a number, or those behind and in front.

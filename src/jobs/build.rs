@@ -10,9 +10,11 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
+mod each;
 mod report;
 mod summary;
 
+pub use each::{EachLabel, LabelModel, convert_each};
 pub use report::BuildFigures;
 pub use summary::BuildSummary;
 
@@ -249,6 +251,7 @@ impl BuildJob<'_> {
             memory_bytes: self.options.memory.bytes(),
             report,
             info: read_info(self.output)?,
+            each: Vec::new(),
             cleaning: (!self.clean.is_empty()).then(|| (self.clean.operations(), cleaned)),
             warnings,
             hints,

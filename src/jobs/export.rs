@@ -16,7 +16,7 @@ use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
-use crate::export::{ExportFault, ExportForm, ExportStop, Exporter, Mesh};
+use crate::export::{ExportFault, ExportForm, ExportStop, Exported, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, ModelView, verify};
 use crate::page::{self, Way};
@@ -139,28 +139,48 @@ pub fn export(
         .write(request.form, out.file(), folder_of(output), progress)
         .map_err(|stop| failed(stop, &model, input, output))?;
     model.check_unchanged(input)?;
+    let bytes = commit(out, output, progress)?;
+    Ok(report([input, output], request.form, &model, (made, bytes, Vec::new()), start))
+}
+
+/// Gives what was written its name, unless the job is stopped; its size.
+fn commit(out: AtomicFile, output: &Path, progress: &dyn Progress) -> Result<u64, Error> {
+    let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     if progress.stopped() {
         return Err(Error::Stopped);
     }
     out.commit().map_err(unwritable)?;
-    let is_far = request.form.has_coordinates() && is_far(&model.affine(), model.dims());
-    Ok(ExportReport {
+    Ok(bytes)
+}
+
+/// What was written: counts, bytes, and of labels the surface of each.
+type Written = (Exported, u64, Vec<LabelSurface>);
+
+fn report(
+    [input, output]: [&Path; 2],
+    form: ExportForm,
+    model: &Model,
+    (made, bytes, surfaces): Written,
+    start: Instant,
+) -> ExportReport {
+    let is_far = form.has_coordinates() && is_far(&model.affine(), model.dims());
+    ExportReport {
         input: data(input),
         output: data(output),
-        form: request.form,
+        form,
         vertices: made.vertices,
         triangles: made.triangles,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
-        surfaces: Vec::new(),
+        surfaces,
         is_far,
         warnings: warnings(made.unknown, is_far),
-        apart_voxels: model.metadata().error.map(|found| found.most),
+        apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| form != ExportForm::Html),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
-    })
+    }
 }
 
 /// Refuses the inside of a model that keeps only what can be seen.
@@ -260,27 +280,9 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
     page::write(&model, &space, &title, &picture, Way::File, &mut BufWriter::new(out.file()))
         .map_err(unwritable)?;
     model.check_unchanged(input)?;
-    let bytes = out.file().metadata().map_err(unwritable)?.len();
-    if progress.stopped() {
-        return Err(Error::Stopped);
-    }
-    out.commit().map_err(unwritable)?;
-    Ok(ExportReport {
-        input: data(input),
-        output: data(output),
-        form: ExportForm::Html,
-        vertices: 0,
-        triangles: 0,
-        inside_voxels: 0,
-        unknown_voxels: 0,
-        surfaces: Vec::new(),
-        is_far: false,
-        warnings: Vec::new(),
-        apart_voxels: None,
-        bytes,
-        peak_rss_bytes: peak_rss_bytes(),
-        wall_s: start.elapsed().as_secs_f64(),
-    })
+    let bytes = commit(out, output, progress)?;
+    let written = (Exported::default(), bytes, Vec::new());
+    Ok(report([input, output], ExportForm::Html, &model, written, start))
 }
 
 /// The triangles of a model in memory: those of [`export`] to a PLY file, in the same order.

@@ -13,6 +13,7 @@ mod frame;
 mod hint;
 pub mod info;
 pub mod intersect;
+mod labels;
 #[doc(hidden)]
 pub mod measure;
 pub mod names;

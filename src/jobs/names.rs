@@ -5,26 +5,29 @@
 //! | TSV or CSV with a header | columns index (or LabelValue), name, and color as #rrggbb or Color_R, Color_G, Color_B |
 //! | ITK-SNAP label descriptions | `number R G B A visible mesh "name"` |
 //! | Slicer colour table (.ctbl), FreeSurfer | `number name R G B A`; in .ctbl `_` stands for a blank |
-//! | JSON of DICOM SEG tools | `segmentAttributes`: labelID, SegmentLabel, recommendedDisplayRGBValue |
+//! | JSON of DICOM SEG tools | `segmentAttributes`: labelID, SegmentedPropertyTypeCodeSequence and its modifier or SegmentLabel, recommendedDisplayRGBValue |
 
+use std::collections::HashSet;
 use std::io::Read;
 use std::path::Path;
 
 use serde_json::Value;
 
 use crate::error::{Error, UsageError};
-use crate::format::LabelName;
+use crate::export::part_name;
+use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
 
 /// Longest table.
 const MAX_BYTES: u64 = 4 << 20;
 
-/// Reads a table of labels, of the kind that its content shows; label 0 is left out.
+/// Reads a table of labels, of the kind that its content shows; label 0 is left out. Of a code and a name that was typed in,
+/// as JSON may have both, the code's meaning is taken, unless `typed` says so.
 ///
 /// # Errors
 /// The file cannot be read, is not one of these tables, or names a label twice.
-pub fn read_label_names(path: &Path) -> Result<Vec<LabelName>, Error> {
+pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Error> {
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let mut bytes = Vec::new();
     let file = open_file(path).map_err(unreadable)?;
@@ -36,7 +39,7 @@ pub fn read_label_names(path: &Path) -> Result<Vec<LabelName>, Error> {
     let text = String::from_utf8_lossy(&bytes);
     let blanks = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ctbl"));
     let mut names = match text.trim_start().starts_with(['{', '[']) {
-        true => of_json(&text).ok_or_else(|| wrong(0))?,
+        true => of_json(&text, typed).ok_or_else(|| wrong(0))?,
         false => of_rows(&text, blanks).map_err(wrong)?,
     };
     names.sort_by_key(|label| label.number);
@@ -49,24 +52,34 @@ pub fn read_label_names(path: &Path) -> Result<Vec<LabelName>, Error> {
 }
 
 /// The labels of `segmentAttributes`, in lists within a list.
-fn of_json(text: &str) -> Option<Vec<LabelName>> {
+fn of_json(text: &str, typed: bool) -> Option<Vec<LabelName>> {
     let table: Value = serde_json::from_str(text).ok()?;
-    let mut names = Vec::new();
+    let mut all = Vec::new();
     for segment in table.get("segmentAttributes")?.as_array()?.iter().map(|list| list.as_array()) {
         for segment in segment? {
             let number = u16::try_from(segment.get("labelID")?.as_u64()?).ok()?;
-            let name =
-                ["SegmentLabel", "SegmentDescription"].iter().find_map(|key| segment.get(key)?.as_str());
+            let text = |key: &str| segment.get(key).and_then(|value| value.as_str()).unwrap_or_default();
+            let code = |key: &str| {
+                let meaning = segment.get(key).and_then(|code| code.get("CodeMeaning")?.as_str());
+                meaning.unwrap_or_default().trim()
+            };
+            let [own, modifier] =
+                ["Type", "TypeModifier"].map(|of| code(&format!("SegmentedProperty{of}CodeSequence")));
+            let coded = if own.is_empty() { String::new() } else { format!("{modifier} {own}") };
+            let written = [text("SegmentLabel"), text("SegmentDescription")];
+            let mut names = [coded.trim(), written[0], written[1]];
+            names.rotate_left(usize::from(typed && !written.concat().is_empty()));
+            let name = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default().to_owned();
             let color = segment.get("recommendedDisplayRGBValue").and_then(|color| {
                 let parts = color.as_array().filter(|parts| parts.len() == 3)?;
                 let part = |i: usize| u8::try_from(parts.get(i)?.as_u64()?).ok();
                 Some([part(0)?, part(1)?, part(2)?])
             });
-            names.push(LabelName { number, name: name.unwrap_or_default().to_owned(), color });
+            all.push(LabelName { number, name, color });
         }
     }
-    names.retain(|label| label.number > 0);
-    (!names.is_empty()).then_some(names)
+    all.retain(|label| label.number > 0);
+    (!all.is_empty()).then_some(all)
 }
 
 /// The labels of a table of lines; the number of a line that cannot be read.
@@ -153,6 +166,31 @@ impl Columns {
     }
 }
 
+/// Bytes of a label's name in that of its file: file systems hold 255.
+const MAX_NAME: usize = 200;
+
+/// Names of labels' files, without suffixes: those of the labels, with the number where there is none or where a label
+/// before has the same.
+pub(super) fn file_names(labels: &[Label]) -> Vec<String> {
+    let mut taken = HashSet::new();
+    let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
+    labels
+        .iter()
+        .map(|label| {
+            let name: String = part_name(label).chars().map(plain).collect();
+            // Not hidden, and no option.
+            let mut name = name.trim_start_matches(['.', '-']).to_owned();
+            while name.len() > MAX_NAME {
+                name.pop();
+            }
+            while name.is_empty() || !taken.insert(name.to_lowercase()) {
+                name.push_str(&format!("_{}", label.number));
+            }
+            name
+        })
+        .collect()
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -188,7 +226,7 @@ mod tests {
         for (name, text) in tables {
             let path = folder.path().join(name);
             std::fs::write(&path, text).unwrap();
-            assert_eq!(read_label_names(&path).unwrap(), due, "{name}");
+            assert_eq!(read_label_names(&path, false).unwrap(), due, "{name}");
         }
         let wrong = [
             ("index\tname\n1\ta\n1\tb\n", "label 1 twice"),
@@ -204,9 +242,26 @@ mod tests {
         for (text, words) in wrong {
             let path = folder.path().join("w.txt");
             std::fs::write(&path, text).unwrap();
-            let said = read_label_names(&path).unwrap_err().to_string();
+            let said = read_label_names(&path, false).unwrap_err().to_string();
             assert!(said.contains(words) && said.contains("w.txt"), "{text}: {said}");
         }
-        assert!(read_label_names(&folder.path().join("absent.txt")).is_err());
+        assert!(read_label_names(&folder.path().join("absent.txt"), false).is_err());
+        let path = folder.path().join("coded.json");
+        let table = r#"{"segmentAttributes": [[{"labelID": 7, "SegmentLabel": "his kidney", "SegmentedPropertyTypeCodeSequence": {"CodeMeaning": "Kidney"}, "SegmentedPropertyTypeModifierCodeSequence": {"CodeMeaning": "Right"}}]]}"#;
+        std::fs::write(&path, table).unwrap();
+        for (typed, name) in [(false, "Right Kidney"), (true, "his kidney")] {
+            assert_eq!(read_label_names(&path, typed).unwrap(), [label(7, name, None)]);
+        }
+    }
+
+    #[test]
+    fn files_of_labels_are_named_once_and_stay_in_their_folder() {
+        let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
+        let labels = [label(1, "liver"), label(2, ""), label(3, "Liver"), label(7, "../a b"), label(9, "..")];
+        assert_eq!(file_names(&labels), ["liver", "label_2", "Liver_3", "_a_b", "_9"]);
+        let labels = [label(1, "x"), label(2, "x_3"), label(3, "x"), label(4, &"肝".repeat(100))];
+        let names = file_names(&labels);
+        assert_eq!(names[..3], ["x", "x_3", "x_3_3"]);
+        assert_eq!(names[3], "肝".repeat(66));
     }
 }

@@ -7,34 +7,49 @@ pub use report::{Listed, ListedSize, ScanReport};
 use std::path::PathBuf;
 
 use super::batch::{Claim, Claims, LeftOutCount, LeftOutFile, copy_of, numbered};
+use super::labels::{Values, look, stated};
 use crate::budget::peak_rss_bytes;
+use crate::builder::BuildOptions;
+use crate::clean::CleanOptions;
 use crate::discovery::Catalogue;
 use crate::error::Error;
 use crate::facts::sentences;
+use crate::progress::Silent;
 use crate::source::{Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
+use crate::volume::{Overlap, VolumeSource};
 
 /// Lists the volumes below some inputs; calls `each` for one after the other, and returns what was left out,
 /// with the number of usable and of refused volumes.
+///
+/// The segments of a segmentation are one volume, with the number of the first. Headers state labels; with `values` all
+/// else is read, too, so that those that no header states are recognised: as slow as reading all volumes.
 ///
 /// # Errors
 /// An input cannot be read at all, or `each` fails.
 pub fn scan(
     inputs: &[PathBuf],
     how: &OpenOptions,
+    values: bool,
     each: &mut dyn FnMut(&Listed) -> Result<(), Error>,
 ) -> Result<ScanReport, Error> {
-    let catalogue = Catalogue::survey(inputs, how, &std::env::temp_dir())?;
-    let mut report = ScanReport::default();
+    let how = OpenOptions { masks: Some(Overlap::default()), ..how.clone() };
+    let catalogue = Catalogue::survey(inputs, &how, &std::env::temp_dir())?;
+    let mut report = ScanReport { pixels_looked_at: values, ..ScanReport::default() };
     let claims = Claims::default();
     let mut number = 0;
     for at in 0..catalogue.len() {
         let turn = claims.turn(at);
         let before = number;
-        for (part, finding) in catalogue.open(at).into_iter().enumerate() {
+        for (part, mut finding) in catalogue.open(at).into_iter().enumerate() {
             // Those that are passed over have numbers, too.
             number += 1 + finding.more;
             let mut listed = list(before + finding.at + 1, &finding);
+            if let (true, Ok(Subject::Volume(source))) =
+                (values && listed.label_count.is_none(), &mut finding.subject)
+            {
+                listed.look(&mut **source);
+            }
             if listed.usable {
                 // As a batch names it.
                 match turn.claim(&finding, (at, part), &|finding, owner| catalogue.is_copy(finding, owner)) {
@@ -85,6 +100,7 @@ fn list(number: usize, finding: &Finding) -> Listed {
         reason: None,
         size: None,
         warnings: Some(Vec::new()),
+        label_count: None,
         subject: finding.subject.as_ref().map_or(SubjectKind::Volume, Subject::kind),
         stated: finding.size,
     };
@@ -93,6 +109,7 @@ fn list(number: usize, finding: &Finding) -> Listed {
         Err(e) => listed.refuse(e.to_string()),
         Ok(Subject::Volume(source)) => {
             let info = source.info();
+            listed.label_count = Some(stated(&**source)).filter(|labels| *labels > 0);
             listed.size = Some(ListedSize {
                 dims: info.dims.to_array(),
                 spacing_mm: info.spacing_mm,
@@ -103,6 +120,20 @@ fn list(number: usize, finding: &Finding) -> Listed {
         }
     }
     listed
+}
+
+impl Listed {
+    /// Reads the values of a volume: they may be labels, or cannot be read.
+    fn look(&mut self, source: &mut dyn VolumeSource) {
+        let options = BuildOptions::default();
+        let output = std::env::temp_dir().join("x");
+        match look(source, &CleanOptions::default(), &options, &output, &Silent) {
+            Ok(Values::Labels(count)) => self.label_count = Some(count),
+            Err(Error::Source(error)) => self.refuse(error.to_string()),
+            // Values that are all alike are no reason to refuse a volume here.
+            Ok(Values::Mixed(..)) | Err(_) => {}
+        }
+    }
 }
 
 /// Most files that are left out of which a list has the names.

@@ -50,6 +50,7 @@ pub(super) struct BuildAsked {
     labels: Option<String>,
     /// A table, or numbers and names.
     names: Either<PathBuf, Vec<(u16, String)>>,
+    keep_names: bool,
     surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
@@ -170,7 +171,9 @@ impl BuildAsked {
             labels: self.labels.as_deref().map(str::parse).transpose()?,
             overlap: Overlap::default(),
             label_names: match &self.names {
-                Either::A(table) => read_label_names(table).map_err(|error| error.to_string())?,
+                Either::A(table) => {
+                    read_label_names(table, self.keep_names).map_err(|error| error.to_string())?
+                }
                 Either::B(names) => names
                     .iter()
                     .map(|(number, name)| LabelName { number: *number, name: name.clone(), color: None })
@@ -302,6 +305,7 @@ impl BuildAsked {
             volume: self.volume,
             index: self.index.clone(),
             follow_links: self.follow_links,
+            keep_names: self.keep_names,
             placement: Placement { spacing_mm: self.spacing, orientation },
             ..OpenOptions::default()
         })

@@ -4,9 +4,10 @@
 //! Axes stay as they are stored, the fastest is x. `space` and `space directions` become an affine to LPS
 //! millimetres; without them `spacings` and `axis mins` do. A last axis that is not a direction in space (a
 //! list, time) makes several volumes; one that runs faster than space (colours, vectors) is refused by name. Names and
-//! colours of segments, as 3D Slicer writes them, are those of labels.
+//! colours of segments, as 3D Slicer writes them, are those of labels, and their layers become one map.
 
 mod geometry;
+mod layers;
 mod segments;
 
 use std::fs::File;
@@ -22,9 +23,11 @@ use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::facts::header::HeaderFault;
 use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Fault, Note};
+use crate::geom::Dims;
 use crate::platform::open_file;
-use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
+use layers::{LayeredMap, Layers, Order};
 use segments::Segments;
 
 /// Most axes that the format allows.
@@ -59,11 +62,20 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
-    let stored = header.stored(path, &file, options.follow_links).map_err(|wrong| match wrong {
+    let (stored, layers) = header.stored(path, &file, options).map_err(|wrong| match wrong {
         HeaderError::Header(fault) => unusable(path, fault),
         HeaderError::Other(error) => error,
     })?;
-    stored.open()
+    let Some(layers) = layers else { return stored.open() };
+    let mut sides = stored.size.map(|n| u32::try_from(n).unwrap_or(0));
+    sides[layers.order.axis()] /= u32::try_from(layers.count).unwrap_or(1).max(1);
+    let map = |source: Box<dyn VolumeSource>| -> Box<dyn VolumeSource> {
+        match Dims::new(sides[0], sides[1], sides[2]) {
+            Some(dims) => Box::new(LayeredMap::new(source, dims, layers.clone())),
+            None => source,
+        }
+    };
+    Ok(stored.open()?.into_iter().map(map).collect())
 }
 
 /// Why a header is refused.
@@ -220,7 +232,12 @@ impl Header {
         })
     }
 
-    fn stored(self, path: &Path, file: &File, follow: bool) -> Result<StoredLayout, HeaderError> {
+    fn stored(
+        mut self,
+        path: &Path,
+        file: &File,
+        options: &OpenOptions,
+    ) -> Result<(StoredLayout, Option<Layers>), HeaderError> {
         let samples = self.samples()?;
         let encoding = self.encoding()?;
         if self.dimension == 0 || self.sizes.len() != self.dimension {
@@ -240,29 +257,31 @@ impl Header {
             other => return Err(NrrdFault::ByteOrder { name: other.to_owned() }.into()),
         };
         let axes = self.geometry.axes(&self.sizes)?;
-        let layout = Layout::of(&axes)?;
+        let order = if self.segments.is_stated() { layers_of(&axes) } else { None };
+        let mut layout = Layout::of(&axes, order == Some(Order::Together))?;
+        if self.segments.is_stated() && layout.size == [1; 3] {
+            return Err(NrrdFault::EmptySegmentation.into());
+        }
         // A list of volumes is read as volumes; a list of pictures is not a volume.
         let listed = axes.iter().any(|axis| axis.kind == "list" && axis.size > 1);
-        if layout.size[2] == 1 && (listed || (self.placed_one_by_one && layout.volumes > 1)) {
+        if order.is_none()
+            && layout.size[2] == 1
+            && (listed || (self.placed_one_by_one && layout.volumes > 1))
+        {
             return Err(HeaderFault::Sweep.into());
         }
         let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
-        let slices = layout.size[2].saturating_mul(layout.volumes);
-        let (files, start) = match self.data {
-            Some(DataFiles::Attached(offset)) => {
-                let mut files = files_beside(path);
-                files.push(Path::new(&path.file_name().unwrap_or_default()));
-                (files, offset)
+        let segments = std::mem::take(&mut self.segments);
+        let (labels, layers) = match order {
+            None => (segments.labels(), None),
+            Some(order) => {
+                let layers = layout.join(order, segments, options.masks.unwrap_or_default());
+                (layers.labels.clone(), Some(layers))
             }
-            Some(DataFiles::Listed(files)) => (files, 0),
-            Some(DataFiles::Pattern(pattern, range)) => {
-                let mut files = files_beside(path);
-                numbered(&mut files, &pattern, range, slices)?;
-                (files, 0)
-            }
-            None => return Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
         };
-        check_links(path, &files, follow).map_err(HeaderError::Other)?;
+        let slices = layout.size[2].saturating_mul(layout.volumes);
+        let (files, start) = files_of(self.data, path, slices)?;
+        check_links(path, &files, options.follow_links).map_err(HeaderError::Other)?;
         let mut skip = start;
         if self.line_skip > 0 {
             if files.len() != 1 {
@@ -296,7 +315,7 @@ impl Header {
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
             Err(_) => return Err(NrrdFault::SkipAllButSamples.into()),
         };
-        Ok(StoredLayout {
+        let stored = StoredLayout {
             header: path.to_path_buf(),
             format: "nrrd",
             files,
@@ -310,8 +329,26 @@ impl Header {
             rescale: Rescale::IDENTITY,
             affine,
             notes,
-            labels: self.segments.labels(),
-        })
+            labels,
+        };
+        Ok((stored, layers))
+    }
+}
+
+/// The files of `slices` slices, and where the samples of each begin.
+fn files_of(data: Option<DataFiles>, path: &Path, slices: u64) -> Result<(FileList, u64), HeaderError> {
+    let mut files = files_beside(path);
+    match data {
+        Some(DataFiles::Attached(offset)) => {
+            files.push(Path::new(&path.file_name().unwrap_or_default()));
+            Ok((files, offset))
+        }
+        Some(DataFiles::Listed(files)) => Ok((files, 0)),
+        Some(DataFiles::Pattern(pattern, range)) => {
+            numbered(&mut files, &pattern, range, slices)?;
+            Ok((files, 0))
+        }
+        None => Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
     }
 }
 
@@ -364,8 +401,19 @@ struct Layout {
     space: Vec<usize>,
 }
 
+/// Where the layers of a segmentation lie, if it has several: along its first axis, or along its last.
+fn layers_of(axes: &[Axis]) -> Option<Order> {
+    let mut lists = axes.iter().enumerate().filter(|(_, axis)| !axis.spatial && axis.size > 1);
+    match (lists.next(), lists.next()) {
+        (Some((0, _)), None) => Some(Order::Together),
+        (Some((at, _)), None) if at + 1 == axes.len() => Some(Order::Apart),
+        _ => None,
+    }
+}
+
 impl Layout {
-    fn of(axes: &[Axis]) -> Result<Self, NrrdFault> {
+    /// A first axis of `layers` makes several volumes, as a last one does.
+    fn of(axes: &[Axis], layers: bool) -> Result<Self, NrrdFault> {
         let mut space = Vec::new();
         let mut volumes = 1_u64;
         let mut list: Option<usize> = None;
@@ -375,7 +423,7 @@ impl Layout {
                 continue;
             }
             if axis.spatial && space.len() < 3 {
-                if let Some(at) = list {
+                if let Some(at) = list.filter(|at| *at > 0 || !layers) {
                     let kind = axes.get(at).map_or_else(String::new, |a| a.kind.clone());
                     return Err(NrrdFault::Components { axis: at, axes: axes.len(), kind });
                 }
@@ -390,6 +438,17 @@ impl Layout {
             return Err(NrrdFault::SpatialAxes { count: space.len() });
         }
         Ok(Self { size: [size_of(0), size_of(1), size_of(2)], volumes, space })
+    }
+}
+
+impl Layout {
+    /// Makes the layers, which are volumes so far, parts of one.
+    fn join(&mut self, order: Order, segments: Segments, overlap: Overlap) -> Layers {
+        let count = std::mem::replace(&mut self.volumes, 1);
+        let side = &mut self.size[order.axis()];
+        *side = side.saturating_mul(count);
+        let (labels, segments) = segments.layered();
+        Layers { count, order, labels, segments, overlap }
     }
 }
 

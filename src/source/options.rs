@@ -33,6 +33,8 @@ pub struct OpenOptions {
     /// Are several volumes of one grid taken together, as the masks of a map of labels? Then this says whose a voxel of
     /// several masks is.
     pub masks: Option<Overlap>,
+    /// Are labels named as somebody typed it in, where a code is stated, too? Such names may identify a patient.
+    pub keep_names: bool,
     /// Are triangle meshes and trees of solids taken, too, when folders are searched? They are not volumes: who takes them
     /// says on which grid they are built.
     pub meshes: bool,

@@ -30,8 +30,11 @@ pub struct SourceDescription {
 pub struct StatedLabel {
     /// Its number in the volume.
     pub number: u16,
-    /// Its name; may be empty.
+    /// Its name: the meaning of a code, or that of a class; may be empty.
     pub name: String,
+    /// Another name, which somebody typed in where there is a code, too. It may identify a patient, and is written into a
+    /// model only if that is asked for.
+    pub typed: String,
     /// Its colour (sRGB), if one is stated.
     pub color: Option<[u8; 3]>,
 }

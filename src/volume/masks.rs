@@ -3,7 +3,9 @@
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use super::{Preparation, Rescale, Result, ScalarType, StatedLabel, VolumeInfo, VolumeSource, Workspace};
+use super::{
+    ImageKind, Preparation, Rescale, Result, ScalarType, StatedLabel, VolumeInfo, VolumeSource, Workspace,
+};
 use crate::facts::{Fault, Misuse, Note, SourceFault};
 use crate::geom::Dims;
 
@@ -27,8 +29,7 @@ pub enum Overlap {
 /// A mask, and the label of what is in it.
 pub(crate) struct MaskPart {
     pub(crate) source: Box<dyn VolumeSource>,
-    pub(crate) number: u16,
-    pub(crate) name: String,
+    pub(crate) label: StatedLabel,
 }
 
 /// Masks of one grid as labels; inside a mask are its samples above 0.
@@ -41,6 +42,7 @@ pub(crate) struct Masks {
     /// Where the first voxel of each lies.
     places: Vec<[u32; 3]>,
     overlap: Overlap,
+    is_counted: bool,
 }
 
 /// Bytes of a mask that are read at a time.
@@ -95,9 +97,10 @@ impl Masks {
         let places =
             ranges.iter().map(|r| std::array::from_fn(|a| u32::try_from(r[a].start - low[a]).unwrap_or(0)));
         let places = places.collect();
-        let stated =
-            |part: &MaskPart| StatedLabel { number: part.number, name: part.name.clone(), color: None };
-        info.description.labels = parts.iter().map(stated).collect();
+        info.description.labels = parts.iter().map(|part| part.label.clone()).collect();
+        if let ImageKind::Series { part, .. } = &mut info.description.kind {
+            part.clear();
+        }
         info.description.files = parts.iter().map(|part| part.source.info().description.files).sum();
         info.description.bytes = parts.iter().map(|part| part.source.info().description.bytes).sum();
         // Each mask says the same of itself.
@@ -110,7 +113,7 @@ impl Masks {
                 kept
             },
         );
-        Ok(Self { info, parts, places, overlap })
+        Ok(Self { info, parts, places, overlap, is_counted: false })
     }
 
     /// Calls `found` with the samples of a block of the map that are inside a mask, counted row by row. Gives the first of
@@ -176,11 +179,16 @@ impl Masks {
         Ok(values)
     }
 
+    /// Bytes that are held while overlaps are counted.
+    fn held_bytes(&self) -> u64 {
+        u64::from(self.info.dims.nx()) * u64::from(ROWS)
+    }
+
     /// Voxels that several masks hold, and whether every mask has one value.
     fn count_overlaps(&self, workspace: &Workspace<'_>) -> Result<u64> {
         let [nx, ny, nz] = self.info.dims.to_array();
+        let _reserved = workspace.reserve(self.held_bytes(), || path_of(&self.info))?;
         let mut held = vec![0_u8; nx as usize * ROWS as usize];
-        let _reserved = workspace.reserve(held.len() as u64, || path_of(&self.info))?;
         let mut values = vec![None; self.parts.len()];
         let mut overlaps = 0;
         workspace.progress.stage("masks", nz.into());
@@ -205,6 +213,20 @@ impl Masks {
         }
         Ok(overlaps)
     }
+}
+
+/// Notes the voxels that several masks, or layers, hold.
+///
+/// # Errors
+/// There are some, and they are to be refused.
+pub(crate) fn settle_overlaps(info: &mut VolumeInfo, voxels: u64, overlap: Overlap) -> Result {
+    if voxels > 0 && overlap == Overlap::Refuse {
+        return Err(SourceFault::Usage { path: path_of(info), misuse: Misuse::Overlaps { voxels } }.into());
+    }
+    if voxels > 0 {
+        info.notes.push(Note::Overlaps { voxels, first: overlap == Overlap::First });
+    }
+    Ok(())
 }
 
 /// Rows of a slice in which overlaps are counted at a time.
@@ -253,29 +275,25 @@ impl VolumeSource for Masks {
     }
 
     fn preparation(&self) -> Preparation {
-        self.parts.iter().map(|part| part.source.preparation()).fold(Preparation::default(), |all, one| {
-            Preparation {
-                scratch_bytes: all.scratch_bytes + one.scratch_bytes,
-                memory_bytes: all.memory_bytes.max(one.memory_bytes),
-                on_demand: false,
-            }
+        let own = if self.is_counted { 0 } else { self.held_bytes() };
+        let start = Preparation { memory_bytes: own, ..Preparation::default() };
+        self.parts.iter().map(|part| part.source.preparation()).fold(start, |all, one| Preparation {
+            scratch_bytes: all.scratch_bytes + one.scratch_bytes,
+            memory_bytes: all.memory_bytes.max(one.memory_bytes),
+            on_demand: false,
         })
     }
 
     fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
+        if self.is_counted {
+            return Ok(());
+        }
         for part in &mut self.parts {
             part.source.prepare(workspace)?;
         }
         let voxels = self.count_overlaps(workspace)?;
-        if voxels > 0 && self.overlap == Overlap::Refuse {
-            let misuse = Misuse::Overlaps { voxels };
-            return Err(SourceFault::Usage { path: path_of(&self.info), misuse }.into());
-        }
-        if voxels > 0 {
-            let first = self.overlap == Overlap::First;
-            self.info.notes.push(Note::Overlaps { voxels, first });
-        }
-        Ok(())
+        self.is_counted = true;
+        settle_overlaps(&mut self.info, voxels, self.overlap)
     }
 
     fn read_rows(&self, z: u32, rows: Range<u32>, cols: Range<u32>, out: &mut [u8]) -> Result {
@@ -286,7 +304,7 @@ impl VolumeSource for Masks {
                 if let Some(label) = labels.get_mut(at)
                     && (self.overlap != Overlap::First || *label == [0; 2])
                 {
-                    label.copy_from_slice(bytemuck::bytes_of(&part.number));
+                    label.copy_from_slice(bytemuck::bytes_of(&part.label.number));
                 }
             })?;
         }

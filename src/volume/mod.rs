@@ -37,7 +37,7 @@ pub use description::{ImageKind, SourceDescription, StatedLabel, Treatment};
 pub use downsample::Downsample;
 pub(crate) use gap_fill::GapFill;
 pub use masks::Overlap;
-pub(crate) use masks::{MAX_MASKS, MaskPart, Masks};
+pub(crate) use masks::{MAX_MASKS, MaskPart, Masks, settle_overlaps};
 pub use placement::Placement;
 pub(crate) use placement::place;
 pub use scalar::{Endian, Scalar, ScalarType};

@@ -264,7 +264,7 @@ fn labels(bytes: &[u8]) -> bool {
 fn names(bytes: &[u8]) -> bool {
     let mut any = false;
     for name in ["case.txt", "case.ctbl"] {
-        match read_label_names(&put(name, bytes)) {
+        match read_label_names(&put(name, bytes), true) {
             Ok(_) => any = true,
             Err(refused) => any |= told(&refused.to_string()),
         }

@@ -31,6 +31,7 @@ mod hard_cases;
 mod intersect;
 mod invariants;
 mod label_cells;
+mod label_maps;
 mod labels;
 mod larger_leaves;
 mod library;

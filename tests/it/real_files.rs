@@ -79,9 +79,10 @@ fn label_maps_of_other_programs_keep_all_their_labels() {
             "{name}: {found:?}"
         );
     }
-    // Segments that overlap are volumes of their own, and single masks of a folder, too.
-    for (name, count) in [("partial_overlaps.dcm", 5), ("masks", 8)] {
+    // Segments of one file are one map, and single masks of a folder volumes of their own.
+    for (name, count, labels) in [("partial_overlaps.dcm", 1, Some(5)), ("masks", 8, None)] {
         let listed = oct(&["scan", &text(&data.join(name)), "--json"]).json();
         assert_eq!(listed["items"].as_array().unwrap().len(), count, "{name}: {listed}");
+        assert_eq!(listed["items"][0]["label_count"].as_u64(), labels, "{name}: {listed}");
     }
 }

@@ -102,7 +102,7 @@ fn names<'a>(table: &'a [LabelName], stated: &[StatedLabel]) -> Cow<'a, [LabelNa
     if !table.is_empty() {
         return Cow::Borrowed(table);
     }
-    let of = |StatedLabel { number, name, color }: &StatedLabel| LabelName {
+    let of = |StatedLabel { number, name, color, .. }: &StatedLabel| LabelName {
         number: *number,
         name: name.clone(),
         color: *color,
@@ -297,14 +297,18 @@ impl<T: Ordered> Solid for Typed<'_, T> {
         self.0.source.check_unchanged()
     }
 
-    /// A table that names other labels, or the first label that was asked for and has no voxel.
+    /// A table that names other labels, or the first label that was asked for, or has a name, and has no voxel.
     fn note(&self) -> Option<BuildNote> {
         let (found, names) = (self.0.found(), &self.0.names);
         let is_found = |named: &LabelName| found.binary_search_by_key(&named.number, |count| count.0).is_ok();
         if !names.is_empty() && !names.iter().any(is_found) {
             return Some(BuildNote::LabelsUnnamed { named: names.len() });
         }
-        let LabelChoice::Only(ranges) = self.0.choice else { return None };
+        let LabelChoice::Only(ranges) = self.0.choice else {
+            let mut absent = names.iter().filter(|named| !is_found(named));
+            let first = absent.next()?.number;
+            return Some(BuildNote::NamesAbsent { first, others: absent.count() });
+        };
         let is_there = |[lo, hi]: &[u16; 2]| found.iter().any(|(number, _)| (*lo..=*hi).contains(number));
         let mut absent = ranges.iter().filter(|range| !is_there(range));
         let first = absent.next()?[0];

@@ -14,6 +14,7 @@
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
 //! | `options` | what was asked for, as a number and for people |
+//! | `settle` | labels or a threshold, where nobody chose |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
@@ -27,6 +28,7 @@ mod options;
 mod page;
 mod record;
 mod report;
+mod settle;
 
 pub use record::{Cause, Item, ModelFacts, Status};
 pub use report::{
@@ -34,7 +36,6 @@ pub use report::{
 };
 
 use std::fs;
-use std::io;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -58,7 +59,7 @@ use crate::render::picture::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
-use crate::volume::SourceError;
+use crate::volume::{Overlap, SourceError};
 pub(super) use claims::{Claim, Claims};
 pub(super) use folder::NewFolders;
 use key::Key;
@@ -93,6 +94,9 @@ pub struct BatchRequest {
     pub how: OpenOptions,
     /// What is done to each volume before it is built.
     pub clean: CleanOptions,
+    /// Are volumes that look like labels built as these, all of them, where no cleaning is asked for? A threshold that was
+    /// asked for says no.
+    pub find_labels: bool,
     /// How models are built. Its memory is the whole process's cap, its threads are shared by the jobs.
     pub build: BuildOptions,
     /// Volumes worked on at a time.
@@ -165,7 +169,8 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     sweep(&request.out);
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let skip = request.out.canonicalize().ok();
-    let how = OpenOptions { skip, meshes: request.grid.grid.is_some(), ..request.how.clone() };
+    let masks = request.find_labels.then(Overlap::default);
+    let how = OpenOptions { skip, masks, meshes: request.grid.grid.is_some(), ..request.how.clone() };
     let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
@@ -621,6 +626,7 @@ impl Run<'_> {
             range: (r.selection.lo, r.selection.hi.is_finite().then_some(r.selection.hi)),
             selection: super::info::kind_name(r.selection.kind).to_owned(),
             skin_voxels: r.skin_voxels,
+            label_count: built.info.frame.labels.len() as u64,
             nodes: r.nodes,
             bytes: r.file_bytes,
             wall_s: started.elapsed().as_secs_f64(),
@@ -658,6 +664,9 @@ impl Run<'_> {
                 (data(&path), Some(Box::new(move || Subject::Tree(path.clone()))))
             }
         };
+        let (options, note) = self.settle(&job, &mut subject, &name, least)?;
+        let job = BuildJob { options: &options, ..job };
+        least = job.least_share(&subject).max(least);
         loop {
             let job = BuildJob { grid, ..job };
             let (granted, built) = self.build_within(&job, subject, (&name, least), started)?;
@@ -672,7 +681,11 @@ impl Run<'_> {
                     least = error.minimum_bytes().unwrap_or(least);
                     subject = again();
                 }
-                (built, _) => return Ok((built?, granted, prepared)),
+                (built, _) => {
+                    let mut built = built?;
+                    built.warnings.extend(note.map(|note| note.to_string()));
+                    return Ok((built, granted, prepared));
+                }
             }
         }
     }
@@ -774,14 +787,4 @@ pub(super) fn fnv(bytes: &[u8]) -> u64 {
     bytes.iter().fold(0xcbf2_9ce4_8422_2325, |hash, byte| {
         (hash ^ u64::from(*byte)).wrapping_mul(0x0000_0100_0000_01b3)
     })
-}
-
-/// An atomic text file of the output folder, written through a buffer.
-fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) -> io::Result<()> {
-    let file = crate::atomic::AtomicFile::create(path)?;
-    let mut buffered = io::BufWriter::with_capacity(16 << 10, file.file());
-    write(&mut buffered)?;
-    io::Write::flush(&mut buffered)?;
-    drop(buffered);
-    file.commit()
 }

@@ -9,8 +9,9 @@ pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
     // Which volumes are taken changes none of them.
     let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?} {}",
+        "{:?} {} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?} {}",
         b.threshold,
+        request.find_labels,
         b.volume_surface(),
         b.connectivity,
         b.channels,

@@ -13,6 +13,7 @@ use base64::write::EncoderWriter;
 use super::record::{Cause, Item, Journal, Status};
 use super::report::{BatchReport, LeftOutCount, NOTICE, status};
 use crate::budget::Bytes;
+use crate::format::SurfaceKind;
 use crate::jobs::info::boxes;
 use crate::platform::open_file;
 use crate::source::BurnedIn;
@@ -230,6 +231,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
         let [a, b, c] = m.spacing_mm.map(short);
         row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
         row("spacing", format!("{a} × {b} × {c} mm"))?;
+        let surface = if m.label_count > 0 { SurfaceKind::Skin } else { report.options.surface };
         let low = short(m.range.0);
         let inside = m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi)));
         let how = match m.selection.as_str() {
@@ -237,8 +239,11 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
             "iso" | "range" => " (as asked)",
             _ => "",
         };
-        row("inside", format!("{inside}{how}"))?;
-        row(boxes(report.options.surface), m.skin_voxels.to_string())?;
+        match m.label_count {
+            0 => row("inside", format!("{inside}{how}"))?,
+            labels => row("labels", labels.to_string())?,
+        }
+        row(boxes(surface), m.skin_voxels.to_string())?;
         row("model", Bytes(m.bytes).to_string())?;
         row("time", format!("{:.2} s", m.wall_s))?;
         match m.memory_plan_bytes {

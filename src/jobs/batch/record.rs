@@ -141,6 +141,9 @@ pub struct ModelFacts {
     pub selection: String,
     /// Skin voxels of the model.
     pub skin_voxels: u64,
+    /// Number of the model's labels; 0 without.
+    #[serde(default)]
+    pub label_count: u64,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
@@ -334,6 +337,7 @@ pub(super) mod tests {
                 range: (300.0, None),
                 selection: "otsu".into(),
                 skin_voxels: 10,
+                label_count: 0,
                 nodes: 7,
                 bytes: 5,
                 wall_s: 0.25,

@@ -6,7 +6,8 @@ use std::path::Path;
 use serde::Serialize;
 
 use super::record::{Item, Journal, Status};
-use super::{BatchRequest, page, write_whole};
+use super::{BatchRequest, page};
+use crate::atomic::AtomicFile;
 use crate::builder::{Connectivity, Threshold};
 use crate::discovery::LeftOut;
 use crate::format::{Channel, SurfaceKind};
@@ -203,7 +204,7 @@ pub const NOTICE: &str =
 
 /// The first column says in every line what the table is.
 const CSV_HEAD: &str = "names_files_and_folders,status,name,input,part,format,kind,nx,ny,nz,spacing_x_mm,spacing_y_mm,spacing_z_mm,dtype,range_low,range_high,\
-skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes\n";
+skin_voxels,nodes,bytes,files,input_bytes,wall_s,memory_bytes,scratch_bytes,burned_in,reason,warnings,selection,memory_plan_bytes,label_count\n";
 
 impl BatchReport {
     pub(super) fn write(&self, out: &Path, journal: &Journal) -> io::Result<()> {
@@ -234,6 +235,16 @@ impl BatchReport {
         })?;
         w.write_all(b"\n]}\n")
     }
+}
+
+/// An atomic text file of the output folder, written through a buffer.
+fn write_whole(path: &Path, write: impl FnOnce(&mut dyn io::Write) -> io::Result<()>) -> io::Result<()> {
+    let file = AtomicFile::create(path)?;
+    let mut buffered = io::BufWriter::with_capacity(16 << 10, file.file());
+    write(&mut buffered)?;
+    io::Write::flush(&mut buffered)?;
+    drop(buffered);
+    file.commit()
 }
 
 /// A text of the table, quoted as RFC 4180 says.
@@ -291,8 +302,10 @@ fn csv_line(item: &Item) -> String {
     cells.push(quoted(item.reason.as_deref().unwrap_or_default()));
     cells.push(quoted(&item.warnings.join("; ")));
     match &item.model {
-        Some(m) => cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string()]),
-        None => cells.extend([String::new(), String::new()]),
+        Some(m) => {
+            cells.extend([m.selection.clone(), m.memory_plan_bytes.to_string(), m.label_count.to_string()]);
+        }
+        None => cells.extend(std::iter::repeat_n(String::new(), 3)),
     }
     cells.join(",") + "\n"
 }

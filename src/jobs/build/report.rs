@@ -2,7 +2,7 @@
 
 use serde::Serialize;
 
-use super::BuildSummary;
+use super::{BuildSummary, LabelModel};
 use crate::budget::peak_rss_bytes;
 use crate::clean::{CleanReport, ExtraPasses};
 use crate::jobs::info::ModelFigures;
@@ -44,6 +44,9 @@ pub struct BuildFigures {
     /// Boxes left out because they cannot be seen; only with `--visible-from`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sight: Option<Sight>,
+    /// The model of each label; only with `--each`.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub each: Vec<LabelModel>,
     /// Cleaning of the volume before the build; only if asked for.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub cleaning: Option<Cleaning>,
@@ -155,6 +158,7 @@ impl BuildSummary {
                 bytes_saved_about: r.bytes_saved_about(),
                 seconds: s.sight,
             }),
+            each: self.each.clone(),
             cleaning: self.cleaning.as_ref().map(cleaning),
             warnings: self.warnings.clone(),
             hints: self.hints.clone(),

@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use super::LabelModel;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::BuildReport;
 use crate::clean::CleanReport;
@@ -22,6 +23,8 @@ pub struct BuildSummary {
     pub report: BuildReport,
     /// Facts of the finished file.
     pub info: Info,
+    /// The models of single labels, where each has one.
+    pub each: Vec<LabelModel>,
     /// What cleaning was asked for, and what it did to the occupancy if it touched that.
     pub cleaning: Option<(Vec<String>, Option<CleanReport>)>,
     /// Sentences about the input.
@@ -67,6 +70,14 @@ impl BuildSummary {
             Bytes(peak_rss_bytes()),
             Bytes(self.memory_bytes),
         );
+        if !self.each.is_empty() {
+            let bytes = self.each.iter().map(|model| model.bytes).sum();
+            text.push_str(&format!(
+                "  a model of each label: {}, {} together\n",
+                self.each.len(),
+                Bytes(bytes)
+            ));
+        }
         if let Some(hidden) = r.hidden {
             text.push_str(&format!(
                 "  left out: {hidden} {kept} that cannot be seen from there, about {}\n",

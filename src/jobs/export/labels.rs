@@ -1,6 +1,5 @@
 //! A model of labels as triangles, a part for each label, in one file or a file for each; or as the map of its labels.
 
-use std::collections::HashSet;
 use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
@@ -9,14 +8,14 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{
-    ExportReport, ExportRequest, MAX_SMOOTH, exporter_of, failed, folder_of, is_far, refuse_input,
-    refuse_part, warnings,
+    ExportReport, ExportRequest, MAX_SMOOTH, commit, exporter_of, failed, folder_of, refuse_input,
+    refuse_part, report,
 };
 use crate::atomic::AtomicFile;
-use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
-use crate::export::{Exported, LabelMesh, part_name};
+use crate::export::{Exported, LabelMesh};
 use crate::format::Label;
+use crate::jobs::names::file_names;
 use crate::jobs::opened::open_model;
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;
@@ -67,24 +66,21 @@ pub fn export_each(
     fs::create_dir_all(folder).map_err(|cause| unwritable(folder, cause))?;
     let mesh = mesh(input, folder, folder, &model, request, progress)?;
     let (mut made, mut bytes, mut outputs) = (Exported::default(), 0, Vec::new());
-    for (part, name) in names(mesh.labels()).into_iter().enumerate() {
+    for (part, name) in file_names(mesh.labels()).into_iter().enumerate() {
         let path = folder.join(format!("{name}.{}", request.form.suffix()));
         let out = AtomicFile::create(&path).map_err(|cause| unwritable(&path, cause))?;
         let copy = out.file().try_clone().map_err(|cause| unwritable(&path, cause))?;
         let of_part = mesh
             .write(request.form, copy, folder, part..part + 1)
             .map_err(|stop| failed(stop, &model, input, &path))?;
-        bytes += out.file().metadata().map_err(|cause| unwritable(&path, cause))?.len();
-        if progress.stopped() {
-            return Err(Error::Stopped);
-        }
-        out.commit().map_err(|cause| unwritable(&path, cause))?;
+        bytes += commit(out, &path, progress)?;
         made.vertices += of_part.vertices;
         made.triangles += of_part.triangles;
         made.unknown = of_part.unknown;
         outputs.push(path);
     }
-    Ok(report([input, folder], request, &model, Some(&mesh), (made, bytes, start, outputs)))
+    let surfaces = surfaces(&mesh, &outputs);
+    Ok(report([input, folder], request.form, &model, (made, bytes, surfaces), start))
 }
 
 /// Writes all labels of a model into one file: their surfaces, or their map.
@@ -101,18 +97,14 @@ pub(super) fn export_labels(
     let copy = out.file().try_clone().map_err(unwritable)?;
     let folder = folder_of(output);
     let (made, surfaces) = if request.form.is_mask() {
-        (map(input, output, model, request, copy, progress)?, None)
+        (map(input, output, model, request, copy, progress)?, Vec::new())
     } else {
         let mesh = mesh(input, output, folder, model, request, progress)?;
         let made = mesh.write(request.form, copy, folder, 0..mesh.labels().len());
-        (made.map_err(|stop| failed(stop, model, input, output))?, Some(mesh))
+        (made.map_err(|stop| failed(stop, model, input, output))?, surfaces(&mesh, &[]))
     };
-    let bytes = out.file().metadata().map_err(unwritable)?.len();
-    if progress.stopped() {
-        return Err(Error::Stopped);
-    }
-    out.commit().map_err(unwritable)?;
-    Ok(report([input, output], request, model, surfaces.as_ref(), (made, bytes, start, Vec::new())))
+    let bytes = commit(out, output, progress)?;
+    Ok(report([input, output], request.form, model, (made, bytes, surfaces), start))
 }
 
 /// Writes the labels of all voxels.
@@ -162,79 +154,12 @@ fn mesh(
     Ok(mesh)
 }
 
-/// Bytes of a label's name in that of its file: file systems hold 255.
-const MAX_NAME: usize = 200;
-
-/// Names of files: those of labels, with the number where there is none or where a label before has the same.
-fn names(labels: &[Label]) -> Vec<String> {
-    let mut taken = HashSet::new();
-    let plain = |c: char| if c.is_alphanumeric() || matches!(c, '-' | '_' | '.') { c } else { '_' };
-    labels
-        .iter()
-        .map(|label| {
-            let name: String = part_name(label).chars().map(plain).collect();
-            // Not hidden, and no option.
-            let mut name = name.trim_start_matches(['.', '-']).to_owned();
-            while name.len() > MAX_NAME {
-                name.pop();
-            }
-            while name.is_empty() || !taken.insert(name.to_lowercase()) {
-                name.push_str(&format!("_{}", label.number));
-            }
-            name
-        })
-        .collect()
-}
-
-/// What was written: counts, bytes, when it began, and the files of labels, if each has one.
-type Written = (Exported, u64, Instant, Vec<PathBuf>);
-
-fn report(
-    [input, output]: [&Path; 2],
-    request: ExportRequest,
-    model: &Model,
-    mesh: Option<&LabelMesh>,
-    (made, bytes, start, outputs): Written,
-) -> ExportReport {
-    let is_far = request.form.has_coordinates() && is_far(&model.affine(), model.dims());
-    let surfaces = mesh.map_or_else(Vec::new, |mesh| {
-        let figures = |(part, label): (usize, &Label)| {
-            let [vertices, triangles] = mesh.counts(part);
-            let output = outputs.get(part).map(|path| data(path));
-            LabelSurface { number: label.number, name: label.name.clone(), vertices, triangles, output }
-        };
-        mesh.labels().iter().enumerate().map(figures).collect()
-    });
-    ExportReport {
-        input: data(input),
-        output: data(output),
-        form: request.form,
-        vertices: made.vertices,
-        triangles: made.triangles,
-        inside_voxels: made.inside,
-        unknown_voxels: made.unknown,
-        surfaces,
-        is_far,
-        warnings: warnings(made.unknown, is_far),
-        apart_voxels: None,
-        bytes,
-        peak_rss_bytes: peak_rss_bytes(),
-        wall_s: start.elapsed().as_secs_f64(),
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn files_of_labels_are_named_once_and_stay_in_their_folder() {
-        let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
-        let labels = [label(1, "liver"), label(2, ""), label(3, "Liver"), label(7, "../a b"), label(9, "..")];
-        assert_eq!(names(&labels), ["liver", "label_2", "Liver_3", "_a_b", "_9"]);
-        let labels = [label(1, "x"), label(2, "x_3"), label(3, "x"), label(4, &"肝".repeat(100))];
-        let names = names(&labels);
-        assert_eq!(names[..3], ["x", "x_3", "x_3_3"]);
-        assert_eq!(names[3], "肝".repeat(66));
-    }
+/// The surface of each label, with its file, if each has one.
+fn surfaces(mesh: &LabelMesh, outputs: &[PathBuf]) -> Vec<LabelSurface> {
+    let figures = |(part, label): (usize, &Label)| {
+        let [vertices, triangles] = mesh.counts(part);
+        let output = outputs.get(part).map(|path| data(path));
+        LabelSurface { number: label.number, name: label.name.clone(), vertices, triangles, output }
+    };
+    mesh.labels().iter().enumerate().map(figures).collect()
 }

@@ -4,11 +4,13 @@ mod decode;
 mod encode;
 mod follow;
 mod groups;
+mod split;
 mod stop;
 mod stored;
 mod stream;
 mod strip;
 
+pub(crate) use split::split;
 pub(crate) use stop::Stop;
 pub use strip::{StripRequest, strip};
 

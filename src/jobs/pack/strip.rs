@@ -97,9 +97,15 @@ pub(super) fn strip_file<R: ReadAt + ?Sized>(
     if request.levels > 0 {
         coarsen(source, &frame, out, &left)?;
     }
-    decode::rebuild_rank(&left, out)?;
+    complete(&mut left, out)?;
+    Ok(left)
+}
+
+/// Writes what follows from infobytes and items that are in `out`: directory, means, checksums, table and header.
+pub(super) fn complete(left: &mut Frame, out: &File) -> Result<(), Stop> {
+    decode::rebuild_rank(left, out)?;
     if left.sections.iter().any(|e| matches!(e.kind, Some(SectionKind::Means(_)))) {
-        decode::rebuild_means(out, &left, out)?;
+        decode::rebuild_means(out, left, out)?;
     }
     out.set_len(left.header.file_bytes).map_err(Stop::Output)?;
     for entry in &mut left.sections {
@@ -110,8 +116,7 @@ pub(super) fn strip_file<R: ReadAt + ?Sized>(
         }
         (entry.stored_crc, entry.content_crc) = (crc, crc);
     }
-    finish_frame(&mut left, out)?;
-    Ok(left)
+    finish_frame(left, out)
 }
 
 /// The channels that stay, if the request fits the model.
@@ -173,6 +178,12 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
         Some(_) => true,
         None => false,
     });
+    place_sections(&mut left);
+    Ok(left)
+}
+
+/// Gives each section its items and its place, of a frame whose counts are known; tables and coded sections have theirs.
+pub(super) fn place_sections(left: &mut Frame) {
     let (voxels, nodes, coarse) = (left.header.voxels, left.header.nodes, left.coarse_nodes());
     let mut end = (HEADER_BYTES + left.sections.len() * ENTRY_BYTES) as u64;
     for entry in &mut left.sections {
@@ -195,7 +206,6 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
     }
     left.header.file_bytes = end;
     left.header.minor = least_minor(left.surface(), &left.sections);
-    Ok(left)
 }
 
 fn write_all(out: &File, entry: &SectionEntry, bytes: &[u8]) -> Result<(), Stop> {

@@ -38,6 +38,9 @@ pub struct Listed {
     /// Its size; that of a mesh or a tree follows from the grid that is asked for.
     #[serde(flatten)]
     pub size: Option<ListedSize>,
+    /// Labels that its header states, or that its values look like where these were read; null where it is not known to
+    /// be a label map.
+    pub label_count: Option<usize>,
     /// Sentences about the input: assumptions, parts left out, oddities.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub warnings: Option<Vec<String>>,
@@ -73,7 +76,7 @@ pub struct ScanReport {
     pub refused: u64,
     /// Volumes that are copies of others; a batch skips them.
     pub copies: u64,
-    /// Always false: only headers are read.
+    /// Were values read, too, and not headers alone? Only with `--values`.
     pub pixels_looked_at: bool,
     /// Files that are not volumes, by reason.
     pub left_out: Vec<LeftOutCount>,
@@ -115,7 +118,9 @@ impl Listed {
             }
             Some(size) => {
                 let ([x, y, z], [a, b, c]) = (size.dims, size.spacing_mm);
-                let size = format!("{x}x{y}x{z} {}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
+                let labels =
+                    self.label_count.map_or_else(String::new, |labels| format!(", {labels} label(s)"));
+                let size = format!("{x}x{y}x{z} {}{labels}, {a:.4} x {b:.4} x {c:.4} mm", size.dtype);
                 format!("{head}\n  {size} -> {}\n", self.name)
             }
         };

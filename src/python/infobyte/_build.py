@@ -34,6 +34,7 @@ def build(
     preset: str | None = None,
     labels: str | Sequence[int] | None = None,
     names: Path | Mapping[int, str] | None = None,
+    keep_names: bool = False,
     surface: str | None = None,
     error: float | str | None = None,
     spacing: float | Sequence[float] | None = None,
@@ -88,7 +89,7 @@ def build(
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: the skin of each, walls between neighbours
-      included. `names`: their names by number, or a file as `oct build --names` takes it.
+      included. `names`: their names by number, or a file as `oct build --names` takes it. `keep_names`: as the flag.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
@@ -144,7 +145,7 @@ def build(
     asked = {
         "iso": _finite("iso", iso), "range": None, "preset": preset,
         "labels": labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
-        "names": _names(names), "surface": surface,
+        "names": _names(names), "keep_names": bool(keep_names), "surface": surface,
         "error": None if error is None else str(error),
         "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
         "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),

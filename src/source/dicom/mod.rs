@@ -19,6 +19,7 @@ pub use image::pixels::{Padding, PaddingAttributes, PixelLayout};
 pub use image::unroll::{FrameSink, unroll};
 pub use parse::frames::{FrameGeometry, Origin, visit};
 pub use parse::header::{DicomHeader, ElementOffsets, Encoding, PixelData, PixelElement};
+pub(crate) use parse::header::{FRACTIONAL, SEGMENTATION};
 pub use parse::private::Private;
 pub use parse::scan::scan;
 pub use parse::window::ReadAt;

@@ -1,4 +1,4 @@
-//! Segments of a `.seg.nrrd`: names, colours and numbers, in pairs of keys and values as 3D Slicer writes them
+//! Segments of a `.seg.nrrd`: names, colours, numbers and layers, in pairs of keys and values as 3D Slicer writes them
 //! (`Segment0_Name:=liver`; <https://slicer.readthedocs.io>, "Segmentations", file format).
 
 use std::collections::BTreeMap;
@@ -12,42 +12,103 @@ const MOST: usize = 1 << 16;
 #[derive(Debug, Default)]
 struct Segment {
     name: String,
+    /// The meaning of its code.
+    coded: String,
     color: Option<[u8; 3]>,
     number: Option<u16>,
+    layer: u64,
 }
 
 /// The segments of a header, by their places in it.
 #[derive(Debug, Default)]
-pub(super) struct Segments(BTreeMap<u32, Segment>);
+pub(super) struct Segments {
+    by_place: BTreeMap<u32, Segment>,
+    /// Does the header say that it is that of a segmentation?
+    is_stated: bool,
+}
+
+/// A segment of several layers: its layer, its value there, and the number of its label.
+pub(super) type Layered = (u64, u16, u16);
 
 impl Segments {
     /// Takes a pair, its key in lower case; pairs that say nothing of a segment are passed over.
     pub(super) fn pair(&mut self, key: &str, value: &str) {
+        self.is_stated |= key.starts_with("segmentation_");
         let Some((place, what)) = key.strip_prefix("segment").and_then(|rest| rest.split_once('_')) else {
             return;
         };
         let Ok(place) = place.parse() else { return };
-        if !matches!(what, "name" | "color" | "labelvalue")
-            || self.0.len() >= MOST && !self.0.contains_key(&place)
+        if !matches!(what, "name" | "color" | "labelvalue" | "layer" | "tags")
+            || self.by_place.len() >= MOST && !self.by_place.contains_key(&place)
         {
             return;
         }
-        let segment = self.0.entry(place).or_default();
+        self.is_stated = true;
+        let segment = self.by_place.entry(place).or_default();
         match what {
             "name" => value.clone_into(&mut segment.name),
+            "tags" => segment.coded = meaning(value).unwrap_or_default(),
             "color" => segment.color = color(value),
+            "layer" => segment.layer = value.parse().unwrap_or(0),
             _ => segment.number = value.parse().ok().filter(|number| *number > 0),
         }
     }
 
+    /// Is this the header of a segmentation?
+    pub(super) fn is_stated(&self) -> bool {
+        self.is_stated
+    }
+
     /// The segments that have a number, by it; of several with one number the first.
     pub(super) fn labels(self) -> Vec<StatedLabel> {
-        let label = |Segment { name, color, number }| Some(StatedLabel { number: number?, name, color });
-        let mut labels: Vec<StatedLabel> = self.0.into_values().filter_map(label).collect();
+        let mut labels: Vec<StatedLabel> =
+            self.by_place.into_values().filter_map(|segment| Some(segment.label(segment.number?))).collect();
         labels.sort_by_key(|label| label.number);
         labels.dedup_by_key(|label| label.number);
         labels
     }
+
+    /// The segments of several layers, whose values count within their layers: their labels, and where they are. Numbers
+    /// are the values, unless two segments share one: then they count the segments from 1 on.
+    pub(super) fn layered(self) -> (Vec<StatedLabel>, Vec<Layered>) {
+        let mut places: Vec<(Segment, u16)> =
+            self.by_place.into_values().filter_map(|s| s.number.map(|value| (s, value))).collect();
+        let mut values: Vec<u16> = places.iter().map(|(_, value)| *value).collect();
+        values.sort_unstable();
+        let share = values.windows(2).any(|pair| pair[0] == pair[1]);
+        places.truncate(u16::MAX.into());
+        let numbered =
+            (1..).zip(places).map(|(count, (s, value))| (if share { count } else { value }, s, value));
+        let (mut labels, mut layered) = (Vec::new(), Vec::new());
+        for (number, segment, value) in numbered {
+            layered.push((segment.layer, value, number));
+            labels.push(segment.label(number));
+        }
+        labels.sort_by_key(|label| label.number);
+        layered.sort_unstable();
+        (labels, layered)
+    }
+}
+
+impl Segment {
+    /// Its label. A name beside a code was typed in; one without comes from a table of classes, since 3D Slicer always
+    /// writes a code.
+    fn label(&self, number: u16) -> StatedLabel {
+        let (name, typed) = match self.coded.as_str() {
+            "" => (self.name.clone(), String::new()),
+            coded => (coded.to_owned(), self.name.clone()),
+        };
+        StatedLabel { number, name, typed, color: self.color }
+    }
+}
+
+/// What the code of a terminology entry means, after its modifier: `TerminologyEntry:context~category~type~modifier~...`
+/// in a list separated by bars, each code `scheme^value^meaning`.
+fn meaning(tags: &str) -> Option<String> {
+    let entry = tags.split('|').find_map(|tag| tag.trim().strip_prefix("TerminologyEntry:"))?;
+    let mut codes = entry.split('~').skip(2).map(|code| code.splitn(3, '^').nth(2).unwrap_or("").trim());
+    let (own, modifier) = (codes.next()?, codes.next().unwrap_or(""));
+    (!own.is_empty()).then(|| format!("{modifier} {own}").trim().to_owned())
 }
 
 /// Three parts from 0 to 1.
@@ -65,10 +126,19 @@ fn color(value: &str) -> Option<[u8; 3]> {
 mod tests {
     use super::*;
 
+    fn segments(pairs: &[(&str, &str)]) -> Segments {
+        let mut segments = Segments::default();
+        pairs.iter().for_each(|(key, value)| segments.pair(key, value));
+        segments
+    }
+
+    fn label(number: u16, name: &str, typed: &str, color: Option<[u8; 3]>) -> StatedLabel {
+        StatedLabel { number, name: name.into(), typed: typed.into(), color }
+    }
+
     #[test]
     fn segments_are_taken_by_their_numbers() {
-        let mut segments = Segments::default();
-        for (key, value) in [
+        let found = segments(&[
             ("segment10_name", "left kidney"),
             ("segment10_labelvalue", "3"),
             ("segment10_color", "0.5 1 2"),
@@ -80,13 +150,39 @@ mod tests {
             ("segment5_labelvalue", "7"),
             ("segmentation_masterrepresentation", "Binary labelmap"),
             ("segmentx_name", "no"),
-        ] {
-            segments.pair(key, value);
-        }
-        let label = |number, name: &str, color| StatedLabel { number, name: name.into(), color };
+        ]);
+        assert!(found.is_stated() && !segments(&[("segmentx_name", "no")]).is_stated());
         assert_eq!(
-            segments.labels(),
-            [label(3, "left kidney", None), label(7, "liver", Some([128, 0, 255]))]
+            found.labels(),
+            [label(3, "left kidney", "", None), label(7, "liver", "", Some([128, 0, 255]))]
         );
+    }
+
+    #[test]
+    fn codes_come_before_names_and_layers_may_share_values() {
+        let entry = |own: &str, modifier: &str| {
+            format!(
+                "Segmentation.Status:inprogress|TerminologyEntry:Segmentation category and type - 3D Slicer General \
+                 Anatomy list~SCT^123037004^Anatomical Structure~SCT^1^{own}~{modifier}~Anatomic codes~^^~^^|x:y"
+            )
+        };
+        let (kidney, liver) = (entry("Kidney", "SCT^24028007^Right"), entry("Liver", "^^"));
+        let pairs = [
+            ("segment0_labelvalue", "1"),
+            ("segment0_name", "Mr Smith's kidney"),
+            ("segment0_tags", kidney.as_str()),
+            ("segment0_layer", "1"),
+            ("segment1_labelvalue", "2"),
+            ("segment1_tags", liver.as_str()),
+            ("segment1_layer", "0"),
+        ];
+        let due = [label(1, "Right Kidney", "Mr Smith's kidney", None), label(2, "Liver", "", None)];
+        assert_eq!(segments(&pairs).labels(), due);
+        assert_eq!(segments(&pairs).layered(), (due.to_vec(), vec![(0, 2, 2), (1, 1, 1)]));
+        let shared = [&pairs[..], &[("segment1_labelvalue", "1")]].concat();
+        assert_eq!(segments(&shared).layered(), (due.to_vec(), vec![(0, 1, 2), (1, 1, 1)]));
+        for odd in ["", "TerminologyEntry:", "TerminologyEntry:a~b~c", "TerminologyEntry:a~b~c^d^ ~e^f^g"] {
+            assert_eq!(meaning(odd), None, "{odd}");
+        }
     }
 }

@@ -267,6 +267,84 @@ fn segments_are_volumes_wherever_they_lie() {
     assert_eq!(found.firsts(), [[0, 1], [2, 3]]);
 }
 
+/// Segmentation of two segments of two slices each, of which the second one is stated first.
+fn segmentation(kind: &str) -> Elements {
+    let segment = |number: u16| sequence(0x0062_000a, &part(|w| w.us(0x0062_000b, number)));
+    let list: Vec<Frame<'_>> =
+        [2, 2, 5, 5].iter().zip([0.0, 1.0, 1.0, 2.0]).map(|(s, z)| (z, segment(*s))).collect();
+    let mut image = enhanced(SEGMENTATION, "SEG", &list);
+    image.set(0x0062_0001, "CS", kind);
+    let code = |meaning: &str, more: &[u8]| {
+        let own = part(|w| w.text(0x0008_0104, "LO", meaning));
+        item(&[own, more.to_vec()].concat())
+    };
+    let segment = |number: u16, label: &str, coded: &[u8], lab: [u16; 3]| {
+        let head = part(|w| {
+            w.us(0x0062_0004, number);
+            w.text(0x0062_0005, "LO", label);
+            w.element(0x0062_000d, "US", &us_list(&lab));
+        });
+        let coded = part(|w| w.element(0x0062_000f, "SQ", coded));
+        item(&[head, coded].concat())
+    };
+    let right = part(|w| w.element(0x0062_0011, "SQ", &code("Right", &[])));
+    // L 54.29, a 80.81, b 69.89 is red where D50 is white; L 100 is white.
+    let all = [
+        segment(5, "Jo Real's kidney", &code("Kidney", &right), [35_580, 53_665, 50_858]),
+        segment(2, "liver", &code("Liver", &[]), [65_535, 32_896, 32_896]),
+    ];
+    image.raw(0x0062_0002, "SQ", &all.concat());
+    // Values are the numbers of frames, and those of a mask are 0 and 1.
+    image.raw(PIXELS, "OW", &us_list(&[1; 16])).without(0x0028_1052).without(0x0028_1053);
+    image
+}
+
+#[test]
+fn segments_are_named_by_codes_and_coloured_and_joined_where_labels_are_looked_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let (seg, model) = (folder.path().join("s.dcm"), folder.path().join("m.oct"));
+    fs::write(&seg, segmentation("BINARY").bytes()).unwrap();
+    let build = |extra: &[&str]| {
+        let run = command::build(&[&seg], &model, &[&["--labels", "all", "--json"], extra].concat());
+        (run.json()["warnings"].to_string(), Model::open(&model).unwrap().frame().labels.clone())
+    };
+    let (warnings, labels) = build(&[]);
+    let told: Vec<_> = labels.iter().map(|l| (l.number, l.name.as_str(), l.color)).collect();
+    assert_eq!(told, [(2, "Liver", [255, 255, 255]), (5, "Right Kidney", [255, 0, 0])]);
+    // The later segment has the slice that both hold.
+    assert_eq!(labels.iter().map(|l| l.voxels).collect::<Vec<_>>(), [4, 8]);
+    assert!(warnings.contains("--keep-names takes those") && warnings.contains("4 voxel(s) are in several"));
+    assert!(!fs::read(&model).unwrap().windows(4).any(|part| part == b"Real"));
+    let (warnings, labels) = build(&["--keep-names", "--overlap", "first"]);
+    let told: Vec<_> = labels.iter().map(|l| (l.name.as_str(), l.voxels)).collect();
+    assert_eq!(told, [("liver", 8), ("Jo Real's kidney", 4)]);
+    assert!(!warnings.contains("--keep-names"), "{warnings}");
+    let (_, labels) = build(&["--volume", "2"]);
+    assert_eq!((labels.len(), labels[0].number, labels[0].voxels), (1, 5, 8));
+    // One volume of a list and of a batch.
+    let listed = oct(&["scan", &text(&seg), "--json"]).json();
+    assert_eq!((listed["usable"].as_u64(), listed["items"][0]["label_count"].as_u64()), (Some(1), Some(2)));
+    let out = folder.path().join("out");
+    let batch = oct(&["batch", &text(&seg), "--out", &text(&out), "--json"]).json();
+    let made = &batch["items"][0];
+    assert_eq!(
+        (batch["converted"].as_u64(), made["model"]["label_count"].as_u64()),
+        (Some(1), Some(2)),
+        "{batch}"
+    );
+    assert_eq!(made["name"], listed["items"][0]["name"]);
+    assert!(made["kind"] == "segmentation" && !made["name"].as_str().unwrap().contains("segment"), "{batch}");
+    let found = Model::open(out.join(made["model"]["file"].as_str().unwrap())).unwrap();
+    assert_eq!(found.frame().labels[1].name, "Right Kidney");
+    let apart =
+        oct(&["batch", &text(&seg), "--out", &text(&folder.path().join("iso")), "--iso", "1", "--json"]);
+    assert_eq!(apart.json()["converted"].as_u64(), Some(2));
+    // Parts of voxels are no labels.
+    fs::write(&seg, segmentation("FRACTIONAL").bytes()).unwrap();
+    command::build(&[&seg], &model, &["--labels", "all"]).refused(2, &["FRACTIONAL", "--iso"]);
+    assert_eq!(oct(&["scan", &text(&seg), "--json"]).json()["items"][0]["label_count"], Value::Null);
+}
+
 #[test]
 fn labels_stay_numbers_whatever_their_colours() {
     let list: Vec<Frame<'_>> = [0.0, 1.0, 2.0].iter().map(|z| (*z, Vec::new())).collect();

@@ -15,6 +15,10 @@ pub(crate) const MAX_VALUE_BYTES: usize = 1024;
 /// SOP class of label map segmentations, without the root of the standard's own.
 const LABEL_MAP: &str = "5.1.4.1.1.66.7";
 
+/// Kinds of segmentations: with labels, and with a part of each voxel.
+pub(crate) const SEGMENTATION: &str = "segmentation";
+pub(crate) const FRACTIONAL: &str = "fractional segmentation";
+
 /// SOP classes of ultrasound, in the same way.
 const ULTRASOUND: [&str; 5] =
     ["5.1.4.1.1.3", "5.1.4.1.1.3.1", "5.1.4.1.1.6", "5.1.4.1.1.6.1", "5.1.4.1.1.6.2"];
@@ -65,6 +69,8 @@ pub struct ElementOffsets {
     pub shared_groups: Option<u64>,
     /// (5200,9230) Per-Frame Functional Groups Sequence.
     pub frame_groups: Option<u64>,
+    /// (0062,0002) Segment Sequence.
+    pub segments: Option<u64>,
     /// (0054,0022) Detector Information Sequence, which has the geometry of nuclear medicine images.
     pub detectors: Option<u64>,
     /// (3004,000C) Grid Frame Offset Vector.
@@ -94,6 +100,7 @@ impl ElementOffsets {
         let slot = match tag {
             0x5200_9229 => &mut self.shared_groups,
             0x5200_9230 => &mut self.frame_groups,
+            0x0062_0002 => &mut self.segments,
             0x0054_0022 => &mut self.detectors,
             0x3004_000c => &mut self.grid_offsets,
             0x0054_0080 => &mut self.slice_vector,
@@ -229,6 +236,8 @@ pub struct DicomHeader {
     pub modality_lut: bool,
     /// The first attribute that places the image, or scales its values, and is infinite or not a number.
     pub not_finite: Option<Attribute>,
+    /// Does Segmentation Type say FRACTIONAL: are its values parts, not labels?
+    pub fractional: bool,
     /// Does Dimension Organization Type say that frames are tiles?
     pub tiled: bool,
     /// Total Pixel Matrix Columns and Rows of a picture whose frames are tiles.
@@ -268,7 +277,8 @@ impl DicomHeader {
             "5.1.4.1.1.13.1.1" | "5.1.4.1.1.13.1.2" | "5.1.4.1.1.13.1.3" => "X-ray 3D image",
             "5.1.4.1.1.20" => "NM image",
             "5.1.4.1.1.130" => "enhanced PET",
-            "5.1.4.1.1.66.4" | LABEL_MAP => "segmentation",
+            "5.1.4.1.1.66.4" if self.fractional => FRACTIONAL,
+            "5.1.4.1.1.66.4" | LABEL_MAP => SEGMENTATION,
             "5.1.4.1.1.30" => "parametric map",
             "5.1.4.1.1.128" => "PET image",
             "5.1.4.1.1.481.2" => "RT dose",
@@ -327,7 +337,7 @@ impl DicomHeader {
 
     /// Is it a segmentation, whose numbers are labels in any colours?
     pub(crate) fn is_segmentation(&self) -> bool {
-        self.kind() == "segmentation"
+        [SEGMENTATION, FRACTIONAL].contains(&self.kind().as_str())
     }
 
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
@@ -423,6 +433,7 @@ elements! { |header, value, endian|
     0x0028_1052 => header.intercept = number(value),
     0x0028_1053 => header.slope = number(value),
     0x0028_3000 => header.modality_lut = true,
+    0x0062_0001 => header.fractional = text(value) == "FRACTIONAL",
     0x3004_000e => header.dose_scaling = number(value),
     0x0020_9311 => header.tiled = text(value).starts_with("TILED"),
     0x0048_0006 => header.total_matrix[0] = long_of(value, endian),
@@ -453,6 +464,7 @@ mod tests {
         let untouched = header.clone();
         for tag in (0x0002_0000..0x0030_0000)
             .chain(0x0048_0000..0x0049_0000)
+            .chain(0x0062_0000..0x0063_0000)
             .chain(0x3004_0000..0x3005_0000)
             .filter(|tag| !DicomHeader::wants(*tag))
         {

@@ -11,6 +11,7 @@
 //! | `private` | the private ones among them |
 //! | `syntax` | transfer syntaxes by name |
 //! | `frames` | position and meaning of every frame of a file: [`frames::visit`] |
+//! | `segments` | the segments of a segmentation |
 //! | `csa` | the private header of Siemens MR images |
 
 pub(super) mod csa;
@@ -20,6 +21,7 @@ pub(super) mod frames;
 pub(super) mod header;
 pub(super) mod private;
 pub(super) mod scan;
+pub(super) mod segments;
 pub(super) mod syntax;
 pub(super) mod value;
 pub(super) mod window;

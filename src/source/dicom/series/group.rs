@@ -11,6 +11,7 @@ use crate::source::dicom::image::pixels::{PaddingAttributes, PixelLayout};
 use crate::source::files::FileList;
 use crate::source::finding::BurnedIn;
 use crate::source::stable_hash::StableHash;
+use crate::volume::StatedLabel;
 
 /// Orientation cosines that differ by less are the same; scanners print six digits.
 const ORIENTATION_TOLERANCE: f64 = 1e-4;
@@ -310,6 +311,8 @@ pub(crate) struct Series {
     pub(crate) not_finite: Option<(u32, Attribute)>,
     /// Files that were images when they were found, and are not any more.
     pub(crate) lost: Option<(PathBuf, ScanError)>,
+    /// The segments of a segmentation, by number.
+    pub(crate) segments: Vec<StatedLabel>,
     directions: Vec<[i64; 3]>,
     stacks: Vec<String>,
     vectors: Vec<[u16; 8]>,
@@ -328,6 +331,7 @@ impl Series {
             duplicates: Vec::new(),
             not_finite: None,
             lost: None,
+            segments: Vec::new(),
             directions: Vec::new(),
             stacks: Vec::new(),
             vectors: Vec::new(),
@@ -351,6 +355,15 @@ impl Series {
             self.groups.push(Group { shared, slices });
         }
         &mut self.groups[at]
+    }
+
+    /// Takes in the segments of a file; of several with one number the first stays.
+    pub(crate) fn add_segments(&mut self, segments: Vec<StatedLabel>) {
+        for segment in segments {
+            if let Err(at) = self.segments.binary_search_by_key(&segment.number, |known| known.number) {
+                self.segments.insert(at, segment);
+            }
+        }
     }
 
     pub(crate) fn layout_index(&mut self, layout: PixelLayout) -> u32 {

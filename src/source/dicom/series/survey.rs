@@ -17,6 +17,7 @@ use crate::source::dicom::image::pixels::PaddingAttributes;
 use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::scan::scan;
+use crate::source::dicom::parse::segments::segments;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
 
@@ -80,6 +81,9 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
 
 /// Adds every frame of a file.
 fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
+    if header.is_segmentation() {
+        series.add_segments(segments(input, header).unwrap_or_default());
+    }
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().cloned().map(ImageFault::Pixels);

@@ -4,7 +4,7 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-use super::group::{Group, Series, Slice};
+use super::group::{Group, Key, Series, Slice};
 use super::layer::{Layer, Stack};
 use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
 use crate::facts::{Note, SourceFault};
@@ -14,12 +14,13 @@ use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
 use crate::source::dicom::image::pixels::{Padding, PixelLayout};
 use crate::source::dicom::image::unroll::{FrameSink, unroll};
+use crate::source::dicom::parse::header::FRACTIONAL;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::files::FileSet;
 use crate::volume::Spool;
 use crate::volume::{
-    ImageKind, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo,
-    VolumeSource, Workspace,
+    ImageKind, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, StatedLabel,
+    VolumeInfo, VolumeSource, Workspace,
 };
 use crate::volume::{blend_rows, check_request, neighbour_bytes, read_block};
 
@@ -144,7 +145,7 @@ impl DicomVolume {
                 number: shared.series_number,
                 part: part.into(),
             },
-            labels: Vec::new(),
+            labels: labels_of(series, group, slices.first().copied()),
             treatments: Vec::new(),
             files: files.len() as u64,
             bytes: dims.voxels() * layout.scalar().bytes() as u64,
@@ -247,6 +248,16 @@ impl DicomVolume {
         };
         place.map_or(0, |p| p.file as usize)
     }
+}
+
+/// The labels of a volume of segments: its own segment, where frames name theirs, or all of them.
+fn labels_of(series: &Series, group: &Group, first: Option<&Slice>) -> Vec<StatedLabel> {
+    if group.shared.object == FRACTIONAL {
+        return Vec::new();
+    }
+    let own = first.and_then(|slice| Key::SEGMENT.number(slice));
+    let is_own = |label: &&StatedLabel| own.is_none_or(|own| own == f64::from(label.number));
+    series.segments.iter().filter(is_own).cloned().collect()
 }
 
 /// Slope and intercept of a slice.

@@ -1,0 +1,63 @@
+//! Label maps among volumes: which volumes they are, and how they are built where nobody chose what is inside.
+
+use std::path::Path;
+
+use super::build::prepare;
+use crate::budget::MemoryCap;
+use crate::builder::{BuildNote, BuildOptions, Connectivity, LabelChoice, Threshold, choose_noted};
+use crate::clean::CleanOptions;
+use crate::error::Error;
+use crate::format::{Channel, Selection, SurfaceKind};
+use crate::progress::Progress;
+use crate::volume::VolumeSource;
+
+/// The surface of labels that are built without being asked for.
+const SURFACE: SurfaceKind = SurfaceKind::Cells;
+
+/// How many labels the header of a volume states.
+pub(super) fn stated(source: &dyn VolumeSource) -> usize {
+    source.info().description.labels.len()
+}
+
+/// The options of a build of all labels, without what labels do not have.
+pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
+    BuildOptions {
+        labels: Some(LabelChoice::All),
+        surface: SURFACE,
+        channels: options.channels.iter().filter(|channel| *channel == Channel::Normal).collect(),
+        connectivity: Connectivity::default(),
+        error: None,
+        ..options.clone()
+    }
+}
+
+/// What the values of a volume look like.
+pub(super) enum Values {
+    /// So many labels.
+    Labels(usize),
+    /// A mixture, whose inside is this.
+    Mixed(Selection, Option<BuildNote>),
+}
+
+/// Reads a volume, as Otsu's method does, and says whether its values look like labels: a few whole numbers in flat
+/// regions.
+///
+/// Memory and cost are those of a threshold that is looked for; the volume is prepared first.
+///
+/// # Errors
+/// The volume cannot be read, its values are all alike, or the memory is too small.
+pub(super) fn look(
+    source: &mut dyn VolumeSource,
+    clean: &CleanOptions,
+    options: &BuildOptions,
+    output: &Path,
+    progress: &dyn Progress,
+) -> Result<Values, Error> {
+    prepare(source, clean, options, output, progress)?;
+    let (memory, threads): (MemoryCap, usize) = (options.memory, options.threads);
+    let (selection, note) = choose_noted(source, Threshold::Otsu, memory, threads, progress)?;
+    Ok(match note {
+        Some(BuildNote::Labels { count }) => Values::Labels(count),
+        note => Values::Mixed(selection, note),
+    })
+}

@@ -1,0 +1,432 @@
+//! A model of labels into a model for each of its labels.
+//!
+//! ```text
+//!   model  --one walk-->  voxels in Morton order  --label-->  chains of chunks in one scratch file
+//!   chain of a label      --one after the other-->  levels, items, labels of its model; then directory, means, checksums
+//! ```
+//!
+//! The skin of a label is the voxels that have it, so that nothing but these and their items is taken, and the model of a
+//! label is the one that is built of it alone, byte for byte.
+
+use std::fs::File;
+use std::io;
+use std::path::{Path, PathBuf};
+
+use super::stop::Stop;
+use super::stream::Writer;
+use super::strip::{complete, place_sections};
+use crate::atomic::AtomicFile;
+use crate::budget::{Budget, MemoryCap};
+use crate::builder::{BuildError, BuildFault};
+use crate::error::{Error, UsageError};
+use crate::format::{
+    Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, Label, LabelForm, SectionEntry, SectionKind,
+    SurfaceKind, label_directory_bytes, labels_to_bytes,
+};
+use crate::geom::Level;
+use crate::load::{Cursor, Frame};
+use crate::platform::{FileExt, open_file};
+use crate::progress::Progress;
+use crate::scratch::unnamed;
+
+/// What stands in the blocks of labels.
+const SKIN: LabelForm = LabelForm::OF_SKIN;
+/// Most levels of nodes.
+const MAX_LEVELS: usize = 16;
+/// Bytes of a cursor over a level, and of one over items.
+const LEVEL_BUFFER: usize = 16 << 10;
+const ITEM_BUFFER: usize = 64 << 10;
+/// What reading one model and writing another takes: cursors, writers, the walk of means.
+const STREAMS: u64 = 1536 << 10;
+/// Bytes of a chunk at most, and of the chunks of all labels together, as far as a record fits.
+const MAX_CHUNK: usize = 8 << 10;
+const ALL_CHUNKS: usize = 256 << 10;
+/// Bytes of a chunk's place of the next one, and of a record's Morton code.
+const WORD: usize = size_of::<u64>();
+
+/// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its skin
+/// voxels and bytes; 0 for a label of which nothing is to be seen, which has no model.
+///
+/// Memory: under 2 MiB for as many labels as a thousand, and some 250 bytes for each more; a refusal names `name`. Temporary disk: 8 bytes a voxel
+/// and its items. Cost: some 0.1 microseconds a skin voxel, and a sync of each model.
+///
+/// # Errors
+/// The input is not a mapped model of labels, or is damaged; an output cannot be written, or the memory is too small.
+/// Models before the one that failed stay, each whole.
+pub(crate) fn split(
+    (input, name): (&Path, &str),
+    outputs: &[PathBuf],
+    scratch: &Path,
+    memory: MemoryCap,
+    progress: &dyn Progress,
+) -> Result<Vec<[u64; 2]>, Error> {
+    let unwritable = |cause| Error::Output { path: scratch.to_path_buf(), cause };
+    let at = |stop, output: &Path| match stop {
+        Stop::Input(fault) => Error::Load(fault.at(input)),
+        Stop::Output(cause) => Error::Output { path: output.to_path_buf(), cause },
+    };
+    let source = open_file(input).map_err(|cause| at(Stop::Input(cause.into()), input))?;
+    let frame = Frame::read(&source).map_err(|fault| at(fault.into(), input))?;
+    if frame.labels.is_empty()
+        || (frame.surface(), frame.header.encoding) != (SurfaceKind::Skin, Encoding::Mapped)
+    {
+        return Err(UsageError::Labels { path: input.to_path_buf(), doing: "split" }.into());
+    }
+    let record = WORD + items_of(&frame).map(|(_, bytes)| bytes).sum::<usize>();
+    let chunk = (ALL_CHUNKS / frame.labels.len()).clamp(record, MAX_CHUNK) / record * record;
+    let held = frame.labels.len() * (size_of::<Bucket>() + WORD + chunk);
+    let _memory = Budget::of(memory).reserve(STREAMS + held as u64).map_err(|refused| {
+        let limit_bytes = memory.bytes();
+        let minimum_bytes = limit_bytes.saturating_add(refused.missing_bytes());
+        BuildError::from(BuildFault::BudgetTooSmall { name: name.to_owned(), limit_bytes, minimum_bytes })
+    })?;
+    let file = unnamed(scratch).map_err(unwritable)?;
+    let mut buckets = Buckets::new(&file, &frame, record, chunk);
+    buckets.fill(&source, &frame, progress).map_err(|stop| at(stop, scratch))?;
+    progress.check().map_err(|_| Error::Stopped)?;
+    progress.stage("labels", frame.labels.len() as u64);
+    let mut made = Vec::with_capacity(frame.labels.len());
+    for ((bucket, label), output) in buckets.all.iter().zip(&frame.labels).zip(outputs) {
+        progress.step(1).map_err(|_| Error::Stopped)?;
+        if bucket.voxels == 0 {
+            made.push([0; 2]);
+            continue;
+        }
+        let unwritable = |cause| Error::Output { path: output.clone(), cause };
+        let out = AtomicFile::create(output).map_err(unwritable)?;
+        let model = write(&buckets, bucket, &frame, label, out.file()).map_err(|stop| at(stop, output))?;
+        out.commit().map_err(unwritable)?;
+        made.push([bucket.voxels, model.header.file_bytes]);
+    }
+    Ok(made)
+}
+
+/// The channels whose items are taken as they are, with the bytes of an item.
+fn items_of(frame: &Frame) -> impl Iterator<Item = (Channel, usize)> + '_ {
+    frame
+        .channels()
+        .filter(|(channel, _)| *channel != Channel::Label)
+        .map(|(channel, bytes)| (channel, bytes.into()))
+}
+
+/// The voxels of a model in Morton order, from one cursor for each level and channel.
+struct Voxels<'a> {
+    levels: Vec<Cursor<'a, File>>,
+    /// Of the open nodes: octants still to be visited, and the node's code.
+    path: Vec<(u8, u64)>,
+    items: Vec<(usize, Cursor<'a, File>)>,
+    directory: Cursor<'a, File>,
+    blocks: Cursor<'a, File>,
+    left: u64,
+    /// Labels of the present group, from the last to the next one.
+    group: Vec<u16>,
+}
+
+impl<'a> Voxels<'a> {
+    fn new(source: &'a File, frame: &Frame) -> Result<Self, FormatError> {
+        let entry = |kind| frame.section(kind).ok_or(FormatError::MissingSection(kind));
+        let (nodes, labels) = (entry(SectionKind::Nodes)?, entry(SectionKind::Voxels(Channel::Label))?);
+        let level = |d| {
+            let level = frame.level(Level::new(d));
+            Cursor::new(source, nodes.offset + level.start, nodes.offset + level.end, LEVEL_BUFFER)
+        };
+        let items = |(channel, bytes)| {
+            let entry = entry(SectionKind::Voxels(channel))?;
+            Ok((bytes, Cursor::new(source, entry.offset, entry.end(), ITEM_BUFFER)))
+        };
+        let middle = labels.offset + label_directory_bytes(frame.header.voxels);
+        Ok(Self {
+            levels: (0..frame.dims().depth()).map(level).collect(),
+            path: Vec::with_capacity(MAX_LEVELS),
+            items: items_of(frame).map(items).collect::<Result<_, FormatError>>()?,
+            directory: Cursor::new(source, labels.offset, middle, LEVEL_BUFFER),
+            blocks: Cursor::new(source, middle, labels.end(), ITEM_BUFFER),
+            left: frame.header.voxels,
+            group: Vec::new(),
+        })
+    }
+
+    /// Appends code and items of the next voxel, and gives its label; `None` at the end.
+    fn next(&mut self, record: &mut Vec<u8>) -> Result<Option<u16>, Stop> {
+        let missing = |kind| Stop::from(FormatError::MissingItem { kind });
+        if self.left == 0 {
+            return Ok(None);
+        }
+        if self.group.is_empty() {
+            self.next_group()?;
+        }
+        self.left -= 1;
+        let code = self.next_code()?.ok_or(missing(SectionKind::Nodes))?;
+        record.extend(code.to_le_bytes());
+        for (bytes, items) in &mut self.items {
+            record.extend(items.take_item(*bytes)?.ok_or(missing(SectionKind::Voxels(Channel::Normal)))?);
+        }
+        Ok(self.group.pop())
+    }
+
+    fn next_code(&mut self) -> Result<Option<u64>, Stop> {
+        if self.levels.is_empty() {
+            return Ok(Some(0));
+        }
+        if self.path.is_empty() {
+            self.enter(0)?;
+        }
+        while let Some((rest, code)) = self.path.last_mut() {
+            if *rest == 0 {
+                self.path.pop();
+                continue;
+            }
+            let child = *code << 3 | u64::from(rest.trailing_zeros());
+            *rest &= rest.wrapping_sub(1);
+            if self.path.len() == self.levels.len() {
+                return Ok(Some(child));
+            }
+            self.enter(child)?;
+        }
+        Ok(None)
+    }
+
+    fn enter(&mut self, code: u64) -> Result<(), Stop> {
+        let node = match self.levels.get_mut(self.path.len()) {
+            Some(level) => level.take::<1>()?,
+            None => None,
+        };
+        let [infobyte] = node.ok_or(FormatError::MissingItem { kind: SectionKind::Nodes })?;
+        self.path.push((infobyte, code));
+        Ok(())
+    }
+
+    fn next_group(&mut self) -> Result<(), Stop> {
+        let wrong = || FormatError::MissingItem { kind: SectionKind::Voxels(Channel::Label) };
+        let entry = self.directory.take::<LABEL_ENTRY>()?.ok_or_else(wrong)?;
+        let sizes = entry.last_chunk().ok_or_else(wrong)?;
+        let count = usize::try_from(self.left).unwrap_or(LABEL_GROUP).min(LABEL_GROUP);
+        let room = usize::try_from(self.blocks.left()).unwrap_or(usize::MAX).min(2 * LABEL_GROUP);
+        let bytes = self.blocks.peek(room)?.ok_or_else(wrong)?;
+        let (labels, used) = SKIN.decode_group(sizes, bytes, count).ok_or_else(wrong)?;
+        self.blocks.skip(used);
+        self.group.clear();
+        self.group.extend(labels.iter().rev().filter_map(|label| u16::try_from(*label).ok()));
+        Ok(())
+    }
+}
+
+/// The records of one label: a chain of chunks, each with the place of the next one before it.
+struct Bucket {
+    first: u64,
+    at: u64,
+    /// The present chunk, from its second word on.
+    records: Vec<u8>,
+    last: u64,
+    voxels: u64,
+    /// Nodes of each level.
+    nodes: [u64; MAX_LEVELS],
+}
+
+struct Buckets<'a> {
+    file: &'a File,
+    depth: usize,
+    record: usize,
+    chunk: usize,
+    end: u64,
+    all: Vec<Bucket>,
+}
+
+/// The levels of nodes that two codes of voxels share, of `depth`.
+fn shared_levels(a: u64, b: u64, depth: usize) -> usize {
+    let bits = (u64::BITS - (a ^ b).leading_zeros()) as usize;
+    (depth + 1).saturating_sub(bits.div_ceil(3)).min(depth)
+}
+
+impl<'a> Buckets<'a> {
+    fn new(file: &'a File, frame: &Frame, record: usize, chunk: usize) -> Self {
+        let step = (WORD + chunk) as u64;
+        let bucket = |at| Bucket {
+            first: at * step,
+            at: at * step,
+            records: Vec::with_capacity(chunk),
+            last: 0,
+            voxels: 0,
+            nodes: [0; MAX_LEVELS],
+        };
+        let labels = frame.labels.len() as u64;
+        let all = (0..labels).map(bucket).collect();
+        Self { file, depth: frame.dims().depth() as usize, record, chunk, end: labels * step, all }
+    }
+
+    /// Takes every voxel of a model.
+    fn fill(&mut self, source: &File, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
+        let mut voxels = Voxels::new(source, frame)?;
+        let (mut record, mut known, mut count) = (Vec::with_capacity(self.record), (0, 0), 0_u64);
+        while let Some(number) = voxels.next(&mut record)? {
+            if known.0 != number {
+                let at = frame.labels.binary_search_by_key(&number, |label| label.number);
+                known = (number, at.map_err(|_| FormatError::LabelBlocks { first: count, last: count })?);
+            }
+            self.push(known.1, &record)?;
+            record.clear();
+            count += 1;
+            if count.is_multiple_of(1 << 16) {
+                progress.check().map_err(io::Error::other).map_err(Stop::Output)?;
+            }
+        }
+        for at in 0..self.all.len() {
+            self.flush(at)?;
+        }
+        Ok(())
+    }
+
+    fn push(&mut self, at: usize, record: &[u8]) -> Result<(), Stop> {
+        let depth = self.depth;
+        let Some((bucket, code)) = self.all.get_mut(at).zip(record.first_chunk()) else { return Ok(()) };
+        let code = u64::from_le_bytes(*code);
+        let shared = if bucket.voxels == 0 { 0 } else { shared_levels(bucket.last, code, depth) };
+        bucket.nodes[shared..depth].iter_mut().for_each(|nodes| *nodes += 1);
+        (bucket.last, bucket.voxels) = (code, bucket.voxels + 1);
+        bucket.records.extend_from_slice(record);
+        if bucket.records.len() == self.chunk { self.flush(at) } else { Ok(()) }
+    }
+
+    fn flush(&mut self, at: usize) -> Result<(), Stop> {
+        let next = self.end;
+        self.end += (WORD + self.chunk) as u64;
+        let Some(bucket) = self.all.get_mut(at) else { return Ok(()) };
+        let file = self.file;
+        let written = file.write_all_at(&next.to_le_bytes(), bucket.at);
+        written
+            .and_then(|()| file.write_all_at(&bucket.records, bucket.at + WORD as u64))
+            .map_err(Stop::Output)?;
+        bucket.at = next;
+        bucket.records.clear();
+        Ok(())
+    }
+
+    /// Calls `found` with the records of a bucket, in their order.
+    fn for_each(
+        &self,
+        bucket: &Bucket,
+        mut found: impl FnMut(u64, &[u8]) -> Result<(), Stop>,
+    ) -> Result<(), Stop> {
+        let mut bytes = vec![0; WORD + self.chunk];
+        let (mut at, mut left) = (bucket.first, bucket.voxels);
+        while left > 0 {
+            let records = left.min((self.chunk / self.record) as u64);
+            let part = &mut bytes[..WORD + usize::try_from(records).unwrap_or(0) * self.record];
+            self.file.read_exact_at(part, at).map_err(Stop::Output)?;
+            let Some((next, records_of)) = part.split_first_chunk() else { return Ok(()) };
+            for record in records_of.chunks_exact(self.record) {
+                let Some((code, items)) = record.split_first_chunk() else { continue };
+                found(u64::from_le_bytes(*code), items)?;
+            }
+            (at, left) = (u64::from_le_bytes(*next), left - records);
+        }
+        Ok(())
+    }
+}
+
+/// The frame of a label's model, without checksums.
+fn lay_out(bucket: &Bucket, frame: &Frame, label: &Label) -> Result<Frame, Stop> {
+    let mut own = frame.clone();
+    let depth = frame.dims().depth() as usize;
+    let mut first = 0;
+    own.levels = vec![0];
+    for nodes in &bucket.nodes[..depth] {
+        first += nodes;
+        own.levels.push(first);
+    }
+    (own.header.voxels, own.header.nodes) = (bucket.voxels, first);
+    let number = f64::from(label.number);
+    (own.metadata.selection.lo, own.metadata.selection.hi) = (number, number);
+    own.metadata_bytes = own.metadata.to_bytes()?;
+    own.labels = vec![label.clone()];
+    let table = labels_to_bytes(&own.labels)?.len() as u64;
+    // A palette of one label takes two bytes a block.
+    let coded = label_directory_bytes(bucket.voxels) + 2 * bucket.voxels.div_ceil(LABEL_BLOCK);
+    for entry in &mut own.sections {
+        match entry.kind {
+            Some(SectionKind::LabelTable) => entry.items = table,
+            Some(SectionKind::Voxels(Channel::Label)) => entry.items = coded,
+            _ => {}
+        }
+    }
+    place_sections(&mut own);
+    Ok(own)
+}
+
+/// Voxels of a block of labels.
+const LABEL_BLOCK: u64 = (LABEL_GROUP / 8) as u64;
+
+/// Writes the model of one label.
+fn write(
+    buckets: &Buckets<'_>,
+    bucket: &Bucket,
+    frame: &Frame,
+    label: &Label,
+    out: &File,
+) -> Result<Frame, Stop> {
+    let mut own = lay_out(bucket, frame, label)?;
+    let depth = buckets.depth;
+    let place = |kind| own.section(kind).ok_or(FormatError::MissingSection(kind));
+    let nodes = place(SectionKind::Nodes)?.offset;
+    let mut levels: Vec<Writer<'_>> =
+        own.levels.windows(2).take(depth).map(|l| Writer::new(out, nodes + l[0], nodes + l[1])).collect();
+    let writer = |entry: &SectionEntry| Writer::new(out, entry.offset, entry.end());
+    let mut items: Vec<(usize, Writer<'_>)> = items_of(frame)
+        .map(|(channel, bytes)| Ok((bytes, writer(place(SectionKind::Voxels(channel))?))))
+        .collect::<Result<_, FormatError>>()?;
+    let (mut open, mut last) = ([0_u8; MAX_LEVELS], None);
+    let mut close = |open: &mut [u8; MAX_LEVELS], from: usize| {
+        (from..depth)
+            .rev()
+            .try_for_each(|d| levels[d].write(&[std::mem::take(&mut open[d])]))
+            .map_err(Stop::Output)
+    };
+    buckets.for_each(bucket, |code, bytes| {
+        let shared = last.replace(code).map_or(0, |last| shared_levels(last, code, depth));
+        if bucket.voxels > 0 && open[0] != 0 {
+            close(&mut open, shared)?;
+        }
+        // Where a node is shared, so is the way to it; the node above what differs has one more child.
+        for (d, node) in open.iter_mut().enumerate().take(depth).skip(shared.saturating_sub(1)) {
+            *node |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
+        }
+        let mut rest = bytes;
+        items.iter_mut().try_for_each(|(bytes, writer)| {
+            let (item, after) = rest.split_at(*bytes);
+            rest = after;
+            writer.write(item).map_err(Stop::Output)
+        })
+    })?;
+    close(&mut open, 0)?;
+    levels.iter_mut().try_for_each(Writer::flush).map_err(Stop::Output)?;
+    items.iter_mut().try_for_each(|(_, writer)| writer.flush()).map_err(Stop::Output)?;
+    write_labels(bucket, label, &mut writer(place(SectionKind::Voxels(Channel::Label))?))?;
+    let small = [
+        (SectionKind::Meta, own.metadata_bytes.clone()),
+        (SectionKind::Levels, own.levels.iter().flat_map(|level| level.to_le_bytes()).collect()),
+        (SectionKind::LabelTable, labels_to_bytes(&own.labels)?),
+    ];
+    for (kind, bytes) in small {
+        out.write_all_at(&bytes, place(kind)?.offset).map_err(Stop::Output)?;
+    }
+    complete(&mut own, out)?;
+    Ok(own)
+}
+
+/// Writes directory and blocks of voxels that all have one label.
+fn write_labels(bucket: &Bucket, label: &Label, writer: &mut Writer<'_>) -> Result<(), Stop> {
+    let mut at = label_directory_bytes(bucket.voxels);
+    let (mut blocks, mut group) = (Vec::new(), vec![u32::from(label.number); LABEL_GROUP]);
+    let mut left = bucket.voxels;
+    let mut all = Vec::new();
+    while left > 0 {
+        let count = usize::try_from(left).unwrap_or(LABEL_GROUP).min(LABEL_GROUP);
+        group.truncate(count);
+        blocks.clear();
+        writer.write(&SKIN.encode_group(&group, at, &mut blocks)).map_err(Stop::Output)?;
+        at += blocks.len() as u64;
+        all.extend_from_slice(&blocks);
+        left -= count as u64;
+    }
+    writer.write(&all).and_then(|()| writer.flush()).map_err(Stop::Output)
+}
