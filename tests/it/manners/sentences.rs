@@ -177,8 +177,10 @@ fn the_library_names_its_own_options() {
     let picture = RenderRequest { point, ..Default::default() };
     let export = ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0, smooth: None };
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
-    let view = ViewRequest::default();
-    let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}");
+    let (view, folder) = (ViewRequest::default(), Path::new(""));
+    let each = infobyte::jobs::build::EachLabel { folder, replace: false, keep_whole: false };
+    let fields =
+        format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?} {each:?}");
     // Values of fields, arguments of functions, and functions.
     let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];
