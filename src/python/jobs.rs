@@ -129,6 +129,7 @@ fn build_volume(
             memory_bytes: options.memory.bytes(),
             report,
             info: read_info(output)?,
+            each: Vec::new(),
             cleaning: (!clean.is_empty()).then(|| (clean.operations(), cleaned)),
             warnings,
             hints: Vec::new(),

@@ -181,8 +181,9 @@ fn the_library_names_its_own_options() {
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
     let (view, scene, outputs) =
         (ViewRequest::default(), SceneRequest::default(), Outputs::of(Path::new("p.png")));
+    let each = infobyte::jobs::build::EachLabel { folder: Path::new(""), replace: false, keep_whole: false };
     let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}")
-        + &format!(" {scene:?} {outputs:?}");
+        + &format!(" {scene:?} {outputs:?} {each:?}");
     // Values of fields, arguments of functions, and functions.
     let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];
