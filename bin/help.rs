@@ -20,55 +20,20 @@ const PAGES: [(&str, &str, &str); 7] = [
 ];
 
 /// Options that `-h` lists, of commands that have more than a screen holds.
-const SHORT: [(&str, &[&str]); 4] = [
-    ("build", &["output", "iso", "preset", "labels", "memory", "error", "spacing", "dims", "dtype", "grid"]),
-    (
-        "batch",
-        &["out", "iso", "preset", "memory", "jobs", "thumbnails", "modality", "keep-names", "json", "quiet"],
-    ),
-    ("plan", &["parts", "out", "iso", "preset", "memory", "labels", "error", "spacing", "dims", "dtype"]),
-    (
-        "render",
-        &[
-            "output",
-            "size",
-            "view",
-            "clip",
-            "section",
-            "background",
-            "shading",
-            "annotate",
-            "legend",
-            "turntable",
-        ],
-    ),
+const SHORT: [(&str, &str); 4] = [
+    ("build", "output iso preset labels memory error spacing dims dtype grid"),
+    ("batch", "out iso preset memory jobs thumbnails modality keep-names json quiet"),
+    ("plan", "parts out iso preset memory labels error spacing dims dtype"),
+    ("render", "output size view clip section background shading annotate legend turntable"),
 ];
 
-/// Groups of options that share no type of arguments.
-const GROUPS: [(&str, &[&str]); 5] = [
-    (
-        "Camera",
-        &[
-            "size",
-            "view",
-            "eye",
-            "look-at",
-            "up",
-            "projection",
-            "fov",
-            "zoom",
-            "contact",
-            "turntable",
-            "section",
-        ],
-    ),
-    (
-        "What is shown",
-        &["clip", "only", "hide", "opacity", "color", "background", "annotate", "title", "legend"],
-    ),
-    ("Light and rays", &["shading", "blended", "samples", "ao-rays", "traversal", "lod", "lod-bias"]),
-    ("Other pictures of the same view", &["depth", "normals", "ids"]),
-    ("Machine and output", &["threads", "memory", "json", "force"]),
+/// Groups of the options of `render`.
+const GROUPS: [(&str, &str); 5] = [
+    ("Camera", "size view eye look-at up projection fov zoom contact turntable section"),
+    ("What is shown", "clip only hide opacity color background annotate title legend"),
+    ("Light and rays", "shading blended samples ao-rays traversal lod lod-bias"),
+    ("Other pictures of the same view", "depth normals ids"),
+    ("Machine and output", "threads memory json force"),
 ];
 
 /// The command line as help shows it; short help has no groups.
@@ -83,12 +48,13 @@ pub(crate) fn command(is_short: bool) -> Command {
 }
 
 /// An option of a command in its group; with its first clause for `-h`, or left out there.
-fn of_command(arg: Arg, command: &str, short: Option<&[&str]>, is_short: bool) -> Arg {
+fn of_command(arg: Arg, command: &str, short: Option<&str>, is_short: bool) -> Arg {
     let Some(name) = arg.get_long().map(str::to_owned) else { return arg };
-    let group = GROUPS.iter().find(|(_, names)| command == "render" && names.contains(&name.as_str()));
+    let is_among = |names: &str| names.split(' ').any(|other| other == name);
+    let group = GROUPS.iter().find(|(_, names)| command == "render" && is_among(names));
     let heading = group.map(|(heading, _)| *heading);
     match short {
-        Some(short) if is_short && short.contains(&name.as_str()) => {
+        Some(short) if is_short && is_among(short) => {
             let full = arg.get_help().map(ToString::to_string).unwrap_or_default();
             let first = ["; ", ": "].iter().filter_map(|end| full.find(end)).min().unwrap_or(full.len());
             arg.help(full[..first].to_owned()).help_heading(None)
@@ -181,10 +147,10 @@ mod tests {
             let count = options.take_while(|line| !line.is_empty()).count();
             assert!(count <= 24 || SHORT.iter().all(|(of, _)| *of != name), "{name}: {count}\n{help}");
             let known: Vec<&str> = sub.get_arguments().filter_map(Arg::get_long).collect();
-            let short = SHORT.iter().filter(|(of, _)| *of == name).flat_map(|(_, names)| *names);
-            let grouped = GROUPS.iter().filter(|_| name == "render").flat_map(|(_, names)| *names);
+            let short = SHORT.iter().filter(|(of, _)| *of == name).flat_map(|(_, names)| names.split(' '));
+            let grouped = GROUPS.iter().filter(|_| name == "render").flat_map(|(_, names)| names.split(' '));
             for option in short.chain(grouped) {
-                assert!(known.contains(option), "{name} --{option}");
+                assert!(known.contains(&option), "{name} --{option}");
             }
         }
         for (name, ..) in PAGES {

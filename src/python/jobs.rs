@@ -19,7 +19,6 @@ use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
 use crate::jobs::picture::Outputs;
 use crate::jobs::scene::SceneRequest;
-use crate::jobs::shots::Shots;
 use crate::progress::Progress;
 use crate::source::SubjectKind;
 use crate::volume::sentences;

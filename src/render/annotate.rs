@@ -362,8 +362,7 @@ mod tests {
             let strip = style.bar(&blank(400, 300), &camera, (300, 0.0));
             assert_eq!([strip.width, strip.height], [400, style.bar_rows()]);
             let pixel_mm = camera.pixel_mm(300, 0.0);
-            let mm =
-                inked(&strip, (0.7 * f64::from(strip.height)) as u32, [ink, ink, ink, 255]) as f64 * pixel_mm;
+            let mm = inked(&strip, strip.height * 7 / 10, [ink, ink, ink, 255]) as f64 * pixel_mm;
             assert!((mm - 100.0).abs() < pixel_mm, "{mm}");
         }
         assert_eq!(Style::of([400, 63], None), None);

@@ -95,7 +95,7 @@ fn labels_are_cut_and_listed() {
     let slice = ["--section", "z=24", "--size", "300x300"];
     let pixels = picture(folder.path(), &model, &slice);
     // From 3.5 to 39.5 mm and 4 % more, so 8 pixels a voxel; the line takes some.
-    let voxel = (300.0 / (36.0 * 1.04) as f64).powi(2);
+    let voxel = (300.0 / (36.0 * 1.04_f64)).powi(2);
     for (color, voxels) in [(red, 16.0 * 32.0 - 8.0 * 18.0), (green, 16.0 * 32.0)] {
         let share = count(&pixels, color) / (voxels * voxel);
         assert!((0.9..1.0).contains(&share), "{color:?}: {share}");

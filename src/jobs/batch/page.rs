@@ -32,12 +32,12 @@ const HEAD: &str = r#"<!doctype html>
 header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}body>.in{margin:10px 28px 0;color:var(--note)}a{color:inherit}
 .bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;gap:8px;border-bottom:1px solid var(--line)}
 .bar input[type=search]{flex:1;min-width:0;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
-.bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
+.bar select{border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}.bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
 main{display:grid;grid-template-columns:repeat(auto-fill,minmax(236px,1fr));gap:16px;padding:16px 28px 28px}
 article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column;content-visibility:auto;contain-intrinsic-size:auto 480px}main.list article{contain-intrinsic-size:auto 120px}
 main{align-items:start}main.list{grid-template-columns:repeat(auto-fill,minmax(min(380px,100%),1fr));padding-top:4px}article.failed{border-left:3px solid var(--bad)}.shot{background:var(--tile);aspect-ratio:1;display:flex;align-items:center;justify-content:center}
-.shot img{width:100%;height:100%;object-fit:contain}.shot span{font-size:13px;color:var(--soft);padding:16px;text-align:center}
-.text{padding:10px 12px 12px;overflow-wrap:anywhere}.text h3{font-size:14px;margin:0 0 2px}.text .in{color:var(--soft);font-size:12px;margin:0 0 6px}
+.shot a{width:100%;height:100%}.shot img{display:block;width:100%;height:100%;object-fit:contain}.shot span{font-size:13px;color:var(--soft);padding:16px;text-align:center}
+.text{padding:10px 12px 12px;overflow-wrap:anywhere}.text h3{font-size:14px;margin:0 0 2px}h3 a:not(:hover){text-decoration:none}.text .in{color:var(--soft);font-size:12px;margin:0 0 6px}
 dl{display:grid;grid-template-columns:auto 1fr;gap:0 10px;margin:0;font-size:12.5px;font-variant-numeric:tabular-nums}dt{color:var(--soft)}dd{margin:0;text-align:right}
 .why{color:var(--bad);margin:6px 0 0;font-size:12.5px}ul{margin:8px 0 0;padding:0;list-style:none;font-size:12px;color:var(--note)}li+li{margin-top:3px}
 table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 14px 3px 0;border-top:1px solid var(--line);color:var(--soft)}
