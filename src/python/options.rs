@@ -122,8 +122,7 @@ impl BuildAsked {
         let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
         // Cells, unless something is asked for that only skin has.
         let of_normals = |names: &Vec<String>| names.iter().all(|name| name == Channel::Normal.name());
-        let only_skin = self.labels.is_some()
-            || self.gradient.is_some()
+        let only_skin = self.gradient.is_some()
             || self.normal_bits.is_some_and(|bits| bits != 16)
             || self.connectivity == Some(6)
             || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))

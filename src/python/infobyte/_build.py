@@ -88,7 +88,7 @@ def build(
     What is inside
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
-    - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: the skin of each, walls between neighbours
+    - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
       included. `names`: their names by number, or a file as `oct build --names` takes it. `keep_names`: as the flag.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.

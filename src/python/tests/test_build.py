@@ -95,7 +95,7 @@ def test_thresholds(bumps):
 def test_labels(tmp_path):
     z, y, x = np.mgrid[:20, :24, :28]
     array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)
-    model = built(array, iso=None, labels="all", names={7: "left", 9: "right"})
+    model = built(array, iso=None, labels="all", surface="skin", names={7: "left", 9: "right"})
     assert [(label["number"], label["name"], label["voxels"]) for label in model.info["labels"]] == [
         (7, "left", int((array == 7).sum())), (9, "right", int((array == 9).sum()))]  # fmt: skip
     assert np.array_equal(model.labels(), array[tuple(model.voxels().T)])
@@ -111,7 +111,7 @@ def test_labels(tmp_path):
     one = built(array.astype(np.int32), "b.oct", iso=None, labels=[9], names=table)
     assert [label["name"] for label in one.info["labels"]] == ["right"] and (one.labels() == 9).all()
     assert (built(array, "c.oct", iso=1).labels() == 0).all()
-    for options in (dict(labels="liver"), dict(labels="all", preset="bone"), dict(names={7: "left"}), dict(labels="all", surface="cells"),
+    for options in (dict(labels="liver"), dict(labels="all", preset="bone"), dict(names={7: "left"}), dict(labels="all", error=0.1),
                     dict(labels="all", names=tmp_path / "none.tsv")):  # fmt: skip
         with pytest.raises((infobyte.UsageError, OSError)):
             built(array, "d.oct", iso=None, **options)
