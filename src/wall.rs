@@ -94,9 +94,8 @@ impl Window<'_> {
             }
         }
         if other.is_none() {
-            for at in 0..WINDOW * WINDOW {
-                both[1][at] = !both[0][at];
-            }
+            let [own, others] = &mut both;
+            own.iter().zip(others).for_each(|(own, others)| *others = !own);
         }
         both
     }

@@ -185,7 +185,7 @@ impl Layout {
             (SectionKind::Nodes, 1, nodes),
             (SectionKind::Rank, 1, rank::directory_bytes(nodes).1),
         ];
-        #[expect(clippy::cast_possible_truncation, reason = "an item has at most 8 bytes")]
+        #[expect(clippy::cast_possible_truncation, reason = "an item has at most 20 bytes")]
         let item_bytes = |c: &ChannelForm| c.form.stored_bytes() as u8;
         let means = channels
             .with_means()

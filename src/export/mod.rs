@@ -48,7 +48,7 @@ use std::path::Path;
 use crate::enclosed::{Fates, Outward, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
-use crate::load::{CellShape, ModelView, NodeView};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::progress::{Progress, Stopped};
 use crate::render::GridSpace;
 use crate::render::shade::Shader;
@@ -514,8 +514,9 @@ impl Exporter<'_> {
     fn point(&self, at: [f64; 3], found: &SkinVoxel, lights: Option<&Lights>) -> Vertex {
         let normal = found.code(self.view).map(|code| normal::decode(code).map(f64::from));
         let normal = normal.unwrap_or_default();
-        let within = match self.view.cells().map(|items| found.shape(&items)) {
-            Some(CellShape::Plane(plane)) => patch::nearest_on_plane(plane),
+        let wall = |items: CellItems<'_>| items.wall(found.voxel.get()).filter(|_| items.has_walls());
+        let within = match self.view.cells().map(|items| (wall(items), found.shape(&items))) {
+            Some((Some(plane), _) | (None, CellShape::Plane(plane))) => patch::nearest_on_plane(plane),
             _ => [0.0; 3],
         };
         let mm = self.affine.apply(std::array::from_fn(|a| at[a] + within[a]));

@@ -297,9 +297,9 @@ impl MeanRule {
     }
 }
 
-/// An item of up to eight bytes as a number.
+/// An item as a number, of a longer one the first eight bytes.
 pub(crate) fn number(item: &[u8]) -> u64 {
-    item.iter().rev().fold(0, |n, byte| n << 8 | u64::from(*byte))
+    item.iter().take(8).rev().fold(0, |n, byte| n << 8 | u64::from(*byte))
 }
 
 impl Sum {

@@ -385,7 +385,11 @@ mod tests {
                 };
                 let items: Vec<[u16; 2]> = (0..voxels)
                     .map(|i: u32| {
-                        let front = if surface == SurfaceKind::Skin || i % 3 > 0 { 0 } else { number(i, 20) };
+                        let front = if surface == SurfaceKind::Skin || !i.is_multiple_of(3) {
+                            0
+                        } else {
+                            number(i, 20)
+                        };
                         [number(i, 9), front]
                     })
                     .collect();

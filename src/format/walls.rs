@@ -130,6 +130,16 @@ impl Walls {
         self.label(self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i))
     }
 
+    /// Is there a corner behind the first plane, and in front of it on either side of a second one? So all parts have a label.
+    pub(crate) fn has_all_parts(&self) -> bool {
+        let fronts = |corner: usize| {
+            let front = |plane: &Plane| usize::from(at_corner(plane.normal, corner) > plane.offset);
+            self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i)
+        };
+        let parts = (0..CORNERS).fold(0_u32, |parts, corner| parts | 1 << fronts(corner));
+        self.count != 2 || (parts & 0b0101 != 0 && parts & 0b1010 == 0b1010)
+    }
+
     /// The label of a point in the cell's own coordinates (-1..=1).
     pub fn at(&self, u: [f64; 3]) -> u16 {
         self.label(self.fronts(u))

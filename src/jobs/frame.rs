@@ -119,7 +119,10 @@ pub(super) fn seen_labels(view: &ModelView<'_>, image: &Image, seen: &mut BTreeS
     for pixel in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {
         let number = pixel.iter().fold(0, |number, word| number << 16 | u64::from(*word));
         if number != last
-            && let Some(label) = number.checked_sub(1 + view.node_count()).and_then(|voxel| labels.get(voxel))
+            && let Some(voxel) = number.checked_sub(1 + view.node_count())
+            // Of a cell in which several walls meet, others around have the labels that are seen.
+            && view.walls(voxel).is_none_or(|walls| walls.planes().len() == 1)
+            && let Some(label) = labels.get(voxel)
         {
             seen.insert((0, label));
         }

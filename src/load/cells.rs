@@ -62,7 +62,7 @@ impl<'a> LeafItems<'a> {
 
 /// Normals, offsets and corners of a model of cells (SPEC 4.8), by the number of the cell.
 ///
-/// Any bytes are safe: a cell of which nothing is known counts as inside altogether.
+/// Any bytes are safe: a cell of which nothing is known counts as inside altogether, or as of a label that is not there.
 #[derive(Clone, Copy, Debug)]
 pub struct CellItems<'a> {
     normals: &'a [[u8; 2]],
@@ -89,10 +89,10 @@ impl BrickCodes {
         Self { normals: [[0; 2]; BRICK_CELLS], offsets: [i8::MAX.cast_unsigned(); BRICK_CELLS] };
 }
 
-/// What has labels on either side of its plane is decided one by one, as corners are.
+/// Of a plane between two labels: all is inside.
 #[inline(always)]
-fn one_by_one(offset: u8) -> u8 {
-    if offset & 1 == 1 { HAS_CORNERS.cast_unsigned() } else { offset }
+fn all_inside(offset: u8) -> u8 {
+    if offset & 1 == 1 { i8::MAX.cast_unsigned() } else { offset }
 }
 
 /// As many items as there are of 64; the rest stays as it was.
@@ -138,19 +138,22 @@ impl<'a> CellItems<'a> {
         normal::decode_l1(self.code(cell))
     }
 
-    /// The plane of a cell, unless it has corners, or labels on either side.
+    /// The plane of a cell, unless it has corners; beyond it nothing is inside. With a label on either side all of it is.
     #[inline(always)]
     pub fn plane(&self, cell: u64) -> Option<Plane> {
         let offset = self.offset(cell);
-        if self.walls && offset & 1 == 1 {
-            return None;
-        }
         (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), offset))
     }
 
-    /// The offset of a cell's plane, or `HAS_CORNERS`.
+    /// The offset of a cell's plane, or `HAS_CORNERS`; with a label on either side that of all inside.
     #[inline(always)]
     pub(crate) fn offset(&self, cell: u64) -> i8 {
+        let offset = self.stored_offset(cell);
+        if self.walls { all_inside(offset.cast_unsigned()).cast_signed() } else { offset }
+    }
+
+    #[inline(always)]
+    fn stored_offset(&self, cell: u64) -> i8 {
         let at = usize::try_from(cell).unwrap_or(usize::MAX);
         self.offsets.get(at).map_or(i8::MAX, |offset| offset.cast_signed())
     }
@@ -171,7 +174,7 @@ impl<'a> CellItems<'a> {
         match (normals.first_chunk(), offsets.first_chunk()) {
             (Some(normals), Some(offsets)) if !self.walls => (normals, offsets),
             (Some(normals), Some(offsets)) => {
-                (room.normals, room.offsets) = (*normals, offsets.map(one_by_one));
+                (room.normals, room.offsets) = (*normals, offsets.map(all_inside));
                 (&room.normals, &room.offsets)
             }
             _ => self.last_brick(normals, offsets, room),
@@ -185,7 +188,10 @@ impl<'a> CellItems<'a> {
         let (normals, offsets) =
             (self.normals.get(at..).unwrap_or_default(), self.offsets.get(at..).unwrap_or_default());
         match (normals.first_chunk(), offsets.first_chunk()) {
-            (Some(normals), Some(offsets)) => (room.normals, room.offsets) = (*normals, *offsets),
+            // Only larger leaves are read so, which lie between no labels.
+            (Some(normals), Some(offsets)) if !self.walls => {
+                (room.normals, room.offsets) = (*normals, *offsets);
+            }
             _ => _ = self.last_brick(normals, offsets, room),
         }
     }
@@ -202,7 +208,7 @@ impl<'a> CellItems<'a> {
         copy_start(&mut room.normals, normals);
         copy_start(&mut room.offsets, offsets);
         if self.walls {
-            room.offsets = room.offsets.map(one_by_one);
+            room.offsets = room.offsets.map(all_inside);
         }
         (&room.normals, &room.offsets)
     }
@@ -219,7 +225,7 @@ impl<'a> CellItems<'a> {
     /// The plane between two labels, or one and none, of a cell that it parts.
     #[inline]
     pub(crate) fn wall(&self, cell: u64) -> Option<Plane> {
-        let offset = self.offset(cell);
+        let offset = self.stored_offset(cell);
         (offset != HAS_CORNERS).then(|| Plane::new(self.code(cell), wall_offset(offset)))
     }
 

@@ -71,7 +71,11 @@ impl Frame {
         let labels = match sections.iter().any(|e| e.kind == Some(SectionKind::LabelTable)) {
             true => {
                 let bytes = read_small(source, &sections, SectionKind::LabelTable)?;
-                parse_labels(&bytes, header.dims.voxels())?
+                {
+                    // Of the volume, which has fewer voxels than there are cells.
+                    let [nx, ny, nz] = metadata.dims.map(u64::from);
+                    parse_labels(&bytes, nx * ny * nz)?
+                }
             }
             false => Vec::new(),
         };

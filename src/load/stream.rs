@@ -93,7 +93,7 @@ pub(crate) struct Cursor<'a, R: ?Sized> {
 impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
     /// A cursor over `start..end` with a buffer of at most `capacity` bytes (allocated as needed).
     pub(crate) fn new(source: &'a R, start: u64, end: u64, capacity: usize) -> Self {
-        Self { source, at: start, end, buffer: Vec::new(), used: 0, capacity: capacity.max(16) }
+        Self { source, at: start, end, buffer: Vec::new(), used: 0, capacity: capacity.max(20) }
     }
 
     /// Bytes not yet taken.
@@ -149,7 +149,7 @@ impl<'a, R: ReadAt + ?Sized> Cursor<'a, R> {
         Ok(Some(*bytes))
     }
 
-    /// The next `len` bytes, at most 16, or `None` when fewer are left.
+    /// The next `len` bytes, at most 20, or `None` when fewer are left.
     ///
     /// # Errors
     /// Reading failed.

@@ -49,6 +49,7 @@ impl<'a, R: ReadAt + ?Sized> WalledCells<'a, R> {
             item.pair() == pair
                 && item.labels.iter().all(known)
                 && (0..CORNERS).all(|corner| walls.corner(corner) == item.labels[corner])
+                && walls.has_all_parts()
         } else {
             let inside = Plane::new(code, wall_offset(offset)).inside();
             behind > front && (offset % 2 == 0) == (front == 0) && inside != 0 && inside != u8::MAX

@@ -208,8 +208,13 @@ impl Handle {
     fn info(&self, py: Python<'_>, measured: bool) -> PyResult<String> {
         self.with(py, |model| {
             let is_part = model.metadata().seen_from().is_some();
-            let of = || measure(&model.view(), model.dims(), &model.affine(), is_part);
-            let measured = measured.then(|| of().map_or(Measured::Impossible, Measured::Done));
+            let is_labelled = !model.frame().labels.is_empty();
+            let of = || match is_labelled {
+                true => Measured::Labels,
+                false => measure(&model.view(), model.dims(), &model.affine(), is_part)
+                    .map_or(Measured::Impossible, Measured::Done),
+            };
+            let measured = measured.then(of);
             let info = Info { input: data(&self.path), frame: model.frame().clone(), measured };
             serde_json::to_string(&info.json()).map_err(|_| Error::Internal)
         })

@@ -170,6 +170,9 @@ fn of_bodies_in_one_place_the_first_is_met() {
     assert_eq!(number, 0);
 }
 
+/// A cube's side, and the labels of its samples.
+type Labels<'a> = (u32, &'a dyn Fn([u32; 3]) -> u16);
+
 /// A model of cells between the labels of a cube.
 fn labelled(side: u32, label: &dyn Fn([u32; 3]) -> u16) -> Model {
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), label);
@@ -196,7 +199,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         Err(_) => 8000,
     };
     let mut random = Random(7);
-    let noise: Vec<u16> = (0..20_u32.pow(3)).map(|_| (random.bits() >> 40) as u16).collect();
+    let noise: Vec<u16> = (0..20_u32.pow(3)).map(|_| random.below(40_000_u16)).collect();
     let of = |[x, y, z]: [u32; 3]| noise[(x + 20 * (y + 20 * z)) as usize];
     let far = |p: [u32; 3], c: [f64; 3]| {
         let d: [f64; 3] = std::array::from_fn(|a| f64::from(p[a]) - c[a]);
@@ -212,7 +215,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         r if r < 10.8 => 9,
         _ => 0,
     };
-    let bodies: [(u32, &dyn Fn([u32; 3]) -> u16); 5] = [
+    let bodies: [Labels<'_>; 5] = [
         (20, &|p| of(p) % 2),
         (20, &|p| of(p) % 5),
         (20, &|p| of(p) % 300),

@@ -53,14 +53,14 @@ fn any_budget_and_thread_count_give_the_same_file_at_256_cubed() {
     let folder = tempfile::tempdir().unwrap();
     let raw = folder.path().join("v.raw");
     assert_eq!(oct(&["demo", "--size", "256", "--write-raw", &text(&raw)]).code, 0);
-    let reports = same_at(&raw, [256; 3], &["--iso", "400"], &["8MiB", "64MiB", "1GiB"], &["1", "2", "5"]);
+    // The program of the tests is larger than the one that is released, which does with 8 MiB.
+    let reports = same_at(&raw, [256; 3], &["--iso", "400"], &["10MiB", "64MiB", "1GiB"], &["1", "2", "5"]);
     // The plans must have differed, or nothing was compared.
     let threads: Vec<u64> = reports.iter().map(|r| number(r, "threads")).collect();
     assert!(threads.contains(&1) && threads.contains(&5), "{threads:?}");
     assert!(number(&reports[0], "skin_voxels") > 10_000);
     let values = ["--iso", "400", "--channels", "normal,value", "--connectivity", "6"];
-    same_at(&raw, [256; 3], &values, &["8MiB", "1GiB"], &["5"]);
-    // The program of the tests is larger than the one that is released, which does with 8 MiB.
+    same_at(&raw, [256; 3], &values, &["10MiB", "1GiB"], &["5"]);
     let cells = ["--iso", "400", "--surface", "cells"];
     same_at(&raw, [256; 3], &cells, &["12MiB", "64MiB", "1GiB"], &["1", "2", "5"]);
 }
@@ -98,7 +98,7 @@ fn narrow_tiles_of_a_wide_volume_give_the_same_file() {
         let refusal = build(std::slice::from_ref(&raw), &folder.path().join("m.oct"), &args);
         refusal.refused(4, &["--memory"]);
         let smallest = smallest_budget(&refusal.stderr);
-        let reports = same_at(&raw, dims, extra, &[smallest, "8MiB", "64MiB", "1GiB"], &["1", "2"]);
+        let reports = same_at(&raw, dims, extra, &[smallest, "10MiB", "64MiB", "1GiB"], &["1", "2"]);
         let tiles: Vec<u64> = reports.iter().map(|r| number(r, "tile_columns")).collect();
         assert!(tiles[0] < 2600 && tiles[7] == 5000, "{tiles:?}");
     }

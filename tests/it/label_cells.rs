@@ -116,7 +116,7 @@ fn i23_cells_between_labels() {
         entry.stored_crc = crc32c::crc32c(&wrong[start..start + len]);
         entry.content_crc = entry.stored_crc;
         let table = infobyte::format::table_bytes(&sections);
-        let header = infobyte::format::Header { table_crc: crc32c::crc32c(&table), ..frame.header.clone() };
+        let header = infobyte::format::Header { table_crc: crc32c::crc32c(&table), ..frame.header };
         wrong[64..64 + table.len()].copy_from_slice(&table);
         wrong[..64].copy_from_slice(&header.to_bytes());
         match verify(&wrong[..]) {
@@ -133,13 +133,13 @@ fn i23_cells_between_labels() {
     // The other parity, and another label of a corner.
     walls(refused(offsets, plane, offset(plane) ^ 1));
     let (at, _) = place(corners);
-    walls(refused(corners, 0, file[at] ^ 1));
+    walls(refused(corners, 0, 9));
     // An odd offset of a second plane, or bytes behind octants.
     let fault = refused(corners, 17, file[at + 17] | 1);
     assert!(matches!(fault, FormatError::IllegalItem { channel: Channel::Corners, .. }), "{fault:?}");
     // Neither the encoding without labels nor labels without the encoding.
     let mut plain = file.clone();
-    let header = infobyte::format::Header { walls: false, ..frame.header.clone() };
+    let header = infobyte::format::Header { walls: false, ..frame.header };
     plain[..64].copy_from_slice(&header.to_bytes());
     assert!(Frame::read(&plain[..]).is_err());
 }

@@ -99,9 +99,9 @@ fn wide_volumes_of_every_width_of_sample_stay_within_the_cap() {
 #[test]
 fn the_worst_volumes_stay_within_the_cap() {
     let extra = [&BOTH[..], &["--iso", "50"]].concat();
-    volume([1024, 160, 16], ScalarType::U8, Fill::Checkerboard, &[8, 64], &extra);
-    volume([512, 160, 16], ScalarType::F64, Fill::Checkerboard, &[8, 64], &extra);
-    volume([2048, 160, 12], ScalarType::U16, Fill::Solid, &[8, 64], &extra);
+    volume([1024, 160, 16], ScalarType::U8, Fill::Checkerboard, &[small_cap(), 64], &extra);
+    volume([512, 160, 16], ScalarType::F64, Fill::Checkerboard, &[small_cap(), 64], &extra);
+    volume([2048, 160, 12], ScalarType::U16, Fill::Solid, &[small_cap(), 64], &extra);
 }
 
 #[test]

@@ -117,7 +117,7 @@ impl Field {
             let mut before = (0, 0);
             for cell in row {
                 let Some(walls) = view.walls(cell.voxel.get()) else { continue };
-                let x = (cell.x - low[0]) as usize;
+                let Some(x) = cell.x.checked_sub(low[0]).map(|x| x as usize) else { continue };
                 // Samples between two cells of a row are alike: the label changes in cells alone.
                 let (from, label) = before;
                 if let Some(between) = samples.get_mut(from..x).filter(|_| label > 0) {

@@ -194,7 +194,9 @@ impl<'a> Normals<'a> {
         let way = self.space.world_to_grid().apply_vector(direction);
         // A little ahead: the place of a hit on a face may be on either side.
         let longest = way.iter().fold(0.0_f64, |most, c| most.max(c.abs()));
-        let ahead = add_scaled(at, AHEAD / longest, way);
+        // By as much as single precision may be off, at least.
+        let step = (AHEAD / longest).max(f64::from(seen.depth) * f64::from(f32::EPSILON));
+        let ahead = add_scaled(at, step, way);
         let u = std::array::from_fn(|a| 2.0 * (ahead[a] - ahead[a].floor()) - 1.0);
         labels.named(walls.met(u, way, NEAR_BY_DEPTH).0).map(|label| label.color)
     }
