@@ -7,12 +7,9 @@ use crate::budget::MemoryCap;
 use crate::builder::{BuildNote, BuildOptions, Connectivity, LabelChoice, Threshold, choose_noted};
 use crate::clean::CleanOptions;
 use crate::error::Error;
-use crate::format::{Channel, Selection, SurfaceKind};
+use crate::format::{Channel, Selection};
 use crate::progress::Progress;
 use crate::volume::VolumeSource;
-
-/// The surface of labels that are built without being asked for.
-const SURFACE: SurfaceKind = SurfaceKind::Cells;
 
 /// How many labels the header of a volume states.
 pub(super) fn stated(source: &dyn VolumeSource) -> usize {
@@ -23,7 +20,7 @@ pub(super) fn stated(source: &dyn VolumeSource) -> usize {
 pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
     BuildOptions {
         labels: Some(LabelChoice::All),
-        surface: SURFACE,
+        surface: options.volume_surface(),
         channels: options.channels.iter().filter(|channel| *channel == Channel::Normal).collect(),
         connectivity: Connectivity::default(),
         error: None,
