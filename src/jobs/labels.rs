@@ -1,4 +1,4 @@
-//! Label maps among volumes: which volumes they are, and how they are built where nobody chose what is inside.
+//! Label maps among volumes: which volumes they are, and how they are built without a choice of what is inside.
 
 use std::path::Path;
 

@@ -18,10 +18,10 @@ use super::image::Image;
 use crate::geom::dot;
 
 /// Pixels of a picture's shorter side under which nothing is written.
-const LEAST_SIDE: u32 = 64;
+const MIN_SIDE: u32 = 64;
 
 /// Letters have so many pixels to an em, and one more for each so many of the picture's height, or of its width twice.
-const LEAST_EM: f64 = 8.0;
+const MIN_EM: f64 = 8.0;
 const SIDE_AN_EM: f64 = 80.0;
 
 /// The longest part of a picture's width that the bar takes, and the widest that a legend does.
@@ -70,8 +70,8 @@ impl Style {
     pub(crate) fn of([width, height]: [u32; 2], ground: Option<[u8; 3]>) -> Option<Self> {
         let side = height.min(2 * width);
         let is_dark = |[r, g, b]: [u8; 3]| 2 * u32::from(r) + 5 * u32::from(g) + u32::from(b) < 8 * 110;
-        (width.min(height) >= LEAST_SIDE).then(|| Self {
-            em: LEAST_EM + f64::from(side) / SIDE_AN_EM,
+        (width.min(height) >= MIN_SIDE).then(|| Self {
+            em: MIN_EM + f64::from(side) / SIDE_AN_EM,
             ink: if ground.is_some_and(is_dark) { LIGHT } else { DARK },
             halo: ground.is_none().then_some([255; 3]),
             ground,

@@ -23,7 +23,7 @@ const SMALL_LEVEL: png::DeflateCompression = png::DeflateCompression::Level(3);
 const GIF_SPEED: i32 = 10;
 
 /// Hundredths of a second below which browsers show a picture of a GIF for ten of them.
-const LEAST_DELAY: u16 = 2;
+const MIN_DELAY: u16 = 2;
 
 /// A picture, rows from the top.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -239,7 +239,7 @@ impl Image {
                         gif::Frame::from_rgba_speed(each(width), each(height), &mut image.rgba, GIF_SPEED);
                     // Hundredths of a second, which add up to the whole.
                     let until = |number: u32| all_ms / 10 * number / count.max(1);
-                    frame.delay = each(until(number + 1) - until(number)).max(LEAST_DELAY);
+                    frame.delay = each(until(number + 1) - until(number)).max(MIN_DELAY);
                     encoder.write_frame(&frame).map_err(io::Error::other)?;
                 }
                 return Ok(());

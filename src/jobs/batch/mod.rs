@@ -14,7 +14,7 @@
 //! | `key` | what hides times of change in records |
 //! | `lock` | one batch at a time in an output folder |
 //! | `options` | what was asked for, as a number and for people |
-//! | `settle` | labels or a threshold, where nobody chose |
+//! | `settle` | labels or a threshold, without a choice |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
 //! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |

@@ -1,4 +1,4 @@
-//! What a volume of a batch is built as, where nobody chose what is inside.
+//! What a volume of a batch is built as, without a choice of what is inside.
 
 use super::Run;
 use crate::budget::MemoryCap;
@@ -11,7 +11,7 @@ use crate::source::Subject;
 
 impl Run<'_> {
     /// The options of a job for a reshaped subject, with what is odd about its values: those of all labels, if they are
-    /// labels by their header or by their values, and nobody chose what is inside.
+    /// labels by their header or by their values, without a choice of what is inside.
     pub(super) fn settle(
         &self,
         job: &BuildJob<'_>,

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use crate::volume::StatedLabel;
 
 /// Most segments that are taken: as many as there are numbers of labels.
-const MOST: usize = 1 << 16;
+const MAX_SEGMENTS: usize = 1 << 16;
 
 /// One segment, as far as it is stated.
 #[derive(Debug, Default)]
@@ -39,7 +39,7 @@ impl Segments {
         };
         let Ok(place) = place.parse() else { return };
         if !matches!(what, "name" | "color" | "labelvalue" | "layer" | "tags")
-            || self.by_place.len() >= MOST && !self.by_place.contains_key(&place)
+            || self.by_place.len() >= MAX_SEGMENTS && !self.by_place.contains_key(&place)
         {
             return;
         }

@@ -10,7 +10,7 @@ use crate::facts::dicom::TransferSyntax;
 use crate::volume::{Endian, StatedLabel};
 
 /// Segments that are taken at most; they take some 200 bytes each.
-const MOST: usize = 4096;
+const MAX_SEGMENTS: usize = 4096;
 const MEANING: Tag = 0x0008_0104;
 const TYPE: Tag = 0x0062_000f;
 const TYPE_MODIFIER: Tag = 0x0062_0011;
@@ -54,7 +54,7 @@ fn read<R: ReadAt + ?Sized>(input: &R, at: u64, encoding: Encoding) -> Result<Ve
             }
             Ok(None)
         })?;
-        if segment.number > 0 && found.len() < MOST {
+        if segment.number > 0 && found.len() < MAX_SEGMENTS {
             found.push(segment);
         }
         Ok(after)
