@@ -10,7 +10,7 @@
 
 use std::f32::consts::TAU;
 
-use crate::cpu::{Isa, movemask};
+use crate::cpu::{Isa, Kernel, Portable, movemask, sums_by_table};
 
 /// Samples along a side of what is looked at.
 pub(crate) const WINDOW: usize = 8;
@@ -87,9 +87,9 @@ impl Window<'_> {
                     }
                 }
                 let at = 2 * z + half;
-                both[0].as_chunks_mut::<4>().0[at] = equal(isa, &samples, one);
+                both[0].as_chunks_mut::<4>().0[at] = bits(isa, &samples, |label| label == one);
                 if let Some(other) = other {
-                    both[1].as_chunks_mut::<4>().0[at] = equal(isa, &samples, other);
+                    both[1].as_chunks_mut::<4>().0[at] = bits(isa, &samples, |label| label == other);
                 }
             }
         }
@@ -104,12 +104,12 @@ impl Window<'_> {
 /// Samples that are compared at once.
 const FOUR_ROWS: usize = 4 * WINDOW;
 
-/// The samples that have a label, as bits row by row.
+/// The samples of which something holds, as bits row by row.
 #[inline(always)]
-fn equal(isa: impl Isa, samples: &[u16; FOUR_ROWS], label: u16) -> [u8; 4] {
+fn bits<T: Copy>(isa: impl Isa, samples: &[T; FOUR_ROWS], holds: impl Fn(T) -> bool) -> [u8; 4] {
     let mut found = [0_u8; FOUR_ROWS];
     for i in 0..FOUR_ROWS {
-        found[i] = if samples[i] == label { 0xff } else { 0 };
+        found[i] = if holds(samples[i]) { 0xff } else { 0 };
     }
     if let Some(avx2) = isa.avx2() {
         return movemask(avx2, found).to_le_bytes();
@@ -168,26 +168,13 @@ impl Fit {
             *row = [1.0, y, z, place, 0.0, 0.0, 0.0, -scale].map(|factor| weight * factor);
         }
         let mut fit = Self { of_row, rows, whole: 0.0 };
-        fit.whole = fit.sums(&[u8::MAX; WINDOW * WINDOW]).place;
+        fit.whole = fit.sums(Portable, &[u8::MAX; WINDOW * WINDOW]).place;
         fit
     }
 
     #[inline(always)]
-    fn sums(&self, members: &Members) -> Sums {
-        // Four sums, so that none waits for the one before.
-        let mut sums = [[0.0; 8]; 4];
-        for (rows, members) in self.rows.as_chunks::<4>().0.iter().zip(members.as_chunks::<4>().0) {
-            for i in 0..4 {
-                let of_row = &self.of_row[usize::from(members[i])];
-                for lane in 0..8 {
-                    sums[i][lane] += rows[i][lane] * of_row[lane];
-                }
-            }
-        }
-        let mut sum = [0.0; 8];
-        for lane in 0..8 {
-            sum[lane] = (sums[0][lane] + sums[1][lane]) + (sums[2][lane] + sums[3][lane]);
-        }
+    fn sums(&self, isa: impl Isa, members: &Members) -> Sums {
+        let sum = sums_by_table(isa, &self.rows, &self.of_row, members);
         Sums { moment: [sum[0], sum[1], sum[2]], place: sum[3] + sum[7] }
     }
 
@@ -203,13 +190,13 @@ impl Fit {
         other: Option<u16>,
     ) -> Option<Wall> {
         let [mut a, mut b] = window.members(isa, one, other);
-        let wall = self.wall(&mut a, &mut b)?;
+        let wall = self.wall(isa, &mut a, &mut b)?;
         let gap = wall.gap(corners, one, other);
         if gap[0] < wall.along && wall.along < gap[1] {
             return Some(wall);
         }
         // Other walls nearby have drawn it.
-        let wall = self.again(&wall.half_way(gap), &mut a, &mut b)?;
+        let wall = isa.call(Again { fit: self, rough: &wall.half_way(gap), one: &mut a, other: &mut b })?;
         let gap = wall.gap(corners, one, other);
         Some(if gap[0] < gap[1] {
             Wall { along: wall.along.clamp(gap[0], gap[1]), ..wall }
@@ -218,38 +205,20 @@ impl Fit {
         })
     }
 
-    /// The wall again, by the samples within [`BAND`] of it: those farther away count for the label on whose side they
-    /// lie, so that other walls nearby do not draw it to them.
-    #[inline(never)]
-    fn again(&self, rough: &Wall, one: &mut Members, other: &mut Members) -> Option<Wall> {
-        for (at, (a, b)) in one.iter_mut().zip(&mut *other).enumerate() {
-            let [_, y, z] = rough.normal;
-            let across = y * from_middle(at % WINDOW) + z * from_middle(at / WINDOW) - rough.along;
-            for x in 0..WINDOW {
-                let beyond = across + rough.normal[0] * from_middle(x);
-                let bit = 1 << x;
-                if beyond.abs() > BAND {
-                    (*a, *b) = if beyond < 0.0 { (*a | bit, *b & !bit) } else { (*a & !bit, *b | bit) };
-                }
-            }
-        }
-        self.wall(one, other)
-    }
-
     /// The wall between two labels by the samples that have each. Samples of neither count for the label on whose side
     /// of the rough wall they lie. `None` where the samples do not say a direction.
     #[inline(always)]
-    fn wall(&self, one: &mut Members, other: &mut Members) -> Option<Wall> {
+    fn wall(&self, isa: impl Isa, one: &mut Members, other: &mut Members) -> Option<Wall> {
         let mut all = u8::MAX;
         for at in 0..WINDOW * WINDOW {
             all &= one[at] | other[at];
         }
-        let mut first = self.sums(one);
+        let mut first = self.sums(isa, one);
         if all != u8::MAX {
-            let second = self.sums(other);
+            let second = self.sums(isa, other);
             let toward = direction(std::array::from_fn(|a| first.moment[a] - second.moment[a]))?;
-            share_out(one, other, toward);
-            first = self.sums(one);
+            share_out(isa, one, other, toward);
+            first = self.sums(isa, one);
         }
         // All samples have either label, and the moment of all is 0.
         let toward = direction(first.moment)?;
@@ -265,19 +234,60 @@ fn direction(toward: [f32; 3]) -> Option<[f32; 3]> {
     (length > 1e-3).then(|| [x / length, y / length, z / length])
 }
 
+/// The wall again, by the samples within [`BAND`] of a rough one: those farther away count for the label on whose side
+/// they lie, so that other walls nearby do not draw it to them.
+struct Again<'a> {
+    fit: &'a Fit,
+    rough: &'a Wall,
+    one: &'a mut Members,
+    other: &'a mut Members,
+}
+
+impl Kernel for Again<'_> {
+    type Output = Option<Wall>;
+
+    #[inline(always)]
+    fn run(self, isa: impl Isa) -> Option<Wall> {
+        let Self { fit, rough: Wall { normal, along }, one, other } = self;
+        let parts = one.as_chunks_mut::<4>().0.iter_mut().zip(other.as_chunks_mut::<4>().0);
+        for (at, (one, other)) in parts.enumerate() {
+            let beyond = along_rows(*normal, 4 * at, *along);
+            let (behind, before) = (bits(isa, &beyond, |at| at < -BAND), bits(isa, &beyond, |at| at > BAND));
+            for row in 0..4 {
+                one[row] = one[row] & !before[row] | behind[row];
+                other[row] = other[row] & !behind[row] | before[row];
+            }
+        }
+        fit.wall(isa, one, other)
+    }
+}
+
 /// Gives samples that have neither label the one on whose side they lie.
-#[inline(never)]
-fn share_out(one: &mut Members, other: &mut Members, toward: [f32; 3]) {
-    for (at, (a, b)) in one.iter_mut().zip(other).enumerate() {
-        let mut left = !(*a | *b);
-        let across = toward[1] * from_middle(at % WINDOW) + toward[2] * from_middle(at / WINDOW);
-        while left != 0 {
-            let x = left.trailing_zeros();
-            left &= left - 1;
-            let side = if across + toward[0] * from_middle(x as usize) > 0.0 { &mut *a } else { &mut *b };
-            *side |= 1 << x;
+#[inline(always)]
+fn share_out(isa: impl Isa, one: &mut Members, other: &mut Members, toward: [f32; 3]) {
+    let parts = one.as_chunks_mut::<4>().0.iter_mut().zip(other.as_chunks_mut::<4>().0);
+    for (at, (one, other)) in parts.enumerate() {
+        let side = bits(isa, &along_rows(toward, 4 * at, 0.0), |at| at > 0.0);
+        for row in 0..4 {
+            let left = !(one[row] | other[row]);
+            one[row] |= left & side[row];
+            other[row] |= left & !side[row];
         }
     }
+}
+
+/// How far the samples of four rows lie along a direction, less a distance.
+#[inline(always)]
+fn along_rows([x, y, z]: [f32; 3], first: usize, less: f32) -> [f32; FOUR_ROWS] {
+    let mut at = [0.0; FOUR_ROWS];
+    for (row, samples) in at.as_chunks_mut::<WINDOW>().0.iter_mut().enumerate() {
+        let row = first + row;
+        let across = y * from_middle(row % WINDOW) + z * from_middle(row / WINDOW) - less;
+        for (i, sample) in samples.iter_mut().enumerate() {
+            *sample = across + x * from_middle(i);
+        }
+    }
+    at
 }
 
 /// The `x` with `erf(x / sqrt 2) + 4/3 x phi(x) = share`, at most 1 in size.
@@ -337,7 +347,7 @@ mod tests {
             let dot = |u: [f32; 3]| (0..3).map(|a| u[a] * direction[a]).sum::<f32>();
             let along = f32::from(i % 9) / 10.0 - 0.4;
             let [mut one, mut other] = members(|u| dot(u) - along);
-            let wall = fit.wall(&mut one, &mut other).unwrap();
+            let wall = fit.wall(Portable, &mut one, &mut other).unwrap();
             squares += (wall.along - along).powi(2);
             turned += dot(wall.normal).min(1.0).acos();
         }

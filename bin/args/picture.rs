@@ -140,7 +140,8 @@ pub(crate) struct RenderArgs {
     /// Also write a picture of the normals
     #[arg(long, value_name = "F.png")]
     pub(crate) normals: Option<PathBuf>,
-    /// Also write a picture of the numbers of the voxels that are seen, 48 bits in three channels, counted from 1
+    /// Also write a picture of the numbers of the voxels that are seen, 48 bits in three channels, counted from 1; of a
+    /// model of labels, of the numbers of the labels
     #[arg(long, value_name = "F.png")]
     pub(crate) ids: Option<PathBuf>,
     /// Print one JSON object

@@ -35,4 +35,4 @@ pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
 pub(crate) use section::{least_minor, parse_table};
 pub use walls::Walls;
-pub(crate) use walls::{WALL_BYTES, WallItem, wall_offset};
+pub(crate) use walls::{WALL_BYTES, WallCode, WallItem, wall_offset};

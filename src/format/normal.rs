@@ -19,6 +19,15 @@ pub fn decode_l1(code: u16) -> [i32; 3] {
     if z < 0 { [fold_u, fold_v, z] } else { [u, v, z] }
 }
 
+/// The code of the opposite vector, which there is for every code.
+pub(crate) fn negated(code: u16) -> u16 {
+    let [x, y, z] = decode_l1(code).map(|c| -c);
+    let fold = |across: i32, sign: i32| if sign < 0 { across.abs() - SCALE } else { SCALE - across.abs() };
+    let [u, v] = if z < 0 { [fold(y, x), fold(x, y)] } else { [x, y] };
+    #[expect(clippy::cast_possible_truncation, reason = "within the scale")]
+    u16::from_le_bytes([u as i8, v as i8].map(i8::cast_unsigned))
+}
+
 /// Steps of a fine part to one of the code.
 pub(crate) const FINE_STEPS: i32 = 8;
 
@@ -253,6 +262,13 @@ mod tests {
         let sin = cross.iter().map(|c| c * c).sum::<f64>().sqrt();
         let cos: f64 = a.iter().zip(b).map(|(x, y)| x * y).sum();
         sin.atan2(cos).to_degrees()
+    }
+
+    #[test]
+    fn the_opposite_of_every_code_is_exact() {
+        for code in 0..=u16::MAX {
+            assert_eq!(decode_l1(negated(code)), decode_l1(code).map(|c| -c), "{code}");
+        }
     }
 
     /// Mean and greatest error over the sphere, in degrees.

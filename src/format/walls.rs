@@ -71,11 +71,58 @@ impl WallItem {
             }
     }
 
+    /// The same of one label alone, and none around it.
+    fn alone(self, label: u16) -> Self {
+        Self { labels: self.labels.map(|other| if other == label { label } else { 0 }), ..self }
+    }
+
     /// The greatest and the least label, as they stand in the place of a pair.
     pub(crate) fn pair(&self) -> [u16; 2] {
         let ends = |(low, high): (u16, u16), label: &u16| (low.min(*label), high.max(*label));
         let (low, high) = self.labels.iter().fold((u16::MAX, 0), ends);
         [high, low]
+    }
+}
+
+/// What is stored of a cell between labels: the code of its normal, its offset, and its item if it has one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct WallCode {
+    pub(crate) code: u16,
+    pub(crate) offset: i8,
+    pub(crate) item: Option<WallItem>,
+}
+
+impl WallCode {
+    /// The labels of the cell, rising, each once and none left out; `pair` are those behind and in front of a plane.
+    pub(crate) fn labels(&self, [behind, front]: [u16; 2]) -> impl Iterator<Item = u16> {
+        let mut all = self.item.map_or([front, behind, 0, 0, 0, 0, 0, 0], |item| item.labels);
+        all.sort_unstable();
+        let mut last = 0;
+        all.into_iter().filter(move |label| std::mem::replace(&mut last, *label) != *label)
+    }
+
+    /// The same cell of one of its labels alone, by the same walls: what is behind its plane has the label. `behind` is
+    /// the label behind the plane of this one.
+    pub(crate) fn alone(&self, label: u16, behind: u16) -> Self {
+        let Some(item) = self.item.map(|item| item.alone(label)) else {
+            let plane = Self { offset: wall_offset(self.offset), ..*self };
+            return if behind == label { plane } else { plane.turned() };
+        };
+        let Some((first, ..)) = item.planes else { return Self { item: Some(item), ..*self } };
+        // By the second plane there may be no wall any more.
+        let walls = Walls::of_item(self.code, &item);
+        let [behind, near, far] = [0b00, 0b01, 0b11].map(|part| walls.label(part));
+        let plane = Self { offset: first, item: None, ..*self };
+        match (near == far, behind == label) {
+            (false, _) => Self { item: Some(item), ..*self },
+            (true, true) => plane,
+            (true, false) => plane.turned(),
+        }
+    }
+
+    /// The same plane with its other side behind.
+    fn turned(self) -> Self {
+        Self { code: normal::negated(self.code), offset: -self.offset, item: self.item }
     }
 }
 
@@ -193,6 +240,47 @@ fn ahead(plane: &Plane, u: [f64; 3]) -> f64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Every point of a cell has the label in the cell of that label alone, and no label in the others.
+    #[test]
+    fn a_label_alone_has_its_part_of_a_cell() {
+        let code = normal::encode([0.6, -0.3, 0.5]);
+        let (first, second) = (Plane::new(code, -20), normal::encode([-0.2, 0.9, 0.4]));
+        let front = |plane: &Plane, corner| at_corner(plane.normal, corner) > plane.offset;
+        for [a, b, c] in [[7, 3, 0], [3, 7, 9], [0, 7, 3], [7, 3, 7], [7, 7, 3], [7, 0, 0]] {
+            let part = |corner| match (front(&first, corner), front(&Plane::new(second, 10), corner)) {
+                (false, _) => a,
+                (true, false) => b,
+                (true, true) => c,
+            };
+            let item = WallItem { labels: std::array::from_fn(part), planes: Some((-20, second, 10)) };
+            let octants = WallItem { labels: [a, b, c, 5, a, 5, b, c], planes: None };
+            for item in [Some(item), Some(octants), None] {
+                let [a, b] = if item.is_none() && a < b { [b, a] } else { [a, b] };
+                let offset = if item.is_some() { i8::MIN } else { -20 + i8::from(b > 0) };
+                let whole = WallCode { code, offset, item };
+                let walls = |cell: &WallCode, pair| match &cell.item {
+                    Some(item) => Walls::of_item(cell.code, item),
+                    None => Walls::of_pair(Plane::new(cell.code, wall_offset(cell.offset)), pair),
+                };
+                let labels: Vec<u16> = whole.labels([a, b]).collect();
+                assert!(
+                    labels.is_sorted() && labels.contains(&a.max(b)) && !labels.contains(&0),
+                    "{labels:?}"
+                );
+                for label in labels {
+                    let alone = whole.alone(label, a);
+                    assert!(alone.offset == i8::MIN || alone.offset % 2 == 0, "{alone:?}");
+                    assert_eq!(alone.offset == i8::MIN, alone.item.is_some());
+                    for i in 0..9_u32.pow(3) {
+                        let u = [i % 9, i / 9 % 9, i / 81].map(|c| f64::from(c) / 4.0 - 1.0 + 1e-3);
+                        let due = if walls(&whole, [a, b]).at(u) == label { label } else { 0 };
+                        assert_eq!(walls(&alone, [label, 0]).at(u), due, "{whole:?} {alone:?} {u:?}");
+                    }
+                }
+            }
+        }
+    }
 
     #[test]
     fn items_come_back_and_part_their_corners() {

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::ffi::OsStr;
 
 use crate::format::Label;
-use crate::load::{ModelView, NodeView};
+
 use crate::render::Image;
 use crate::render::annotate::{Entry, Style};
 use crate::scene::Seen;
@@ -112,20 +112,13 @@ pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a L
     labels.into_iter().map(|label| ((model, label.number), entry(label))).collect()
 }
 
-/// The labels of the boxes that a picture shows, whose numbers it has.
-pub(super) fn seen_labels(view: &ModelView<'_>, image: &Image, seen: &mut BTreeSet<Seen>) {
-    let Some(labels) = view.labels() else { return };
+/// The labels that a picture shows, whose numbers it has.
+pub(super) fn seen_labels(image: &Image, seen: &mut BTreeSet<Seen>) {
     let mut last = 0;
-    for pixel in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {
-        let number = pixel.iter().fold(0, |number, word| number << 16 | u64::from(*word));
-        if number != last
-            && let Some(voxel) = number.checked_sub(1 + view.node_count())
-            // Of a cell in which several walls meet, others around have the labels that are seen.
-            && view.walls(voxel).is_none_or(|walls| walls.planes().len() == 1)
-            && let Some(label) = labels.get(voxel)
-        {
-            seen.insert((0, label));
+    for [.., label] in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {
+        if *label != last && *label > 0 {
+            seen.insert((0, *label));
         }
-        last = number;
+        last = *label;
     }
 }

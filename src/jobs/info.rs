@@ -9,13 +9,13 @@ pub use report::{
 use std::fmt::Write;
 use std::path::Path;
 
-use super::measure::{Measures, measure};
+use super::measure::{LabelMeasures, Measures, measure, measure_labels};
 use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{Encoding, Label, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
 use crate::geom::Affine;
-use crate::load::{Frame, LoadError, LoadFault};
+use crate::load::{Frame, LoadError, LoadFault, Model};
 use crate::platform::open_file;
 use crate::text::names::{MEASURE, VERIFY};
 use crate::text::{Short, WithError, data, shown};
@@ -37,16 +37,16 @@ pub struct Info {
 }
 
 /// What became of measuring a model.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq)]
 pub enum Measured {
     /// It was measured.
     Done(Measures),
+    /// Its labels were, each alone.
+    Labels(LabelMeasures),
     /// It is packed, has to be unpacked for that, and this was not insisted on.
     Packed,
     /// It takes long, and was not insisted on.
     Large,
-    /// It has labels, with walls within.
-    Labels,
     /// It has no volume, or is damaged.
     Impossible,
 }
@@ -69,21 +69,16 @@ fn is_soon_measured(frame: &Frame) -> bool {
 /// As [`read_info`].
 pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
     let mut info = read_info(path)?;
-    let of = |measures: Option<Measures>| measures.map_or(Measured::Impossible, Measured::Done);
     let packed = info.frame.header.encoding == Encoding::Packed;
     info.measured = Some(if packed && !anyway {
         Measured::Packed
-    } else if !info.frame.labels.is_empty() {
-        Measured::Labels
     } else if !(anyway || is_soon_measured(&info.frame)) {
         Measured::Large
     } else {
         let model = open_model(path)?;
-        let measured =
-            measure(&model.view(), model.dims(), &model.affine(), model.metadata().seen_from().is_some());
-        let measured = measured.map(|found| found.with_leaves(model.metadata()));
+        let measured = Measured::of(&model);
         model.check_unchanged(path)?;
-        of(measured)
+        measured
     });
     Ok(info)
 }
@@ -258,11 +253,15 @@ impl Info {
         );
         row("checksum", format!("{:08x}", content_checksum(frame)));
         row("written by", shown(&m.program).to_string());
-        for label in label_figures(frame) {
+        for label in label_figures(frame, self.measured.as_ref()) {
             let name =
                 if label.name.is_empty() { String::new() } else { format!("{}, ", shown(&label.name)) };
             let volume = Short(label.volume_mm3);
-            let text = format!("{name}{}, {} voxels, {volume} mm³", label.color, label.voxels);
+            let area = label
+                .area_mm2
+                .zip(label.area_error_mm2)
+                .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
+            let text = format!("{name}{}, {} voxels, {volume} mm³{area}", label.color, label.voxels);
             rows.push((format!("label {}", label.number), text));
         }
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
@@ -274,6 +273,18 @@ impl Info {
 }
 
 impl Measured {
+    /// Measures a model.
+    pub(crate) fn of<D: AsRef<[u8]> + Sync>(model: &Model<D>) -> Self {
+        let (view, table) = (model.view(), &model.frame().labels);
+        if !table.is_empty() {
+            let found = measure_labels(&view, table, model.dims(), &model.affine());
+            return found.map_or(Self::Impossible, Self::Labels);
+        }
+        let is_part = model.metadata().seen_from().is_some();
+        let found = measure(&view, model.dims(), &model.affine(), is_part);
+        found.map_or(Self::Impossible, |found| Self::Done(found.with_leaves(model.metadata())))
+    }
+
     /// Lines of the table.
     fn rows(&self) -> Vec<(&'static str, String)> {
         let measures = match self {
@@ -285,17 +296,11 @@ impl Measured {
                 )];
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
-            Self::Labels => return vec![("measures", "of its labels below".to_owned())],
+            Self::Labels(found) => return vec![("extent", extent_text(found.box_mm))],
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
         };
-        let [low, high] = measures.box_mm;
-        let sides: Vec<String> = ["x", "y", "z"]
-            .iter()
-            .zip(low.iter().zip(high))
-            .map(|(axis, (low, high))| format!("{axis} {:.2} .. {:.2}", plain(*low), plain(high)))
-            .collect();
         let known = |value: Option<(f64, f64)>, unit: &str, why_not: &str| {
             value.map_or_else(
                 || why_not.to_owned(),
@@ -317,11 +322,19 @@ impl Measured {
             let _ = write!(volume, ", cavities of {} voxels left out", enclosed.cavities);
         }
         vec![
-            ("extent", format!("{} mm (LPS)", sides.join(", "))),
+            ("extent", extent_text(measures.box_mm)),
             ("surface area", known(measures.area_mm2, "mm²", no_area)),
             ("volume", volume),
         ]
     }
+}
+
+/// Lowest and highest coordinates, for people.
+fn extent_text([low, high]: [[f64; 3]; 2]) -> String {
+    let side =
+        |(axis, (low, high)): (&str, (f64, f64))| format!("{axis} {:.2} .. {:.2}", plain(low), plain(high));
+    let sides: Vec<String> = ["x", "y", "z"].into_iter().zip(low.into_iter().zip(high)).map(side).collect();
+    format!("{} mm (LPS)", sides.join(", "))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "ratios for people")]
@@ -348,17 +361,23 @@ pub(super) fn one_of(frame: &Frame) -> &'static str {
     }
 }
 
-/// The labels of a model, with the volume of their voxels.
-pub(super) fn label_figures(frame: &Frame) -> Vec<LabelFigures> {
+/// The labels of a model, with the volume of their voxels, and their areas if these were measured.
+pub(super) fn label_figures(frame: &Frame, measured: Option<&Measured>) -> Vec<LabelFigures> {
     let volume_mm3 = Affine { rows: frame.metadata.affine }.determinant().abs();
-    let figures = |label: &Label| LabelFigures {
+    let area = |at: usize| match measured {
+        Some(Measured::Labels(found)) => found.areas_mm2.get(at).copied().flatten().unzip(),
+        _ => (None, None),
+    };
+    let figures = |(at, label): (usize, &Label)| LabelFigures {
         number: label.number,
         name: label.name.clone(),
         color: label.color.iter().fold("#".to_owned(), |text, c| format!("{text}{c:02x}")),
         voxels: label.voxels,
         volume_mm3: to_f64(label.voxels) * volume_mm3,
+        area_mm2: area(at).0,
+        area_error_mm2: area(at).1,
     };
-    frame.labels.iter().map(figures).collect()
+    frame.labels.iter().enumerate().map(figures).collect()
 }
 
 /// Larger leaves of a model.

@@ -14,6 +14,11 @@
 //! Memory: the skin of 32 slices, and the runs and normals of two. Cost: each node about once, and some 20 ns a run,
 //! 50 ns a skin voxel and half a microsecond a cell.
 
+mod labels;
+
+pub use labels::LabelMeasures;
+pub(super) use labels::measure_labels;
+
 use super::within::Within;
 pub use crate::enclosed::Enclosed;
 use crate::enclosed::{Outward, SkinSlices, Sweep, extent};
@@ -29,6 +34,13 @@ const WALL: f64 = -0.5;
 
 /// Voxels that are longer than this along one axis than along another have normals that say too little.
 const MAX_UNEVEN: f64 = 100.0;
+
+/// Are voxels so long along one axis that normals say too little?
+fn are_uneven(affine: &Affine) -> bool {
+    let [least, most] =
+        affine.spacing_mm().iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
+    most > MAX_UNEVEN * least
+}
 
 /// What was measured. Lengths are in millimetres.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -70,18 +82,12 @@ impl Measures {
 /// can be seen from somewhere?
 pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let reach = |axis: usize, sign: f64| {
-        let mut direction = [0.0; 3];
-        direction[axis] = sign;
-        sign * space.support(view, direction)
-    };
-    let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
-    let voxels = extent(view)?;
+    let (voxels, box_mm) = bounds(view, &space)?;
     let cells = view.cells().is_some();
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
     let mut slices = SkinSlices::new(view, voxels);
-    let (mut bends, mut facets) = (Bends::default(), Facets::default());
+    let (mut bends, mut facets) = (Bends::of_labels(1), Facets::default());
     let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
     let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
@@ -116,10 +122,8 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let volume = of_skin + lacking + count(enclosed.inside) + unknown;
     // Half of it unknown is not known.
     let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
-    let [least, most] =
-        affine.spacing_mm().iter().fold([f64::INFINITY, 0.0], |[a, b], v| [v.min(a), v.max(b)]);
-    let is_uneven = most > MAX_UNEVEN * least;
-    let (lacking_mm2, error_mm2) = bends.area(cells.then_some(area_within), area);
+    let is_uneven = are_uneven(affine);
+    let (lacking_mm2, error_mm2) = bends.area(0, cells.then_some(area_within), area);
     Some(Measures {
         voxels,
         box_mm,
@@ -130,6 +134,16 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
         is_part,
         enclosed,
     })
+}
+
+/// [`Measures::voxels`] and [`Measures::box_mm`].
+fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<([[u32; 3]; 2], [[f64; 3]; 2])> {
+    let reach = |axis: usize, sign: f64| {
+        let mut direction = [0.0; 3];
+        direction[axis] = sign;
+        sign * space.support(view, direction)
+    };
+    Some((extent(view)?, [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)))))
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are below 2^48")]
@@ -177,6 +191,7 @@ impl Weights {
         (length.is_normal() && part.is_finite()).then(|| Patch {
             y,
             x,
+            label: 0,
             normal,
             along: along.map(|c| c / length),
             axis,
@@ -190,6 +205,8 @@ impl Weights {
 struct Patch {
     y: u32,
     x: u32,
+    /// Place of its label; 0 of models without them.
+    label: usize,
     /// Unit vector of the world.
     normal: [f64; 3],
     /// Unit vector of index space, and its longest part.
@@ -202,6 +219,12 @@ struct Patch {
 }
 
 impl Patch {
+    /// The same of a label, in front of the wall or behind it.
+    fn of_label(&self, label: usize, front: bool) -> Self {
+        let turn = |v: [f64; 3]| if front { v.map(|c| -c) } else { v };
+        Self { label, normal: turn(self.normal), along: turn(self.along), ..*self }
+    }
+
     /// Area in index space that a cell with this normal has on average.
     fn usual_part(&self) -> f64 {
         1.0 / self.along.iter().map(|c| c.abs()).sum::<f64>()
@@ -214,18 +237,17 @@ impl Patch {
 /// a voxel on an edge counts for one of its faces. On a bend that is in proportion to the mean curvature, whose sum over
 /// the surface is that of the changes of normals along the axes; on an edge to 1 less the cosine between its faces. The
 /// factors are those that fit the bodies of the experiment best.
-#[derive(Default)]
 struct Bends {
     before: Vec<Patch>,
     now: Vec<Patch>,
-    /// In mm2.
-    of_area: Bend,
+    /// In mm2, of each label.
+    of_area: Vec<Bend>,
     /// In index space.
     of_volume: Bend,
 }
 
 /// Sums over pairs of neighbours.
-#[derive(Default)]
+#[derive(Clone, Copy, Default)]
 struct Bend {
     /// Change of the normal along the axis, outward bends above 0, times area.
     bend: f64,
@@ -247,6 +269,12 @@ impl Bend {
 }
 
 impl Bends {
+    /// Of so many labels, 1 of a model without them.
+    fn of_labels(count: usize) -> Self {
+        let of_area = vec![Bend::default(); count];
+        Self { before: Vec::new(), now: Vec::new(), of_area, of_volume: Bend::default() }
+    }
+
     /// Begins the next slice.
     fn begin(&mut self) {
         std::mem::swap(&mut self.before, &mut self.now);
@@ -257,6 +285,7 @@ impl Bends {
     fn end(&mut self, weights: &Weights) {
         let Self { before, now, of_area, of_volume } = self;
         let mut add = |low: &Patch, high: &Patch, axis: usize| {
+            let Some(of_area) = of_area.get_mut(low.label) else { return };
             let cosine = dot(low.normal, high.normal);
             let column = weights.columns[axis];
             let part = |n: [f64; 3]| dot(n, column) / weights.spacing_mm[axis];
@@ -276,25 +305,26 @@ impl Bends {
             of_volume.add(cosine, high.along[axis] - low.along[axis], parts);
         };
         let (mut above, mut behind) = (0, 0);
-        let reached = |all: &[Patch], at: &mut usize, y: u32, x: u32| {
-            while all.get(*at).is_some_and(|p| (p.y, p.x) < (y, x)) {
-                *at += 1;
-            }
-            all.get(*at).is_some_and(|p| (p.y, p.x) == (y, x))
-        };
         for (i, patch) in now.iter().enumerate() {
-            let Patch { y, x, .. } = *patch;
-            if let Some(left) = i.checked_sub(1).map(|i| &now[i])
-                && left.y == y
-                && left.x + 1 == x
-            {
+            let Patch { y, x, label, .. } = *patch;
+            // A cell between labels has a patch for each.
+            let reached = |all: &'_ [Patch], at: &mut usize, y: u32, x: u32| {
+                while all.get(*at).is_some_and(|p| (p.y, p.x) < (y, x)) {
+                    *at += 1;
+                }
+                let rest = all.iter().enumerate().skip(*at);
+                let mut here = rest.take_while(|(_, p)| (p.y, p.x) == (y, x));
+                here.find(|(_, p)| p.label == label).map(|(at, _)| at)
+            };
+            let mut close = now[..i].iter().rev().take_while(|p| p.y == y && p.x + 1 >= x);
+            if let Some(left) = close.find(|p| p.x < x && p.label == label) {
                 add(left, patch, 0);
             }
-            if y > 0 && reached(now, &mut above, y - 1, x) {
-                add(&now[above], patch, 1);
+            if let Some(at) = y.checked_sub(1).and_then(|y| reached(now, &mut above, y, x)) {
+                add(&now[at], patch, 1);
             }
-            if reached(before, &mut behind, y, x) {
-                add(&before[behind], patch, 2);
+            if let Some(at) = reached(before, &mut behind, y, x) {
+                add(&before[at], patch, 2);
             }
         }
     }
@@ -307,10 +337,10 @@ impl Bends {
         (0.116 * bend + 0.188 * edges, 0.03 * change + rough + 0.28 * edges + 0.001 * faces)
     }
 
-    /// What the area lacks, and its error. That of cells holds the difference to the surface `within` them: the count
+    /// What the area of a label lacks, and its error. That of cells holds the difference to the surface `within` them: the count
     /// is off where a bend faces along an axis, the surface within where planes are.
-    fn area(&self, within: Option<f64>, area: f64) -> (f64, f64) {
-        let Bend { bend, change, edges } = self.of_area;
+    fn area(&self, label: usize, within: Option<f64>, area: f64) -> (f64, f64) {
+        let Some(Bend { bend, change, edges }) = self.of_area.get(label) else { return (0.0, area) };
         match within {
             Some(within) => {
                 let apart = (area - within).abs();

@@ -204,7 +204,7 @@ pub fn render_file(
                 match request.lod {
                     // Coarse boxes have several.
                     true => seen.extend(model.frame().labels.iter().map(|label| (0, label.number))),
-                    false => seen_labels(&view, &image, seen),
+                    false => seen_labels(&image, seen),
                 }
                 report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
                 Ok(image)

@@ -19,7 +19,6 @@ use crate::format::{Encoding, SurfaceKind};
 use crate::geom::Affine;
 use crate::jobs::export::triangles;
 use crate::jobs::info::{Info, Measured};
-use crate::jobs::measure::measure;
 use crate::jobs::opened::unpacked;
 use crate::jobs::render::{camera, render_view_watched};
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
@@ -207,14 +206,7 @@ impl Handle {
 
     fn info(&self, py: Python<'_>, measured: bool) -> PyResult<String> {
         self.with(py, |model| {
-            let is_part = model.metadata().seen_from().is_some();
-            let is_labelled = !model.frame().labels.is_empty();
-            let of = || match is_labelled {
-                true => Measured::Labels,
-                false => measure(&model.view(), model.dims(), &model.affine(), is_part)
-                    .map_or(Measured::Impossible, Measured::Done),
-            };
-            let measured = measured.then(of);
+            let measured = measured.then(|| Measured::of(model));
             let info = Info { input: data(&self.path), frame: model.frame().clone(), measured };
             serde_json::to_string(&info.json()).map_err(|_| Error::Internal)
         })

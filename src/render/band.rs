@@ -9,7 +9,7 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::ambient::Lot;
-use super::colors::has_colors;
+use super::colors::{has_colors, label_of};
 use super::form::Form;
 use super::image::Image;
 use super::normals::around::Surroundings;
@@ -31,10 +31,9 @@ fn hits_of<T>(
     out.zip(row).filter_map(|(out, seen)| Some((out, seen.filter(|(hit, ..)| hit.is_hit())?)))
 }
 
-/// The number of a box, counted from 1, in an image of them: the highest of 48 bits first.
+/// A number in an image of them: the highest of 48 bits first.
 #[expect(clippy::cast_possible_truncation, reason = "16 bits each")]
-fn id_code(number: u64) -> [u16; 3] {
-    let id = number.wrapping_add(1);
+fn id_code(id: u64) -> [u16; 3] {
     [(id >> 32) as u16, (id >> 16) as u16, id as u16]
 }
 
@@ -246,8 +245,9 @@ impl<S: Surface> Painter<'_, S> {
         }
         if let Some(ids) = &mut image.ids {
             ids.par_chunks_mut(width * 3).enumerate().for_each(|(y, out)| {
-                for (out, (hit, ..)) in hits_of(out.as_chunks_mut::<3>().0.iter_mut(), row(y)) {
-                    *out = id_code(hit.box_number());
+                let pixels = out.as_chunks_mut::<3>().0.iter_mut().enumerate();
+                for ((x, out), (hit, ..)) in hits_of(pixels, row(y)) {
+                    *out = id_code(self.id(hit, [x, top + y]));
                 }
             });
         }
@@ -273,6 +273,14 @@ impl<S: Surface> Painter<'_, S> {
         let mut counts = counts.within(wall);
         counts.shade = wall.saturating_sub(counts.trace + counts.ambient);
         counts
+    }
+
+    /// The number of what a pixel shows, from 1 on: of its label, or of its box.
+    fn id(&self, hit: PixelHit, pixel: [usize; 2]) -> u64 {
+        let [x, y] = pixel.map(|at| at as f64 + 0.5);
+        let met = self.view.labels().and_then(|_| self.normals.label(hit, self.sight.line(x, y)));
+        let label = met.map(|label| label.number).or_else(|| label_of(self.view, hit));
+        label.map_or(hit.box_number().wrapping_add(1), u64::from)
     }
 
     /// Colours a row of tiles.

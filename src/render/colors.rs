@@ -36,6 +36,13 @@ pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) ->
     (count > 0.0).then(|| sum.map(|c| c / count))
 }
 
+/// The number of the label of what was hit, if the model has labels: that of a voxel, or of the first of a coarser box.
+pub(super) fn label_of(view: &ModelView<'_>, seen: PixelHit) -> Option<u16> {
+    let labels = view.labels()?;
+    let voxel = end(view, BoxIndex::new(seen.box_number()), false);
+    Some(voxel.and_then(|voxel| labels.get(voxel)).unwrap_or(0))
+}
+
 /// The first or last voxel of a box.
 fn end(view: &ModelView<'_>, mut at: BoxIndex, last: bool) -> Option<u64> {
     let nodes = view.node_count();

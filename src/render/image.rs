@@ -40,7 +40,7 @@ pub struct Image {
     /// World normals, when asked for: each component from -1..=1 to 1..=255, 128 for 0; background 0, 0, 0.
     pub normals: Option<Vec<u8>>,
     /// Three numbers of 16 bits a pixel, when asked for: together 48 bits, the highest first, the breadth-first number of
-    /// the box that was hit (SPEC 2: nodes before voxels), plus 1; background 0.
+    /// the box that was hit (SPEC 2: nodes before voxels), plus 1; of a model of labels the number of the label; background 0.
     pub ids: Option<Vec<u16>>,
 }
 

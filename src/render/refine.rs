@@ -84,8 +84,8 @@ impl<S: Surface> Painter<'_, S> {
 
     /// Linear RGB of what was hit along a line.
     pub(super) fn color(&self, seen: PixelHit, line: Line) -> [f64; 3] {
-        if let Some(color) = self.normals.label_color(seen, line) {
-            return self.shader.decode(color);
+        if let Some(label) = self.normals.label(seen, line) {
+            return self.shader.decode(label.color);
         }
         super::colors::color_of(self.view, &self.shader, seen).unwrap_or(self.light.surface)
     }

@@ -5,7 +5,7 @@
 //! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
 //! turned.
 
-use crate::builder::simd::Isa;
+use crate::builder::simd::{Isa, Kernel};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{WallItem, normal};
 use crate::wall::{Corners, Fit, Wall, Window};
@@ -31,8 +31,14 @@ struct Parting {
 }
 
 /// The labels of the corners, each once, the greatest first.
+#[inline(always)]
 fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
     let mut sorted = *corners;
+    let (most, least) = sorted.iter().fold((0, u16::MAX), |(most, least), c| (most.max(*c), least.min(*c)));
+    if corners.iter().fold(true, |two, corner| two & ((*corner == most) | (*corner == least))) {
+        (sorted[0], sorted[1]) = (most, least);
+        return (sorted, 1 + usize::from(most > least));
+    }
     sorted.sort_unstable_by(|a, b| b.cmp(a));
     let mut count = 1;
     for at in 1..CORNERS {
@@ -55,7 +61,7 @@ pub(super) fn fit_cell(isa: impl Isa, fit: &Fit, window: &Window<'_>, corners: &
             }
         }
         [a, b, c] => {
-            if let Some(two) = two_planes((isa, fit), window, corners, [a, b, c]) {
+            if let Some(two) = isa.call(TwoPlanes { fit, window, corners, labels: [a, b, c] }) {
                 return two;
             }
         }
@@ -66,25 +72,31 @@ pub(super) fn fit_cell(isa: impl Isa, fit: &Fit, window: &Window<'_>, corners: &
 }
 
 /// Three labels, parted by two planes.
-#[inline(never)]
-fn two_planes(
-    (isa, fit): (impl Isa, &Fit),
-    window: &Window<'_>,
-    corners: &Corners,
+struct TwoPlanes<'a> {
+    fit: &'a Fit,
+    window: &'a Window<'a>,
+    corners: &'a Corners,
     labels: [u16; 3],
-) -> Option<Fitted> {
-    let [a, b, c] = labels;
-    let mut best: Option<(u8, Fitted)> = None;
-    for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
-        let Some(first) = parting((isa, fit), window, corners, alone, None) else { continue };
-        let Some(second) = parting((isa, fit), window, corners, one, Some(other)) else { continue };
-        let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
-        if best.as_ref().is_none_or(|(least, _)| turned < *least) {
-            let planes = Some((first.offset, second.code, second.offset));
-            best = Some((turned, Fitted::Item(first.code, WallItem { labels: *corners, planes })));
+}
+
+impl Kernel for TwoPlanes<'_> {
+    type Output = Option<Fitted>;
+
+    #[inline(always)]
+    fn run(self, isa: impl Isa) -> Option<Fitted> {
+        let Self { fit, window, corners, labels: [a, b, c] } = self;
+        let mut best: Option<(u8, Fitted)> = None;
+        for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
+            let Some(first) = parting((isa, fit), window, corners, alone, None) else { continue };
+            let Some(second) = parting((isa, fit), window, corners, one, Some(other)) else { continue };
+            let turned = u8::from(first.is_turned) + u8::from(second.is_turned);
+            if best.as_ref().is_none_or(|(least, _)| turned < *least) {
+                let planes = Some((first.offset, second.code, second.offset));
+                best = Some((turned, Fitted::Item(first.code, WallItem { labels: *corners, planes })));
+            }
         }
+        best.map(|(_, fitted)| fitted)
     }
-    best.map(|(_, fitted)| fitted)
 }
 
 /// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.

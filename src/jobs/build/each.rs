@@ -8,7 +8,6 @@ use serde::Serialize;
 use super::{BuildJob, BuildSummary, convert};
 use crate::atomic::{sweep, temporary_name};
 use crate::error::{Error, UsageError};
-use crate::format::SurfaceKind;
 use crate::jobs::names::file_names;
 use crate::jobs::pack::split;
 use crate::source::{OpenOptions, SubjectKind};
@@ -44,9 +43,10 @@ pub struct LabelModel {
 }
 
 /// As [`convert`] for a build of labels, and a model of each label in a file of its own, named by the label. The volume is
-/// read once: each model is taken from that of all labels, and equals what is built of its label alone, byte for byte.
+/// read once: each model is taken from that of all labels. One of skin voxels equals what is built of its label alone, byte
+/// for byte; of cells neighbours share the very walls that the model of all labels has.
 ///
-/// Memory is that of the build, and its cap holds. Temporary disk: 11 bytes a skin voxel besides. Cost: about that of the
+/// Memory is that of the build, and its cap holds. Temporary disk: 11 bytes a skin voxel more, 12 for each label of a cell. Cost: about that of the
 /// build again, and a sync of each file.
 ///
 /// # Errors
@@ -60,11 +60,6 @@ pub fn convert_each(
     each: EachLabel<'_>,
 ) -> Result<BuildSummary, Error> {
     let EachLabel { folder, .. } = each;
-    // Planes between two labels are not those around each alone.
-    if job.options.volume_surface() == SurfaceKind::Cells {
-        let path = inputs.first().cloned().unwrap_or_default();
-        return Err(UsageError::Labels { path, doing: "split into models of cells" }.into());
-    }
     fs::create_dir_all(folder).map_err(|cause| Error::Output { path: folder.to_path_buf(), cause })?;
     sweep(folder);
     if each.keep_whole {

@@ -164,6 +164,11 @@ pub struct LabelFigures {
     pub voxels: u64,
     /// Volume of these voxels.
     pub volume_mm3: f64,
+    /// Area of its surface, walls to other labels and of cavities included; null unless it was measured, and where voxels
+    /// are more than 100 times as long along one axis as along another.
+    pub area_mm2: Option<f64>,
+    /// The true area lies within it in 19 of 20 cases.
+    pub area_error_mm2: Option<f64>,
 }
 
 /// Why a model was not measured.
@@ -175,7 +180,7 @@ pub enum NotMeasured {
     Packed,
     /// It takes long.
     Large,
-    /// It has labels: see `labels`.
+    /// It has labels, whose measures are in `labels`.
     Labels,
     /// It has no volume, or is damaged.
     Impossible,
@@ -185,7 +190,7 @@ pub enum NotMeasured {
 #[derive(Clone, Copy, Debug, Default, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct MeasuredFigures {
-    /// Why the keys below are null; `--measure` measures packed and large models; null if measured.
+    /// Why keys below are null; `--measure` measures packed and large models; null if measured.
     pub not_measured: Option<NotMeasured>,
     /// First voxel of the skin along x, y, z, and the one after the last.
     pub bounding_box_voxels: Option<[[u32; 3]; 2]>,
@@ -212,7 +217,13 @@ impl From<&Measured> for MeasuredFigures {
             Measured::Done(measures) => measures,
             Measured::Packed => return not(NotMeasured::Packed),
             Measured::Large => return not(NotMeasured::Large),
-            Measured::Labels => return not(NotMeasured::Labels),
+            Measured::Labels(found) => {
+                return Self {
+                    bounding_box_voxels: Some(found.voxels),
+                    bounding_box_mm: Some(found.box_mm),
+                    ..not(NotMeasured::Labels)
+                };
+            }
             Measured::Impossible => return not(NotMeasured::Impossible),
         };
         let (area, volume) = (m.area_mm2.unzip(), m.volume_mm3.unzip());
@@ -256,7 +267,7 @@ impl Info {
             paper_bytes: paper_dims,
             ratio_to_paper: paper_dims / to_f64(bytes),
             ratio_to_paper_grid: paper_grid / to_f64(bytes),
-            labels: super::label_figures(frame),
+            labels: super::label_figures(frame, self.measured.as_ref()),
             measured: self.measured.as_ref().map(MeasuredFigures::from).unwrap_or_default(),
         }
     }

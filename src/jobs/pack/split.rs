@@ -6,7 +6,8 @@
 //! ```
 //!
 //! The skin of a label is the voxels that have it, so that nothing but these and their items is taken, and the model of a
-//! label is the one that is built of it alone, byte for byte.
+//! label is the one that is built of it alone, byte for byte. A cell goes to each of its labels, with the walls that part it
+//! from the others: neighbours share them.
 
 use std::fs::File;
 use std::io;
@@ -19,9 +20,10 @@ use crate::atomic::AtomicFile;
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildFault};
 use crate::error::{Error, UsageError};
+use crate::format::cell::{CornerRankBuilder, HAS_CORNERS, corner_blocks};
 use crate::format::{
     Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, Label, LabelForm, SectionEntry, SectionKind,
-    SurfaceKind, label_directory_bytes, labels_to_bytes,
+    WALL_BYTES, WallCode, WallItem, label_directory_bytes, labels_to_bytes,
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Frame};
@@ -29,8 +31,6 @@ use crate::platform::{FileExt, open_file};
 use crate::progress::Progress;
 use crate::scratch::unnamed;
 
-/// What stands in the blocks of labels.
-const SKIN: LabelForm = LabelForm::OF_SKIN;
 /// Most levels of nodes.
 const MAX_LEVELS: usize = 16;
 /// Bytes of a cursor over a level, and of one over items.
@@ -41,11 +41,13 @@ const STREAMS: u64 = 1536 << 10;
 /// Bytes of a chunk at most, and of the chunks of all labels together, as far as a record fits.
 const MAX_CHUNK: usize = 8 << 10;
 const ALL_CHUNKS: usize = 256 << 10;
-/// Bytes of a chunk's place of the next one, and of a record's Morton code.
+/// Bytes of a record's Morton code.
 const WORD: usize = size_of::<u64>();
+/// Bytes before a chunk: the place of the next one, and how long this one is.
+const HEAD: usize = 2 * WORD;
 
 /// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its skin
-/// voxels and bytes; 0 for a label of which nothing is to be seen, which has no model.
+/// voxels or cells, and bytes; 0 for a label of which nothing is to be seen, which has no model.
 ///
 /// Memory: under 2 MiB for as many labels as a thousand, and some 250 bytes for each more; a refusal names `name`. Temporary disk: 8 bytes a voxel
 /// and its items. Cost: some 0.1 microseconds a skin voxel, and a sync of each model.
@@ -67,21 +69,18 @@ pub(crate) fn split(
     };
     let source = open_file(input).map_err(|cause| at(Stop::Input(cause.into()), input))?;
     let frame = Frame::read(&source).map_err(|fault| at(fault.into(), input))?;
-    if frame.labels.is_empty()
-        || (frame.surface(), frame.header.encoding) != (SurfaceKind::Skin, Encoding::Mapped)
-    {
+    if frame.labels.is_empty() || frame.header.encoding != Encoding::Mapped {
         return Err(UsageError::Labels { path: input.to_path_buf(), doing: "split" }.into());
     }
-    let record = WORD + items_of(&frame).map(|(_, bytes)| bytes).sum::<usize>();
-    let chunk = (ALL_CHUNKS / frame.labels.len()).clamp(record, MAX_CHUNK) / record * record;
-    let held = frame.labels.len() * (size_of::<Bucket>() + WORD + chunk);
+    let layout = Layout::of(&frame);
+    let held = frame.labels.len() * (size_of::<Bucket>() + WORD + layout.chunk);
     let _memory = Budget::of(memory).reserve(STREAMS + held as u64).map_err(|refused| {
         let limit_bytes = memory.bytes();
         let minimum_bytes = limit_bytes.saturating_add(refused.missing_bytes());
         BuildError::from(BuildFault::BudgetTooSmall { name: name.to_owned(), limit_bytes, minimum_bytes })
     })?;
     let file = unnamed(scratch).map_err(unwritable)?;
-    let mut buckets = Buckets::new(&file, &frame, record, chunk);
+    let mut buckets = Buckets::new(&file, &frame, layout);
     buckets.fill(&source, &frame, progress).map_err(|stop| at(stop, scratch))?;
     progress.check().map_err(|_| Error::Stopped)?;
     progress.stage("labels", frame.labels.len() as u64);
@@ -101,12 +100,61 @@ pub(crate) fn split(
     Ok(made)
 }
 
-/// The channels whose items are taken as they are, with the bytes of an item.
+/// The channels of which each voxel has an item, with the bytes of an item.
 fn items_of(frame: &Frame) -> impl Iterator<Item = (Channel, usize)> + '_ {
     frame
         .channels()
-        .filter(|(channel, _)| *channel != Channel::Label)
+        .filter(|(channel, _)| !matches!(channel, Channel::Label | Channel::Corners))
         .map(|(channel, bytes)| (channel, bytes.into()))
+}
+
+/// What a record holds: the voxel's Morton code and items, and that of walls of a cell whose offset says so.
+#[derive(Clone, Copy)]
+struct Layout {
+    /// Bytes of code and items.
+    record: usize,
+    /// Most bytes of the records of a chunk.
+    chunk: usize,
+    /// Where the code of the normal and the offset of a cell stand.
+    cell: Option<[usize; 2]>,
+}
+
+impl Layout {
+    fn of(frame: &Frame) -> Self {
+        let place = |wanted| {
+            let before = items_of(frame).take_while(|(channel, _)| *channel != wanted);
+            WORD + before.map(|(_, bytes)| bytes).sum::<usize>()
+        };
+        let record = WORD + items_of(frame).map(|(_, bytes)| bytes).sum::<usize>();
+        let cell = frame.header.walls.then(|| [Channel::Normal, Channel::Offset].map(place));
+        let chunk = (ALL_CHUNKS / frame.labels.len().max(1)).clamp(record + WALL_BYTES, MAX_CHUNK);
+        Self { record, chunk, cell }
+    }
+
+    /// Has a record of a cell an item of walls?
+    fn has_item(&self, record: &[u8]) -> bool {
+        self.cell.is_some_and(|[_, offset]| record.get(offset) == Some(&HAS_CORNERS.cast_unsigned()))
+    }
+
+    /// The walls of a cell.
+    fn read(&self, record: &[u8]) -> Option<WallCode> {
+        let [normal, offset] = self.cell?;
+        let item = record.get(self.record..).and_then(|rest| rest.first_chunk());
+        Some(WallCode {
+            code: u16::from_le_bytes(*record.get(normal..)?.first_chunk()?),
+            offset: record.get(offset)?.cast_signed(),
+            item: item.map(WallItem::parse),
+        })
+    }
+
+    /// Replaces the walls of a cell.
+    fn put(&self, cell: &WallCode, record: &mut Vec<u8>) {
+        let Some([normal, offset]) = self.cell else { return };
+        record.truncate(self.record);
+        record.splice(normal..normal + 2, cell.code.to_le_bytes());
+        record.splice(offset..=offset, [cell.offset.cast_unsigned()]);
+        record.extend(cell.item.into_iter().flat_map(WallItem::to_bytes));
+    }
 }
 
 /// The voxels of a model in Morton order, from one cursor for each level and channel.
@@ -115,11 +163,13 @@ struct Voxels<'a> {
     /// Of the open nodes: octants still to be visited, and the node's code.
     path: Vec<(u8, u64)>,
     items: Vec<(usize, Cursor<'a, File>)>,
+    corners: Option<Cursor<'a, File>>,
     directory: Cursor<'a, File>,
     blocks: Cursor<'a, File>,
+    form: LabelForm,
     left: u64,
-    /// Labels of the present group, from the last to the next one.
-    group: Vec<u16>,
+    /// Labels of the present group as the blocks have them, from the last to the next one.
+    group: Vec<u32>,
 }
 
 impl<'a> Voxels<'a> {
@@ -130,25 +180,25 @@ impl<'a> Voxels<'a> {
             let level = frame.level(Level::new(d));
             Cursor::new(source, nodes.offset + level.start, nodes.offset + level.end, LEVEL_BUFFER)
         };
-        let items = |(channel, bytes)| {
-            let entry = entry(SectionKind::Voxels(channel))?;
-            Ok((bytes, Cursor::new(source, entry.offset, entry.end(), ITEM_BUFFER)))
-        };
+        let cursor = |entry: &SectionEntry| Cursor::new(source, entry.offset, entry.end(), ITEM_BUFFER);
+        let items = |(channel, bytes)| Ok((bytes, cursor(entry(SectionKind::Voxels(channel))?)));
         let middle = labels.offset + label_directory_bytes(frame.header.voxels);
         Ok(Self {
             levels: (0..frame.dims().depth()).map(level).collect(),
             path: Vec::with_capacity(MAX_LEVELS),
             items: items_of(frame).map(items).collect::<Result<_, FormatError>>()?,
+            corners: frame.section(SectionKind::Voxels(Channel::Corners)).map(cursor),
             directory: Cursor::new(source, labels.offset, middle, LEVEL_BUFFER),
             blocks: Cursor::new(source, middle, labels.end(), ITEM_BUFFER),
+            form: frame.label_form(),
             left: frame.header.voxels,
             group: Vec::new(),
         })
     }
 
-    /// Appends code and items of the next voxel, and gives its label; `None` at the end.
-    fn next(&mut self, record: &mut Vec<u8>) -> Result<Option<u16>, Stop> {
-        let missing = |kind| Stop::from(FormatError::MissingItem { kind });
+    /// Appends the record of the next voxel, and gives its labels as the blocks have them; `None` at the end.
+    fn next(&mut self, layout: &Layout, record: &mut Vec<u8>) -> Result<Option<u32>, Stop> {
+        let missing = |channel| Stop::from(FormatError::MissingItem { kind: SectionKind::Voxels(channel) });
         if self.left == 0 {
             return Ok(None);
         }
@@ -156,10 +206,13 @@ impl<'a> Voxels<'a> {
             self.next_group()?;
         }
         self.left -= 1;
-        let code = self.next_code()?.ok_or(missing(SectionKind::Nodes))?;
+        let code = self.next_code()?.ok_or(FormatError::MissingItem { kind: SectionKind::Nodes })?;
         record.extend(code.to_le_bytes());
         for (bytes, items) in &mut self.items {
-            record.extend(items.take_item(*bytes)?.ok_or(missing(SectionKind::Voxels(Channel::Normal)))?);
+            record.extend(items.take_item(*bytes)?.ok_or(missing(Channel::Normal))?);
+        }
+        if let (true, Some(corners)) = (layout.has_item(record), &mut self.corners) {
+            record.extend(corners.take_item(WALL_BYTES)?.ok_or(missing(Channel::Corners))?);
         }
         Ok(self.group.pop())
     }
@@ -201,24 +254,26 @@ impl<'a> Voxels<'a> {
         let entry = self.directory.take::<LABEL_ENTRY>()?.ok_or_else(wrong)?;
         let sizes = entry.last_chunk().ok_or_else(wrong)?;
         let count = usize::try_from(self.left).unwrap_or(LABEL_GROUP).min(LABEL_GROUP);
-        let room = usize::try_from(self.blocks.left()).unwrap_or(usize::MAX).min(2 * LABEL_GROUP);
+        let room = usize::try_from(self.blocks.left()).unwrap_or(usize::MAX).min(4 * LABEL_GROUP);
         let bytes = self.blocks.peek(room)?.ok_or_else(wrong)?;
-        let (labels, used) = SKIN.decode_group(sizes, bytes, count).ok_or_else(wrong)?;
+        let (labels, used) = self.form.decode_group(sizes, bytes, count).ok_or_else(wrong)?;
         self.blocks.skip(used);
-        self.group.clear();
-        self.group.extend(labels.iter().rev().filter_map(|label| u16::try_from(*label).ok()));
+        self.group = labels;
+        self.group.reverse();
         Ok(())
     }
 }
 
-/// The records of one label: a chain of chunks, each with the place of the next one before it.
+/// The records of one label: a chain of chunks.
 struct Bucket {
     first: u64,
     at: u64,
-    /// The present chunk, from its second word on.
+    /// The present chunk, without its head.
     records: Vec<u8>,
     last: u64,
     voxels: u64,
+    /// Cells with an item of walls.
+    items: u64,
     /// Nodes of each level.
     nodes: [u64; MAX_LEVELS],
 }
@@ -226,8 +281,7 @@ struct Bucket {
 struct Buckets<'a> {
     file: &'a File,
     depth: usize,
-    record: usize,
-    chunk: usize,
+    layout: Layout,
     end: u64,
     all: Vec<Bucket>,
 }
@@ -239,31 +293,50 @@ fn shared_levels(a: u64, b: u64, depth: usize) -> usize {
 }
 
 impl<'a> Buckets<'a> {
-    fn new(file: &'a File, frame: &Frame, record: usize, chunk: usize) -> Self {
-        let step = (WORD + chunk) as u64;
+    fn new(file: &'a File, frame: &Frame, layout: Layout) -> Self {
+        let step = (HEAD + layout.chunk) as u64;
         let bucket = |at| Bucket {
             first: at * step,
             at: at * step,
-            records: Vec::with_capacity(chunk),
+            records: Vec::with_capacity(layout.chunk),
             last: 0,
             voxels: 0,
+            items: 0,
             nodes: [0; MAX_LEVELS],
         };
         let labels = frame.labels.len() as u64;
         let all = (0..labels).map(bucket).collect();
-        Self { file, depth: frame.dims().depth() as usize, record, chunk, end: labels * step, all }
+        Self { file, depth: frame.dims().depth() as usize, layout, end: labels * step, all }
     }
 
-    /// Takes every voxel of a model.
+    /// Takes every voxel of a model, and every cell for each of its labels.
     fn fill(&mut self, source: &File, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
         let mut voxels = Voxels::new(source, frame)?;
-        let (mut record, mut known, mut count) = (Vec::with_capacity(self.record), (0, 0), 0_u64);
-        while let Some(number) = voxels.next(&mut record)? {
-            if known.0 != number {
-                let at = frame.labels.binary_search_by_key(&number, |label| label.number);
-                known = (number, at.map_err(|_| FormatError::LabelBlocks { first: count, last: count })?);
+        let (form, layout) = (frame.label_form(), self.layout);
+        let (mut record, mut own) = (Vec::with_capacity(self.layout.chunk), Vec::new());
+        let (mut known, mut count) = (None::<(u32, [u16; 2], usize)>, 0_u64);
+        while let Some(entry) = voxels.next(&layout, &mut record)? {
+            let wrong = || FormatError::LabelBlocks { first: count, last: count };
+            let place = |number: u16| {
+                frame.labels.binary_search_by_key(&number, |label| label.number).map_err(|_| wrong())
+            };
+            let (_, numbers, at) = match known {
+                Some(same) if same.0 == entry => same,
+                _ => {
+                    let numbers = form.numbers(entry, &frame.labels).ok_or_else(wrong)?;
+                    *known.insert((entry, numbers, place(numbers[0])?))
+                }
+            };
+            match layout.read(&record) {
+                None => self.push(at, &record)?,
+                Some(cell) => {
+                    for label in cell.labels(numbers) {
+                        own.clone_from(&record);
+                        layout.put(&cell.alone(label, numbers[0]), &mut own);
+                        self.push(if label == numbers[0] { at } else { place(label)? }, &own)?;
+                    }
+                }
             }
-            self.push(known.1, &record)?;
             record.clear();
             count += 1;
             if count.is_multiple_of(1 << 16) {
@@ -277,48 +350,61 @@ impl<'a> Buckets<'a> {
     }
 
     fn push(&mut self, at: usize, record: &[u8]) -> Result<(), Stop> {
-        let depth = self.depth;
+        let (depth, layout) = (self.depth, self.layout);
+        if self.all.get(at).is_some_and(|bucket| bucket.records.len() + record.len() > layout.chunk) {
+            self.flush(at)?;
+        }
         let Some((bucket, code)) = self.all.get_mut(at).zip(record.first_chunk()) else { return Ok(()) };
         let code = u64::from_le_bytes(*code);
         let shared = if bucket.voxels == 0 { 0 } else { shared_levels(bucket.last, code, depth) };
         bucket.nodes[shared..depth].iter_mut().for_each(|nodes| *nodes += 1);
         (bucket.last, bucket.voxels) = (code, bucket.voxels + 1);
+        bucket.items += u64::from(layout.has_item(record));
         bucket.records.extend_from_slice(record);
-        if bucket.records.len() == self.chunk { self.flush(at) } else { Ok(()) }
+        Ok(())
     }
 
     fn flush(&mut self, at: usize) -> Result<(), Stop> {
         let next = self.end;
-        self.end += (WORD + self.chunk) as u64;
+        self.end += (HEAD + self.layout.chunk) as u64;
         let Some(bucket) = self.all.get_mut(at) else { return Ok(()) };
-        let file = self.file;
-        let written = file.write_all_at(&next.to_le_bytes(), bucket.at);
+        let (file, mut head) = (self.file, [0; HEAD]);
+        head[..WORD].copy_from_slice(&next.to_le_bytes());
+        head[WORD..].copy_from_slice(&(bucket.records.len() as u64).to_le_bytes());
+        let written = file.write_all_at(&head, bucket.at);
         written
-            .and_then(|()| file.write_all_at(&bucket.records, bucket.at + WORD as u64))
+            .and_then(|()| file.write_all_at(&bucket.records, bucket.at + HEAD as u64))
             .map_err(Stop::Output)?;
         bucket.at = next;
         bucket.records.clear();
         Ok(())
     }
 
-    /// Calls `found` with the records of a bucket, in their order.
+    /// Calls `found` with the records of a bucket, in their order: code, items and that of walls.
     fn for_each(
         &self,
         bucket: &Bucket,
-        mut found: impl FnMut(u64, &[u8]) -> Result<(), Stop>,
+        mut found: impl FnMut(u64, &[u8], &[u8]) -> Result<(), Stop>,
     ) -> Result<(), Stop> {
-        let mut bytes = vec![0; WORD + self.chunk];
-        let (mut at, mut left) = (bucket.first, bucket.voxels);
+        let Layout { record, chunk, .. } = self.layout;
+        let (mut at, mut left, mut bytes) = (bucket.first, bucket.voxels, vec![0; chunk]);
         while left > 0 {
-            let records = left.min((self.chunk / self.record) as u64);
-            let part = &mut bytes[..WORD + usize::try_from(records).unwrap_or(0) * self.record];
-            self.file.read_exact_at(part, at).map_err(Stop::Output)?;
-            let Some((next, records_of)) = part.split_first_chunk() else { return Ok(()) };
-            for record in records_of.chunks_exact(self.record) {
-                let Some((code, items)) = record.split_first_chunk() else { continue };
-                found(u64::from_le_bytes(*code), items)?;
+            let mut head = [0; HEAD];
+            self.file.read_exact_at(&mut head, at).map_err(Stop::Output)?;
+            let [next, length] =
+                [0, WORD].map(|from| head[from..].first_chunk().map_or(0, |word| u64::from_le_bytes(*word)));
+            let used = usize::try_from(length).unwrap_or(0).min(chunk);
+            let mut rest = &mut bytes[..used];
+            self.file.read_exact_at(rest, at + HEAD as u64).map_err(Stop::Output)?;
+            while rest.len() >= record {
+                let length = if self.layout.has_item(rest) { record + WALL_BYTES } else { record };
+                let (one, after) = rest.split_at_mut(length.min(rest.len()));
+                let (items, walls) = one.split_at(record);
+                let (code, items) = items.split_first_chunk().unwrap_or((&[0; WORD], &[]));
+                found(u64::from_le_bytes(*code), items, walls)?;
+                (rest, left) = (after, left.saturating_sub(1));
             }
-            (at, left) = (u64::from_le_bytes(*next), left - records);
+            at = next;
         }
         Ok(())
     }
@@ -346,6 +432,8 @@ fn lay_out(bucket: &Bucket, frame: &Frame, label: &Label) -> Result<Frame, Stop>
         match entry.kind {
             Some(SectionKind::LabelTable) => entry.items = table,
             Some(SectionKind::Voxels(Channel::Label)) => entry.items = coded,
+            Some(SectionKind::Voxels(Channel::Corners)) => entry.items = bucket.items,
+            Some(SectionKind::CornerRank) => entry.items = corner_blocks(bucket.voxels),
             _ => {}
         }
     }
@@ -374,6 +462,7 @@ fn write(
     let mut items: Vec<(usize, Writer<'_>)> = items_of(frame)
         .map(|(channel, bytes)| Ok((bytes, writer(place(SectionKind::Voxels(channel))?))))
         .collect::<Result<_, FormatError>>()?;
+    let mut walls = Walls::new(&own, out);
     let (mut open, mut last) = ([0_u8; MAX_LEVELS], None);
     let mut close = |open: &mut [u8; MAX_LEVELS], from: usize| {
         (from..depth)
@@ -381,7 +470,7 @@ fn write(
             .try_for_each(|d| levels[d].write(&[std::mem::take(&mut open[d])]))
             .map_err(Stop::Output)
     };
-    buckets.for_each(bucket, |code, bytes| {
+    buckets.for_each(bucket, |code, bytes, item| {
         let shared = last.replace(code).map_or(0, |last| shared_levels(last, code, depth));
         if bucket.voxels > 0 && open[0] != 0 {
             close(&mut open, shared)?;
@@ -390,6 +479,9 @@ fn write(
         for (d, node) in open.iter_mut().enumerate().take(depth).skip(shared.saturating_sub(1)) {
             *node |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
         }
+        if let Some((walls, [_, offset])) = walls.as_mut().zip(buckets.layout.cell) {
+            walls.put(bytes[offset - WORD], item).map_err(Stop::Output)?;
+        }
         let mut rest = bytes;
         items.iter_mut().try_for_each(|(bytes, writer)| {
             let (item, after) = rest.split_at(*bytes);
@@ -397,10 +489,11 @@ fn write(
             writer.write(item).map_err(Stop::Output)
         })
     })?;
+    walls.iter_mut().try_for_each(Walls::flush).map_err(Stop::Output)?;
     close(&mut open, 0)?;
     levels.iter_mut().try_for_each(Writer::flush).map_err(Stop::Output)?;
     items.iter_mut().try_for_each(|(_, writer)| writer.flush()).map_err(Stop::Output)?;
-    write_labels(bucket, label, &mut writer(place(SectionKind::Voxels(Channel::Label))?))?;
+    write_labels(&own, &mut writer(place(SectionKind::Voxels(Channel::Label))?))?;
     let small = [
         (SectionKind::Meta, own.metadata_bytes.clone()),
         (SectionKind::Levels, own.levels.iter().flat_map(|level| level.to_le_bytes()).collect()),
@@ -413,17 +506,48 @@ fn write(
     Ok(own)
 }
 
-/// Writes directory and blocks of voxels that all have one label.
-fn write_labels(bucket: &Bucket, label: &Label, writer: &mut Writer<'_>) -> Result<(), Stop> {
-    let mut at = label_directory_bytes(bucket.voxels);
-    let (mut blocks, mut group) = (Vec::new(), vec![u32::from(label.number); LABEL_GROUP]);
-    let mut left = bucket.voxels;
+/// Items of walls and their directory, as they are written.
+struct Walls<'a> {
+    items: Writer<'a>,
+    directory: Writer<'a>,
+    rank: CornerRankBuilder,
+}
+
+impl<'a> Walls<'a> {
+    fn new(own: &Frame, out: &'a File) -> Option<Self> {
+        let writer = |kind| own.section(kind).map(|entry| Writer::new(out, entry.offset, entry.end()));
+        let items = writer(SectionKind::Voxels(Channel::Corners))?;
+        Some(Self { items, directory: writer(SectionKind::CornerRank)?, rank: CornerRankBuilder::default() })
+    }
+
+    /// The next cell, by its offset.
+    fn put(&mut self, offset: u8, item: &[u8]) -> io::Result<()> {
+        let mut due = None;
+        self.rank.feed(&[offset], |block| due = Some(block.to_le_bytes()));
+        due.map_or(Ok(()), |block| self.directory.write(&block))?;
+        self.items.write(item)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        self.items.flush()?;
+        self.directory.flush()
+    }
+}
+
+/// Writes directory and blocks of voxels that all have the one label of a model.
+fn write_labels(own: &Frame, writer: &mut Writer<'_>) -> Result<(), Stop> {
+    let mut left = own.header.voxels;
+    let mut at = label_directory_bytes(left);
+    let form = own.label_form();
+    let [low, high] = own.labels.first().map_or(0, |label| label.number).to_le_bytes();
+    let entry = form.entry(&[low, high, 0, 0], &own.labels).unwrap_or(0);
+    let (mut blocks, mut group) = (Vec::new(), vec![entry; LABEL_GROUP]);
     let mut all = Vec::new();
     while left > 0 {
         let count = usize::try_from(left).unwrap_or(LABEL_GROUP).min(LABEL_GROUP);
         group.truncate(count);
         blocks.clear();
-        writer.write(&SKIN.encode_group(&group, at, &mut blocks)).map_err(Stop::Output)?;
+        writer.write(&form.encode_group(&group, at, &mut blocks)).map_err(Stop::Output)?;
         at += blocks.len() as u64;
         all.extend_from_slice(&blocks);
         left -= count as u64;

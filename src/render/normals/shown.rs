@@ -1,5 +1,6 @@
 //! The hit of a pixel, and the normal that is shown there.
 
+use crate::format::Label;
 use crate::format::normal;
 use crate::geom::{BoxIndex, NodeIndex, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
@@ -182,12 +183,8 @@ impl<'a> Normals<'a> {
         seen
     }
 
-    /// The colour of the label of a finest hit, of a model of cells between labels.
-    pub(in crate::render) fn label_color(
-        &self,
-        seen: PixelHit,
-        (origin, direction): Line,
-    ) -> Option<[u8; 3]> {
+    /// The label of a finest hit, of a model of cells between labels.
+    pub(in crate::render) fn label(&self, seen: PixelHit, (origin, direction): Line) -> Option<&'a Label> {
         let (labels, number) = (self.view.labels()?, seen.box_number.wrapping_sub(self.view.node_count()));
         let walls = self.view.walls(number).filter(|_| seen.is_finest())?;
         let at = self.space.to_grid(add_scaled(origin, f64::from(seen.depth), direction));
@@ -198,7 +195,7 @@ impl<'a> Normals<'a> {
         let step = (AHEAD / longest).max(f64::from(seen.depth) * f64::from(f32::EPSILON));
         let ahead = add_scaled(at, step, way);
         let u = std::array::from_fn(|a| 2.0 * (ahead[a] - ahead[a].floor()) - 1.0);
-        labels.named(walls.met(u, way, NEAR_BY_DEPTH).0).map(|label| label.color)
+        labels.named(walls.met(u, way, NEAR_BY_DEPTH).0)
     }
 
     /// Code of the normal where a cell with corners was hit.

@@ -1,0 +1,180 @@
+//! Area of each label of a model.
+//!
+//! Of cells a wall counts for both labels that it parts: a cell with one plane for the area that such a plane has on average,
+//! others for that of their walls. Of skin voxels, whose normals point out of their label, as of any skin.
+
+use super::{Bend, Bends, Patch, Weights, are_uneven, bounds};
+use crate::enclosed::SkinSlices;
+use crate::format::cell::Plane;
+use crate::format::{Label, Walls};
+use crate::geom::{Affine, Dims, cross, dot};
+use crate::load::{ModelView, NodeView};
+use crate::render::GridSpace;
+
+/// What was measured of a model of labels. Lengths are in millimetres.
+#[derive(Clone, Debug, PartialEq)]
+pub struct LabelMeasures {
+    /// As [`Measures::voxels`](super::Measures::voxels), of all labels.
+    pub voxels: [[u32; 3]; 2],
+    /// As [`Measures::box_mm`](super::Measures::box_mm), of all labels.
+    pub box_mm: [[f64; 3]; 2],
+    /// Area of each label of the table with its error, walls to other labels and of cavities included; `None` where voxels
+    /// are too uneven.
+    pub areas_mm2: Vec<Option<(f64, f64)>>,
+}
+
+/// Measures the labels of a model, whose table this is; `None` for one without a voxel, without a volume, or damaged.
+pub(in crate::jobs) fn measure_labels(
+    view: &ModelView<'_>,
+    table: &[Label],
+    dims: Dims,
+    affine: &Affine,
+) -> Option<LabelMeasures> {
+    let space = GridSpace::new(dims, affine).ok()?;
+    let (voxels, box_mm) = bounds(view, &space)?;
+    let weights = Weights::new(affine, &space, view.cells().is_some());
+    let mut slices = SkinSlices::new(view, voxels);
+    let mut bends = Bends::of_labels(table.len());
+    let mut walls = vec![WallArea::default(); table.len()];
+    let place = |number: u16| table.binary_search_by_key(&number, |label| label.number).ok();
+    for z in voxels[0][2]..voxels[1][2] {
+        bends.begin();
+        for voxel in slices.slice(z)? {
+            let patch = voxel.code(view).and_then(|code| weights.patch(code, None, [voxel.y, voxel.x]));
+            if let Some(found) = view.walls(voxel.voxel.get()) {
+                let patch = patch.filter(|_| found.planes().len() == 1);
+                for (labels, area) in areas(&found, &weights.columns) {
+                    for (at, front) in
+                        labels.into_iter().zip([false, true]).filter_map(|(n, f)| Some((place(n)?, f)))
+                    {
+                        walls[at].within += area;
+                        walls[at].usual += patch.as_ref().map_or(area, |patch| patch.part);
+                        bends.now.extend(patch.as_ref().map(|patch| patch.of_label(at, front)));
+                    }
+                }
+            } else if let Some(patch) = patch
+                && let Some(at) = view.labels().and_then(|labels| place(labels.get(voxel.voxel.get())?))
+            {
+                walls[at].usual += patch.part;
+                bends.now.push(Patch { label: at, ..patch });
+            }
+        }
+        bends.end(&weights);
+    }
+    let of = |(at, WallArea { usual, within }): (usize, WallArea)| {
+        if view.cells().is_some() {
+            let Bend { bend, change, edges } = bends.of_area[at];
+            eprintln!("AREA {at} {usual} {within} {bend} {change} {edges}");
+        }
+        let (lacking, error) = bends.area(at, None, usual);
+        (usual + lacking, error)
+    };
+    let areas = walls.into_iter().enumerate().map(of).map(|area| (!are_uneven(affine)).then_some(area));
+    Some(LabelMeasures { voxels, box_mm, areas_mm2: areas.collect() })
+}
+
+/// Area of the walls of a label, in mm2.
+#[derive(Clone, Copy, Debug, Default)]
+struct WallArea {
+    usual: f64,
+    /// Of the planes in the cells.
+    within: f64,
+}
+
+/// The walls of a cell whose edges are these axes: the labels behind and in front, and the area.
+fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 2], f64)> {
+    let planes = walls.planes();
+    let mut found = Vec::new();
+    for (i, plane) in planes.iter().enumerate() {
+        // The other planes cut it into parts.
+        for others in (0..1_usize << planes.len()).filter(|bits| bits >> i & 1 == 0) {
+            let labels = [others, others | 1 << i].map(|fronts| walls.label(fronts));
+            if labels[0] == labels[1] {
+                continue;
+            }
+            let mut face = square(plane);
+            for (j, other) in planes.iter().enumerate().filter(|(j, _)| *j != i) {
+                face = clipped(&face, other, others >> j & 1 == 1);
+            }
+            for side in [0, 1, 2, 3, 4, 5] {
+                let mut normal = [0; 3];
+                normal[side / 2] = if side % 2 == 0 { 1 } else { -1 };
+                face = clipped(&face, &Plane { normal, offset: 1 }, false);
+            }
+            found.push((labels, area(&face, axes)));
+        }
+    }
+    found
+}
+
+/// A part of a plane that is larger than the cell.
+fn square(plane: &Plane) -> Vec<[f64; 3]> {
+    let n = plane.normal.map(f64::from);
+    let longest = (0..3).fold(0, |best, a| if n[a].abs() > n[best].abs() { a } else { best });
+    let (u, v) = ((longest + 1) % 3, (longest + 2) % 3);
+    let corner = |[p, q]: [f64; 2]| {
+        let mut at = [0.0; 3];
+        (at[u], at[v]) = (p, q);
+        at[longest] = (f64::from(plane.offset) - n[u] * p - n[v] * q) / n[longest];
+        at
+    };
+    [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(corner).to_vec()
+}
+
+/// The part of a polygon behind a plane, or in front of it (Sutherland and Hodgman 1974).
+fn clipped(face: &[[f64; 3]], plane: &Plane, front: bool) -> Vec<[f64; 3]> {
+    let sign = if front { 1.0 } else { -1.0 };
+    let kept = |at: &[f64; 3]| sign * (dot(plane.normal.map(f64::from), *at) - f64::from(plane.offset));
+    let mut left = Vec::with_capacity(face.len() + 1);
+    for (at, next) in face.iter().zip(face.iter().cycle().skip(1)) {
+        let (here, there) = (kept(at), kept(next));
+        if here >= 0.0 {
+            left.push(*at);
+        }
+        if (here >= 0.0) != (there >= 0.0) {
+            let t = here / (here - there);
+            left.push(std::array::from_fn(|a| at[a] + t * (next[a] - at[a])));
+        }
+    }
+    left
+}
+
+/// Area of a flat polygon in a cell's own coordinates, whose edges, two long there, are these axes.
+fn area(face: &[[f64; 3]], axes: &[[f64; 3]; 3]) -> f64 {
+    let world = |u: &[f64; 3]| -> [f64; 3] {
+        std::array::from_fn(|row| axes.iter().zip(u).map(|(axis, u)| axis[row] * u / 2.0).sum())
+    };
+    let Some((first, rest)) = face.split_first() else { return 0.0 };
+    let origin = world(first);
+    let from_origin = |at: &[f64; 3]| -> [f64; 3] {
+        let at = world(at);
+        std::array::from_fn(|a| at[a] - origin[a])
+    };
+    let twice = rest.windows(2).fold([0.0; 3], |sum: [f64; 3], pair| {
+        let across = cross(from_origin(&pair[0]), from_origin(&pair[1]));
+        std::array::from_fn(|a| sum[a] + across[a])
+    });
+    dot(twice, twice).sqrt() / 2.0
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::format::{WallItem, normal};
+
+    const CUBE: [[f64; 3]; 3] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+
+    #[test]
+    fn walls_have_the_area_that_their_planes_have_in_the_cell() {
+        let [x, y] = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]].map(normal::encode);
+        let one = Walls::of_pair(Plane::new(x, 0), [5, 2]);
+        assert_eq!(areas(&one, &CUBE), [([5, 2], 1.0)]);
+        // 7 at low x; of the rest 3 at low y, none at high y.
+        let labels = [7, 3, 7, 0, 7, 3, 7, 0];
+        let two = Walls::of_item(x, &WallItem { labels, planes: Some((0, y, 0)) });
+        let axes = [[2.0, 0.0, 0.0], [0.0, 3.0, 0.0], [0.0, 0.0, 5.0]];
+        assert_eq!(areas(&two, &axes), [([7, 3], 7.5), ([7, 0], 7.5), ([3, 0], 5.0)]);
+        let octants = Walls::of_item(x, &WallItem { labels: [1, 0, 0, 0, 0, 0, 0, 0], planes: None });
+        assert_eq!(areas(&octants, &CUBE).iter().map(|(_, area)| area).sum::<f64>(), 0.75);
+    }
+}
