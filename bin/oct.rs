@@ -26,7 +26,7 @@ use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
-use infobyte::jobs::export::ExportRequest;
+use infobyte::jobs::export::{ExportRequest, MAX_SMOOTH};
 use infobyte::jobs::names::read_label_names;
 use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
@@ -220,6 +220,7 @@ impl Build {
             threshold: args.selection.threshold(),
             labels: args.labels.clone(),
             label_names,
+            smooth: args.smooth.unwrap_or(MAX_SMOOTH),
             overlap: args.overlap.policy(),
             surface,
             connectivity: args.skin.connectivity,
@@ -288,6 +289,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
             threshold: args.selection.threshold(),
             labels: None,
             label_names: Vec::new(),
+            smooth: MAX_SMOOTH,
             overlap: Overlap::default(),
             surface: args.skin.surface(false),
             connectivity: args.skin.connectivity,

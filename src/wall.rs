@@ -12,6 +12,9 @@ use std::f32::consts::TAU;
 
 use crate::cpu::{Isa, Kernel, Portable, movemask, sums_by_table};
 
+/// How far a wall may lie from the middle between two samples that it parts, in voxels: no sample changes its label.
+pub const MAX_SMOOTH: f64 = 0.5;
+
 /// Samples along a side of what is looked at.
 pub(crate) const WINDOW: usize = 8;
 /// Standard deviation of the Gaussian, in voxels.
@@ -78,11 +81,11 @@ impl Window<'_> {
         let end = self.first + (WINDOW - 1) * self.stride + WINDOW;
         for (z, slice) in self.slices.iter().enumerate() {
             let Some(block) = slice.get(self.first..end) else { continue };
+            let mut rows = block.chunks(self.stride);
             for half in 0..2 {
                 let mut samples = [0; FOUR_ROWS];
-                for y in 0..WINDOW / 2 {
-                    let row = block[(WINDOW / 2 * half + y) * self.stride..].first_chunk::<WINDOW>();
-                    if let (Some(row), Some(to)) = (row, samples.as_chunks_mut::<WINDOW>().0.get_mut(y)) {
+                for to in samples.as_chunks_mut::<WINDOW>().0 {
+                    if let Some(row) = rows.next().and_then(|row| row.first_chunk()) {
                         *to = *row;
                     }
                 }

@@ -59,6 +59,9 @@ pub(crate) struct BuildArgs {
     /// of DICOM SEG tools); such names may tell who is shown, so that by default those of codes are taken
     #[arg(long, requires = "labels")]
     pub(crate) keep_names: bool,
+    /// How far walls of labels may lie from the middle between the samples that they part, in voxels, 0 to 0.5 [default: 0.5]
+    #[arg(long, value_name = "VOXELS", value_parser = parse::smooth, requires = "labels")]
+    pub(crate) smooth: Option<f64>,
     /// Of masks of one grid, or segments, which become one map of labels: whose a voxel is that several hold
     #[arg(long, value_enum, default_value_t = OverlapArg::Last, requires = "labels")]
     pub(crate) overlap: OverlapArg,

@@ -9,6 +9,7 @@ use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
 use crate::volume::Overlap;
+use crate::wall::MAX_SMOOTH;
 
 /// How to choose what is inside; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -71,6 +72,9 @@ pub struct BuildOptions {
     pub labels: Option<LabelChoice>,
     /// Their names and colours, as far as they are known.
     pub label_names: Vec<LabelName>,
+    /// How far walls of labels may lie from the middle between the samples that they part, in voxels, of cells: 0 to
+    /// [`MAX_SMOOTH`], which lets them lie anywhere between the samples.
+    pub smooth: f64,
     /// Of several masks that are built together: whose a voxel is that several hold.
     pub overlap: Overlap,
     /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
@@ -107,6 +111,7 @@ impl Default for BuildOptions {
             threshold: Threshold::Otsu,
             labels: None,
             label_names: Vec::new(),
+            smooth: MAX_SMOOTH,
             overlap: Overlap::default(),
             surface: SurfaceKind::Skin,
             connectivity: Connectivity::Thin26,
@@ -146,8 +151,14 @@ impl BuildOptions {
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
             ("channel 'value'", self.channels.contains(Channel::Value)),
             ("larger leaves", self.joins()),
+            ("skin with a bound on walls", self.is_bound() && self.volume_surface() == SurfaceKind::Skin),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
+    }
+
+    /// May walls lie less far from the middle than they would by themselves?
+    pub(super) fn is_bound(&self) -> bool {
+        self.smooth < MAX_SMOOTH
     }
 
     /// Are there normals, and in 24 bits?

@@ -27,8 +27,7 @@ use crate::text::{Short, data, shown};
 /// Most that triangles can be simplified.
 pub const MAX_SIMPLIFIED: u32 = 6;
 
-/// Most voxels that a corner of a label's wall moves along an axis: it stays within its cell.
-pub const MAX_SMOOTH: f64 = 0.5;
+pub use crate::wall::MAX_SMOOTH;
 
 /// What to make of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]

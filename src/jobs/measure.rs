@@ -87,7 +87,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
     let mut slices = SkinSlices::new(view, voxels);
-    let (mut bends, mut facets) = (Bends::of_labels(1), Facets::default());
+    let (mut bends, mut facets) = (Bends::new(1, EDGE), Facets::default());
     let (mut seen, mut area, mut area_within, mut of_skin) = (0, 0.0, 0.0, 0.0);
     let has_normals = cells || view.voxel_normal(VoxelIndex::new(0)).is_some();
     sweep.slice(view, &[]);
@@ -123,7 +123,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
     // Half of it unknown is not known.
     let known = has_normals && !is_part && unknown <= 0.1 * (skin + count(enclosed.inside));
     let is_uneven = are_uneven(affine);
-    let (lacking_mm2, error_mm2) = bends.area(0, cells.then_some(area_within), area);
+    let (lacking_mm2, error_mm2) = bends.area(cells.then_some(area_within), area);
     Some(Measures {
         voxels,
         box_mm,
@@ -240,6 +240,7 @@ impl Patch {
 struct Bends {
     before: Vec<Patch>,
     now: Vec<Patch>,
+    edge: f64,
     /// In mm2, of each label.
     of_area: Vec<Bend>,
     /// In index space.
@@ -258,8 +259,8 @@ struct Bend {
 }
 
 impl Bend {
-    fn add(&mut self, cosine: f64, change: f64, [mean, least]: [f64; 2]) {
-        if cosine >= EDGE {
+    fn add(&mut self, (cosine, edge): (f64, f64), change: f64, [mean, least]: [f64; 2]) {
+        if cosine >= edge {
             self.bend += change * mean;
             self.change += change.abs() * mean;
         } else if cosine >= WALL {
@@ -269,10 +270,10 @@ impl Bend {
 }
 
 impl Bends {
-    /// Of so many labels, 1 of a model without them.
-    fn of_labels(count: usize) -> Self {
-        let of_area = vec![Bend::default(); count];
-        Self { before: Vec::new(), now: Vec::new(), of_area, of_volume: Bend::default() }
+    /// Of so many labels, 1 of a model without them; normals that are farther apart than a cosine are those of an edge.
+    fn new(labels: usize, edge: f64) -> Self {
+        let of_area = vec![Bend::default(); labels];
+        Self { before: Vec::new(), now: Vec::new(), edge, of_area, of_volume: Bend::default() }
     }
 
     /// Begins the next slice.
@@ -283,7 +284,7 @@ impl Bends {
 
     /// Adds the pairs of this slice, and those to the one before. Both are ordered by rows.
     fn end(&mut self, weights: &Weights) {
-        let Self { before, now, of_area, of_volume } = self;
+        let Self { before, now, edge, of_area, of_volume } = self;
         let mut add = |low: &Patch, high: &Patch, axis: usize| {
             let Some(of_area) = of_area.get_mut(low.label) else { return };
             let cosine = dot(low.normal, high.normal);
@@ -299,10 +300,10 @@ impl Bends {
                 high.part
             };
             let parts = [(low.part + high.part) / 2.0, lacking];
-            of_area.add(cosine, part(high.normal) - part(low.normal), parts);
+            of_area.add((cosine, *edge), part(high.normal) - part(low.normal), parts);
             let usual = (low.usual_part() + high.usual_part()) / 2.0;
             let parts = [usual, low.part_of_voxels.min(high.part_of_voxels)];
-            of_volume.add(cosine, high.along[axis] - low.along[axis], parts);
+            of_volume.add((cosine, *edge), high.along[axis] - low.along[axis], parts);
         };
         let (mut above, mut behind) = (0, 0);
         for (i, patch) in now.iter().enumerate() {
@@ -337,10 +338,10 @@ impl Bends {
         (0.116 * bend + 0.188 * edges, 0.03 * change + rough + 0.28 * edges + 0.001 * faces)
     }
 
-    /// What the area of a label lacks, and its error. That of cells holds the difference to the surface `within` them: the count
+    /// What the area of a model without labels lacks, and its error. That of cells holds the difference to the surface `within` them: the count
     /// is off where a bend faces along an axis, the surface within where planes are.
-    fn area(&self, label: usize, within: Option<f64>, area: f64) -> (f64, f64) {
-        let Some(Bend { bend, change, edges }) = self.of_area.get(label) else { return (0.0, area) };
+    fn area(&self, within: Option<f64>, area: f64) -> (f64, f64) {
+        let Some(Bend { bend, change, edges }) = self.of_area.first() else { return (0.0, area) };
         match within {
             Some(within) => {
                 let apart = (area - within).abs();

@@ -13,6 +13,7 @@ use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, SurfaceKind};
 use crate::geom::{Affine, Dims, Orientation};
 use crate::jobs::build::GridOptions;
+use crate::jobs::export::MAX_SMOOTH;
 use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
@@ -168,6 +169,7 @@ impl BuildAsked {
         Ok(BuildOptions {
             threshold: self.threshold(),
             labels: self.labels.as_deref().map(str::parse).transpose()?,
+            smooth: MAX_SMOOTH,
             overlap: Overlap::default(),
             label_names: match &self.names {
                 Either::A(table) => {

@@ -91,6 +91,61 @@ fn every_sample_keeps_its_label_at_any_budget_and_threads() {
     }
 }
 
+/// The model of each label, and the numbers of cells of one.
+fn hold_each(input: &Path, extra: &[&str]) -> usize {
+    let folder = tempfile::tempdir().unwrap();
+    let [all, each] = ["all.oct", "each"].map(|name| folder.path().join(name));
+    let how =
+        ["--labels", "all", "--surface", "cells", "--memory", "10MiB", "--each", &text(&each), "--json"];
+    let report = command::build(&[input], &all, &[&how, extra].concat()).json();
+    assert!(report["peak_rss_bytes"].as_u64().unwrap() <= 10 << 20, "{report}");
+    let whole = Model::open(&all).unwrap();
+    let cells = walls_of(&whole);
+    let listed = report["each"].as_array().unwrap();
+    assert_eq!(listed.len(), whole.frame().labels.len());
+    let mut parted = 0;
+    for (label, model) in whole.frame().labels.iter().zip(listed) {
+        let opened = Model::open(model["output"].as_str().unwrap()).unwrap();
+        verify(&opened).unwrap();
+        assert_eq!(opened.frame().labels, std::slice::from_ref(label));
+        let own = walls_of(&opened);
+        parted += own.values().filter(|walls| walls.planes().len() > 1).count();
+        assert_eq!(model["skin_voxels"].as_u64(), Some(own.len() as u64));
+        for (place, walls) in &cells {
+            let is_own = (0..8).any(|corner| walls.corner(corner) == label.number);
+            let found = own.get(place);
+            assert_eq!(found.is_some(), is_own, "{place:?}");
+            for i in 0..if found.is_some() { 125 } else { 0 } {
+                let u = [i % 5, i / 5 % 5, i / 25].map(|c| f64::from(c) / 2.0 - 0.999);
+                let due = if walls.at(u) == label.number { label.number } else { 0 };
+                assert_eq!(found.unwrap().at(u), due, "{place:?} {u:?} {walls:?}");
+            }
+        }
+    }
+    parted
+}
+
+/// Every point of every cell is in the model of its own label, and in no other.
+#[test]
+fn each_label_alone_has_its_part_of_every_cell() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut parted = 0;
+    for (seed, (dims, kinds, block)) in
+        (1..).zip([([40_u32, 33, 37], 5, 7), ([36, 20, 30], 117, 1), ([1, 1, 1], 1, 1)])
+    {
+        let mut labels = map(dims, kinds, block, seed);
+        labels[0] = 1;
+        let mut object = Object::new(dims, infobyte::ScalarType::U16, [1.0, 0.5, 2.0]);
+        object.bytes = labels.iter().flat_map(|label| label.to_le_bytes()).collect();
+        let input = file(folder.path(), "random.nrrd", &nrrd(&object, "raw", false, ""));
+        parted += hold_each(&input, &[]);
+    }
+    assert!(parted > 1000, "{parted}");
+    if let Some(path) = real_data("labels/liver_spine_seg.nrrd") {
+        hold_each(&path, &["--threads", "2"]);
+    }
+}
+
 /// SPEC I23: a cell that gives a corner another label, or says so of its labels, is found.
 #[test]
 fn i23_cells_between_labels() {

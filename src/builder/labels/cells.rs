@@ -6,7 +6,7 @@
 //! ```
 
 use super::LabelSolid;
-use super::fit::{Fitted, fit_cell};
+use super::fit::{CellFit, Fitted, fit_cell};
 use super::ring::{self, CHUNK, Ring, bits_of};
 use crate::builder::gradient::SLICE_VOXELS;
 use crate::builder::range::Ordered;
@@ -16,7 +16,7 @@ use crate::builder::solid::{LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, So
 use crate::format::cell::HAS_CORNERS;
 use crate::format::{Channel, WALL_BYTES};
 use crate::volume::{SourceError, VolumeInfo};
-use crate::wall::{Fit, WINDOW, Window};
+use crate::wall::{WINDOW, Window};
 
 /// Name recorded in the metadata.
 pub(super) const ESTIMATOR: &str = "label planes";
@@ -38,7 +38,7 @@ pub(super) struct CellWorker<'a, T> {
     ring: Ring<'a, T>,
     /// The slice that is read next.
     next: u32,
-    fit: Fit,
+    fit: CellFit,
     items: Items,
 }
 
@@ -74,7 +74,8 @@ impl<'a, T: Ordered> CellWorker<'a, T> {
             corners: Vec::with_capacity(WALL_BYTES * SLICE_VOXELS),
             pairs: Vec::with_capacity(4 * SLICE_VOXELS),
         };
-        Self { ring: Ring::new(solid, to_number, AROUND, tile), next: 0, fit: Fit::new(), items }
+        let fit = CellFit::new(solid.smooth);
+        Self { ring: Ring::new(solid, to_number, AROUND, tile), next: 0, fit, items }
     }
 }
 
@@ -116,7 +117,7 @@ struct FitKernel<'a, 's> {
     at: usize,
     stride: usize,
     skin: &'a SkinSlice<'s>,
-    fit: &'a Fit,
+    fit: &'a CellFit,
     items: &'a mut Items,
 }
 

@@ -8,11 +8,26 @@
 use crate::builder::simd::{Isa, Kernel};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{WallItem, normal};
-use crate::wall::{Corners, Fit, Wall, Window};
+use crate::wall::{Corners, Fit, MAX_SMOOTH, Wall, Window};
 
 /// How often a direction is turned, and by how much.
 const TURNS: u32 = 60;
 const TURN: f32 = 0.03;
+
+/// How cells are fitted.
+pub(super) struct CellFit {
+    fit: Fit,
+    /// How far a wall may lie from the middle between the corners that it parts, in voxels.
+    smooth: f32,
+}
+
+impl CellFit {
+    /// With walls that far from the middle at most.
+    #[expect(clippy::cast_possible_truncation, reason = "0 to 0.5")]
+    pub(super) fn new(smooth: f64) -> Self {
+        Self { fit: Fit::new(), smooth: smooth.clamp(0.0, MAX_SMOOTH) as f32 }
+    }
+}
 
 /// What is stored of a cell.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -52,7 +67,7 @@ fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
 
 /// Describes a cell by its corners, which have at least two labels, and the samples around it.
 #[inline(always)]
-pub(super) fn fit_cell(isa: impl Isa, fit: &Fit, window: &Window<'_>, corners: &Corners) -> Fitted {
+pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corners: &Corners) -> Fitted {
     let (labels, count) = distinct(corners);
     match labels[..count] {
         [a, b] => {
@@ -73,7 +88,7 @@ pub(super) fn fit_cell(isa: impl Isa, fit: &Fit, window: &Window<'_>, corners: &
 
 /// Three labels, parted by two planes.
 struct TwoPlanes<'a> {
-    fit: &'a Fit,
+    fit: &'a CellFit,
     window: &'a Window<'a>,
     corners: &'a Corners,
     labels: [u16; 3],
@@ -102,29 +117,28 @@ impl Kernel for TwoPlanes<'_> {
 /// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.
 #[inline(always)]
 fn parting(
-    (isa, fit): (impl Isa, &Fit),
+    (isa, fit): (impl Isa, &CellFit),
     window: &Window<'_>,
     corners: &Corners,
     one: u16,
     other: Option<u16>,
 ) -> Option<Parting> {
-    let wall = fit.between(isa, window, corners, one, other);
+    let wall = fit.fit.between(isa, window, corners, one, other);
     if let Some(wall) = wall
-        && let Some(found) = parted_by(&wall, corners, one, other, false)
+        && let Some(found) = parted_by(&wall, corners, (one, other), fit.smooth)
     {
         return Some(found);
     }
-    turned(wall.unwrap_or_default(), corners, one, other)
+    turned(wall.unwrap_or_default(), corners, (one, other), fit.smooth)
 }
 
-/// The plane with a wall's direction, nearest to the wall.
+/// The plane with a wall's direction, nearest to the wall among those that lie close enough to the middle.
 #[inline(always)]
 fn parted_by(
     wall: &Wall,
     corners: &Corners,
-    one: u16,
-    other: Option<u16>,
-    is_turned: bool,
+    (one, other): (u16, Option<u16>),
+    smooth: f32,
 ) -> Option<Parting> {
     let code = normal::encode(wall.normal);
     let n = normal::decode_l1(code);
@@ -145,14 +159,19 @@ fn parted_by(
     let length = ((n[0] * n[0] + n[1] * n[1] + n[2] * n[2]) as f32).sqrt();
     #[expect(clippy::cast_possible_truncation, reason = "clamped below")]
     let even = 2 * (wall.along * length).round() as i32;
+    let middle = (behind + before) / 2;
+    #[expect(clippy::cast_possible_truncation, reason = "at most 127")]
+    let reach = (2.0 * smooth * length) as i32;
+    // The nearest even number to the middle may be one off it.
+    let [low, high] = [(middle - reach + 1).div_euclid(2) * 2, (middle + reach).div_euclid(2) * 2];
     #[expect(clippy::cast_possible_truncation, reason = "between two corners: within 126")]
-    let offset = even.clamp(behind + 1, before - 1) as i8;
-    Some(Parting { code, offset, is_turned })
+    let offset = even.clamp(low.max(behind + 1), high.max(low).min(before - 1)) as i8;
+    Some(Parting { code, offset, is_turned: false })
 }
 
 /// The plane with a direction that is turned towards where the label ends and the other begins until it parts them.
 #[cold]
-fn turned(wall: Wall, corners: &Corners, one: u16, other: Option<u16>) -> Option<Parting> {
+fn turned(wall: Wall, corners: &Corners, (one, other): (u16, Option<u16>), smooth: f32) -> Option<Parting> {
     let mut wall = wall;
     let part = |corner: usize, a: usize| if corner >> a & 1 == 1 { 1.0_f32 } else { -1.0 };
     for _ in 0..TURNS {
@@ -176,8 +195,8 @@ fn turned(wall: Wall, corners: &Corners, one: u16, other: Option<u16>) -> Option
             return None;
         }
         wall.normal = moved.map(|c| c / of);
-        if let Some(found) = parted_by(&wall, corners, one, other, true) {
-            return Some(found);
+        if let Some(found) = parted_by(&wall, corners, (one, other), smooth) {
+            return Some(Parting { is_turned: true, ..found });
         }
     }
     None
@@ -185,10 +204,10 @@ fn turned(wall: Wall, corners: &Corners, one: u16, other: Option<u16>) -> Option
 
 /// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
 #[cold]
-fn smooth((isa, fit): (impl Isa, &Fit), window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
+fn smooth((isa, fit): (impl Isa, &CellFit), window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
     let with_none = corners.contains(&0);
     let one = if with_none { 0 } else { greatest };
-    let out = fit.between(isa, window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
+    let out = fit.fit.between(isa, window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
     normal::encode(if with_none { out.map(|c| -c) } else { out })
 }
 
@@ -202,7 +221,7 @@ mod tests {
     /// Any 2^8 masks of two labels, and labels of three and more: planes part all corners that planes can part.
     #[test]
     fn every_corner_has_its_label_whatever_the_samples_say() {
-        let fit = Fit::new();
+        let fit = CellFit::new(MAX_SMOOTH);
         let (mut state, mut kinds) = (1_u32, [0; 3]);
         let mut any = |n: u32| {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
@@ -241,5 +260,41 @@ mod tests {
             }
         }
         assert!(kinds.iter().all(|count| *count > 200), "{kinds:?}");
+    }
+
+    /// A wall lies within its bound of the middle between the corners that it parts, and at 0 in the middle.
+    #[test]
+    fn walls_stay_within_their_bound() {
+        let (mut state, mut moved) = (7_u32, 0.0_f64);
+        let mut any = |n: u32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            (state >> 16) % n
+        };
+        for round in 0..2000_u16 {
+            let bound = f64::from(round % 6) / 10.0;
+            let fit = CellFit::new(bound);
+            let samples: Vec<u16> = (0..512).map(|_| u16::try_from(any(2)).unwrap()).collect();
+            let corners: Corners = std::array::from_fn(|_| u16::try_from(any(2)).unwrap());
+            let slices = std::array::from_fn(|z| &samples[64 * z..64 * z + 64]);
+            let window = Window { slices, first: 0, stride: 8 };
+            if corners.iter().all(|label| *label == corners[0]) {
+                continue;
+            }
+            let Fitted::Plane(code, offset, [behind, _]) = fit_cell(Portable, &fit, &window, &corners) else {
+                continue;
+            };
+            let plane = Plane::new(code, wall_offset(offset));
+            let part = |label: bool| (0..CORNERS).filter(move |c| (corners[*c] == behind) == label);
+            let last = part(true).map(|c| at_corner(plane.normal, c)).max().unwrap();
+            let first = part(false).map(|c| at_corner(plane.normal, c)).min().unwrap();
+            let length = plane.normal.map(f64::from).iter().map(|n| n * n).sum::<f64>().sqrt();
+            let off = (f64::from(plane.offset) - f64::from(last + first) / 2.0).abs() / (2.0 * length);
+            assert!(
+                off <= bound + 0.51 / length && last < plane.offset && plane.offset < first,
+                "{off} {bound}"
+            );
+            moved = moved.max(off);
+        }
+        assert!(moved > 0.15, "{moved}");
     }
 }

@@ -34,8 +34,10 @@ use crate::format::{
     SurfaceKind, WALL_BYTES,
 };
 use crate::geom::Dims;
+use crate::text::Short;
 use crate::volume::{Fault, ScalarType, SourceError, SourceFault, StatedLabel, VolumeInfo, VolumeSource};
 
+use crate::wall::MAX_SMOOTH;
 use cells::CellWorker;
 use skin::{SkinWorker, Weights};
 
@@ -144,6 +146,7 @@ pub(super) fn label_solid<'a>(
         surface,
         choice,
         names: names(&options.label_names, &source.info().description.labels),
+        smooth: options.smooth,
         gradient,
         rule: NormalRule::new(spacing_mm, gradient),
         weights: std::iter::once(estimate.taps).chain(estimate.more).map(Weights::new).collect(),
@@ -173,6 +176,8 @@ struct LabelSolid<'a> {
     surface: SurfaceKind,
     choice: &'a LabelChoice,
     names: Cow<'a, [LabelName]>,
+    /// [`BuildOptions::smooth`]
+    smooth: f64,
     gradient: Gradient,
     rule: NormalRule,
     estimate: Estimate,
@@ -245,6 +250,9 @@ impl<T: Ordered> Solid for Typed<'_, T> {
             rescale: [rescale.slope, rescale.intercept],
             selection: Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() },
             gradient: match self.0.bits {
+                _ if self.0.surface == SurfaceKind::Cells && self.0.smooth < MAX_SMOOTH => {
+                    format!("{} within {} voxel", cells::ESTIMATOR, Short(self.0.smooth))
+                }
                 _ if self.0.surface == SurfaceKind::Cells => cells::ESTIMATOR.into(),
                 NormalBits::Twelve => format!("{}, 12 bits", self.0.gradient.name()),
                 _ => self.0.gradient.name().into(),

@@ -1,9 +1,11 @@
-//! Area of each label of a model.
+//! Area of each label of a model of cells.
 //!
-//! Of cells a wall counts for both labels that it parts: a cell with one plane for the area that such a plane has on average,
-//! others for that of their walls. Of skin voxels, whose normals point out of their label, as of any skin.
+//! A wall counts for both labels that it parts: a cell with one plane for the area that such a plane has on average, others
+//! for that of their walls. Errors are what an experiment asks for: 320 balls, boxes, tori and cylinders of 4 to 28 voxels,
+//! turned anyhow and along the axes. Areas of balls and tori are 0.5 and 2 % off; edges are rounded, as labels say nothing
+//! between samples: turned boxes lack 2 % and those along the axes, the worst, 20. 96 of 100 truths lie within the error.
 
-use super::{Bend, Bends, Patch, Weights, are_uneven, bounds};
+use super::{Bend, Bends, Weights, are_uneven, bounds};
 use crate::enclosed::SkinSlices;
 use crate::format::cell::Plane;
 use crate::format::{Label, Walls};
@@ -18,8 +20,8 @@ pub struct LabelMeasures {
     pub voxels: [[u32; 3]; 2],
     /// As [`Measures::box_mm`](super::Measures::box_mm), of all labels.
     pub box_mm: [[f64; 3]; 2],
-    /// Area of each label of the table with its error, walls to other labels and of cavities included; `None` where voxels
-    /// are too uneven.
+    /// Area of each label of the table with its error, walls to other labels and of cavities included; `None` of skin
+    /// voxels, and where voxels are too uneven.
     pub areas_mm2: Vec<Option<(f64, f64)>>,
 }
 
@@ -34,44 +36,37 @@ pub(in crate::jobs) fn measure_labels(
     let (voxels, box_mm) = bounds(view, &space)?;
     let weights = Weights::new(affine, &space, view.cells().is_some());
     let mut slices = SkinSlices::new(view, voxels);
-    let mut bends = Bends::of_labels(table.len());
+    let mut bends = Bends::new(table.len(), EDGE);
     let mut walls = vec![WallArea::default(); table.len()];
     let place = |number: u16| table.binary_search_by_key(&number, |label| label.number).ok();
-    for z in voxels[0][2]..voxels[1][2] {
+    let known = view.cells().is_some() && !are_uneven(affine);
+    for z in if known { voxels[0][2]..voxels[1][2] } else { 0..0 } {
         bends.begin();
         for voxel in slices.slice(z)? {
+            let Some(found) = view.walls(voxel.voxel.get()) else { continue };
             let patch = voxel.code(view).and_then(|code| weights.patch(code, None, [voxel.y, voxel.x]));
-            if let Some(found) = view.walls(voxel.voxel.get()) {
-                let patch = patch.filter(|_| found.planes().len() == 1);
-                for (labels, area) in areas(&found, &weights.columns) {
-                    for (at, front) in
-                        labels.into_iter().zip([false, true]).filter_map(|(n, f)| Some((place(n)?, f)))
-                    {
-                        walls[at].within += area;
-                        walls[at].usual += patch.as_ref().map_or(area, |patch| patch.part);
-                        bends.now.extend(patch.as_ref().map(|patch| patch.of_label(at, front)));
-                    }
+            let patch = patch.filter(|_| found.planes().len() == 1);
+            for (labels, area) in areas(&found, &weights.columns) {
+                for (label, front) in labels.into_iter().zip([false, true]) {
+                    let Some(at) = place(label) else { continue };
+                    walls[at].within += area;
+                    walls[at].usual += patch.as_ref().map_or(area, |patch| patch.part);
+                    bends.now.extend(patch.as_ref().map(|patch| patch.of_label(at, front)));
                 }
-            } else if let Some(patch) = patch
-                && let Some(at) = view.labels().and_then(|labels| place(labels.get(voxel.voxel.get())?))
-            {
-                walls[at].usual += patch.part;
-                bends.now.push(Patch { label: at, ..patch });
             }
         }
         bends.end(&weights);
     }
-    let of = |(at, WallArea { usual, within }): (usize, WallArea)| {
-        if view.cells().is_some() {
-            let Bend { bend, change, edges } = bends.of_area[at];
-            eprintln!("AREA {at} {usual} {within} {bend} {change} {edges}");
-        }
-        let (lacking, error) = bends.area(at, None, usual);
-        (usual + lacking, error)
+    let of = |(WallArea { usual, within }, bend): (WallArea, &Bend)| {
+        let error = 1.5 * (usual - within).abs() + 3.0 * bend.edges + 0.01 * usual;
+        known.then_some((usual, error))
     };
-    let areas = walls.into_iter().enumerate().map(of).map(|area| (!are_uneven(affine)).then_some(area));
-    Some(LabelMeasures { voxels, box_mm, areas_mm2: areas.collect() })
+    let areas_mm2 = walls.into_iter().zip(&bends.of_area).map(of).collect();
+    Some(LabelMeasures { voxels, box_mm, areas_mm2 })
 }
+
+/// Neighbours whose normals are at least 11 degrees apart (as a cosine) lie at an edge, which is rounded.
+const EDGE: f64 = 0.98;
 
 /// Area of the walls of a label, in mm2.
 #[derive(Clone, Copy, Debug, Default)]
