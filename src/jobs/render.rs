@@ -230,7 +230,8 @@ pub(super) fn render_view_relieved(
     relief: &Relief<'_>,
 ) -> Result<(Image, RenderReport), RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
-    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
+    scene.canvas.most_band_pixels =
+        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
     progress.stage("render", scene.canvas.height.into());
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
@@ -258,7 +259,8 @@ pub(super) fn render_view_parts(
 ) -> Result<RenderReport, RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
     progress.stage("render", scene.canvas.height.into());
-    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
+    scene.canvas.most_band_pixels =
+        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let mut strip = None;
