@@ -7,8 +7,8 @@
 //! ```
 //!
 //! The model is swept slice by slice; memory follows the largest slice, not the model, unless the triangles are to stay
-//! in memory. Models of voxels, and cells that do not say what is inside, are swept once more before, to learn it
-//! from the normals (enclosed).
+//! in memory. Models of voxels, and of cells that do not store what is inside, are first swept once more
+//! to derive it from the normals (enclosed).
 //!
 //! | part | what it holds |
 //! |---|---|

@@ -57,9 +57,9 @@ pub struct RenderRequest {
     pub zoom: f64,
     /// The normals that are shown, in the normal image, too.
     pub smoothing: Smoothing,
-    /// Rays of each pixel, at most 1024, that tell how open its surroundings are, unless light is plain; a mean over the pixels
-    /// around makes them some sixteen times as many. 0 for the usual number: 1 for soft light, 4 for ambient occlusion.
-    /// Half a microsecond each, in cells one.
+    /// Ambient occlusion rays per pixel, at most 1024, unless light is plain; averaging over nearby pixels makes them
+    /// about sixteen times as many. 0 for the default: 1 for soft light, 4 for ambient occlusion. Cost: half a
+    /// microsecond each, one in cells.
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
