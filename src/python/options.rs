@@ -12,11 +12,13 @@ use crate::clean::{CleanOptions, ComponentConnectivity, MAX_LARGEST, Preset, Siz
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, SurfaceKind};
 use crate::geom::{Affine, Dims, Orientation};
-use crate::jobs::build::GridOptions;
+use crate::jobs::build::{EachLabel, GridOptions};
 use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
+use crate::jobs::scene::SceneRequest;
 use crate::mesh::{Fill, GridChoice, usual_channels};
 use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
+use crate::scene::Section;
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
 use crate::volume::Overlap;
 use crate::volume::{Placement, Rescale, ScalarType};
@@ -51,6 +53,8 @@ pub(super) struct BuildAsked {
     /// A table, or numbers and names.
     names: Either<PathBuf, Vec<(u16, String)>>,
     keep_names: bool,
+    /// Folder of a model of each label.
+    each: Option<PathBuf>,
     surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
@@ -127,9 +131,15 @@ impl BuildAsked {
             || self.connectivity == Some(6)
             || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))
             || self.keep_thin
+            || self.each.is_some()
             || self.fill.as_deref() == Some("surface");
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
         self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))
+    }
+
+    /// Where models of each label go, if they are wanted; like that of all labels they replace what is there.
+    pub(super) fn each(&self) -> Option<EachLabel<'_>> {
+        self.each.as_ref().map(|folder| EachLabel { folder, replace: true, keep_whole: true })
     }
 
     /// The channels, or those that are usual.
@@ -339,6 +349,11 @@ pub(super) struct PictureAsked {
     lod: bool,
     annotate: bool,
     smooth_edges: bool,
+    background: Option<[u8; 3]>,
+    pub(super) title: Option<String>,
+    pub(super) legend: bool,
+    /// An axis, and a place along it in mm.
+    section: Option<(String, f64)>,
     threads: Option<usize>,
 }
 
@@ -381,7 +396,26 @@ impl PictureAsked {
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),
             annotate: self.annotate,
+            background: self.background,
             ..usual
         })
+    }
+
+    /// What is asked of a slice, if it is one.
+    pub(super) fn section(&self) -> Result<Option<SceneRequest>, String> {
+        let Some((axis, at_mm)) = &self.section else { return Ok(None) };
+        let axes = ["x", "y", "z"].into_iter().zip(0..).map(|(name, axis)| (name.to_owned(), axis));
+        let section = Section { axis: choice("section", axis, axes)?, at_mm: *at_mm };
+        let threads = self.threads.unwrap_or(RenderRequest::default().threads).clamp(1, 1024);
+        Ok(Some(SceneRequest {
+            size: Some(self.size),
+            zoom: Some(self.zoom),
+            background: self.background,
+            color: self.color,
+            section: Some(section),
+            annotate: self.annotate,
+            threads,
+            ..SceneRequest::default()
+        }))
     }
 }

@@ -59,20 +59,32 @@ pub fn convert_each(
     job: &BuildJob<'_>,
     each: EachLabel<'_>,
 ) -> Result<BuildSummary, Error> {
+    build_each(inputs.first().map_or(Path::new(""), PathBuf::as_path), job, each, |job| {
+        convert(kind, inputs, how, job)
+    })
+}
+
+/// As [`convert_each`], of whatever `build` builds; `named` is what it is made of.
+pub(crate) fn build_each(
+    named: &Path,
+    job: &BuildJob<'_>,
+    each: EachLabel<'_>,
+    build: impl FnOnce(&BuildJob<'_>) -> Result<BuildSummary, Error>,
+) -> Result<BuildSummary, Error> {
     let EachLabel { folder, .. } = each;
     // Planes between two labels are not those around each alone.
     if job.options.volume_surface() == SurfaceKind::Cells {
-        let path = inputs.first().cloned().unwrap_or_default();
+        let path = named.to_path_buf();
         return Err(UsageError::Labels { path, doing: "split into models of cells" }.into());
     }
     fs::create_dir_all(folder).map_err(|cause| Error::Output { path: folder.to_path_buf(), cause })?;
     sweep(folder);
     if each.keep_whole {
-        let built = convert(kind, inputs, how, job)?;
+        let built = build(job)?;
         return write(built, job.output, job, each);
     }
     let whole = folder.join(temporary_name());
-    let built = convert(kind, inputs, how, &BuildJob { output: &whole, ..*job });
+    let built = build(&BuildJob { output: &whole, ..*job });
     let made = built.and_then(|built| write(built, &whole, job, each));
     let _ = fs::remove_file(&whole);
     made.map(|made| BuildSummary { output: folder.to_path_buf(), ..made })
