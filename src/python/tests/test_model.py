@@ -246,6 +246,13 @@ def test_triangles_are_closed(ball, surface):
     assert len(model.to_mesh(2).faces) < len(mesh.faces) / 8
     with pytest.raises(infobyte.UsageError):
         model.to_mesh(7)
+    # In memory two threads make them, in a file one.
+    model.export("a.ply")
+    head, body = open("a.ply", "rb").read().split(b"end_header\n")
+    vertices = np.frombuffer(body, "<f4", 6 * len(mesh.vertices)).reshape(-1, 6)
+    assert np.array_equal(vertices, np.hstack([mesh.vertices, mesh.vertex_normals]))
+    faces = np.frombuffer(body, [("corners", "u1"), ("faces", "<u4", 3)], offset=vertices.nbytes)
+    assert np.array_equal(faces["faces"], mesh.faces)
     with pytest.raises(ZeroDivisionError):
         infobyte.build(ball_of(256), "b.oct", iso=0, progress=False).to_mesh(progress=lambda *_: 1 / 0)
 
