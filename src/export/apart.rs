@@ -5,7 +5,7 @@
 //!                                                   <--spare--
 //! ```
 //!
-//! The mesh is that of one thread, byte for byte. Memory: up to four more slices, and a table of normals.
+//! The mesh is that of one thread, byte for byte. Memory: up to four more slices.
 
 use std::io;
 use std::sync::mpsc::{Receiver, SyncSender, channel, sync_channel};
@@ -13,7 +13,7 @@ use std::thread::{Builder, scope};
 
 use super::bits::Bits;
 use super::dual::{Mesher, Surface};
-use super::patch::{Layer, normals};
+use super::patch::Layer;
 use super::signs::{Extent, Item};
 use super::tint::Lights;
 use crate::enclosed::Rows;
@@ -22,9 +22,6 @@ use crate::render::GridSpace;
 
 /// Slices that wait.
 const WAITING: usize = 2;
-
-/// Cells for which a table of all normals is worth while; it takes 768 KiB.
-const MANY: u64 = 1 << 18;
 
 /// A slice of samples, and the skin that belongs to it: voxels of the slice itself, cells of the layer below it.
 struct Slice {
@@ -98,13 +95,10 @@ impl Ground<'_> {
         let Self { view, space, extent } = self;
         let is_cells = view.cells().is_some();
         let height = if is_cells { extent.height - 1 } else { extent.height };
-        // Of many cells most normals come up several times.
-        let table = if is_cells && view.voxel_count() >= MANY { normals(space) } else { Vec::new() };
         let Ok(mut before) = slices.recv() else { return Ok(mesher.finish()) };
         for (slice, z) in slices.iter().zip(1..) {
             let items = [if is_cells { &slice.items } else { &before.items }, &slice.items];
-            let (lights, normals) = (lights.as_ref(), &table[..]);
-            let mut layer = Layer { view, space, items, lights, normals, at: (0, 0) };
+            let mut layer = Layer { view, space, items, lights: lights.as_ref(), at: (0, 0) };
             mesher.layer([&before.samples, &slice.samples], &mut layer, height, z)?;
             done(std::mem::replace(&mut before, slice));
         }

@@ -480,7 +480,7 @@ impl Exporter<'_> {
             Product::Mesh(mesher, None) if *slices > 0 => {
                 let items = [&below.items, &boxes.items];
                 let (lights, at) = (lights.as_ref(), (0, 0));
-                let mut layer = Layer { view: self.view, space: self.space, items, lights, normals: &[], at };
+                let mut layer = Layer { view: self.view, space: self.space, items, lights, at };
                 mesher.layer([before, samples], &mut layer, height, *slices)?;
             }
             Product::Mesh(..) => {}

@@ -70,8 +70,6 @@ pub(super) struct Layer<'a> {
     pub(super) items: [&'a Rows<Item>; 2],
     /// If the model has colours.
     pub(super) lights: Option<&'a Lights>,
-    /// Normals of all codes of cells, as [`normals`] gives them; empty where they are computed.
-    pub(super) normals: &'a [[f32; 3]],
     /// The row of the last cube, and the first cell that is not before it.
     pub(super) at: (usize, usize),
 }
@@ -141,20 +139,11 @@ impl Layer<'_> {
                 let crossed = &CROSSED[usize::from(place.case)][usize::from(place.patch)];
                 let n = normal::decode_l1(cell.code);
                 let at = on_plane(n, cell.offset, crossed);
-                let normal = match self.normals.get(usize::from(cell.code)) {
-                    Some(normal) => *normal,
-                    None => in_world(self.space, n.map(f64::from)),
-                };
-                Spot { at, normal, light }
+                Spot { at, normal: in_world(self.space, n.map(f64::from)), light }
             }
             None => Spot { at: middle(place, |_| 0.5), normal: [0.0; 3], light },
         }
     }
-}
-
-/// The normal of each code of a cell: as many as 65536 cells cost.
-pub(super) fn normals(space: &GridSpace) -> Vec<[f32; 3]> {
-    (0..=u16::MAX).map(|code| in_world(space, normal::decode_l1(code).map(f64::from))).collect()
 }
 
 /// Where the surface between eight samples crosses a patch's edges, in the mean, and its slope.
