@@ -91,7 +91,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     let bars = Bars::new(args.quiet || args.json);
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
-        let build = Build::of(&planned(&plan)?, false)?;
+        let build = Build::of(&planned(&plan)?)?;
         infobyte::jobs::give_back();
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
         return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);
