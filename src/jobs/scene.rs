@@ -21,9 +21,10 @@ use crate::render::Image;
 use crate::render::annotate::{Entry, Style};
 use crate::render::shade::{Shader, linear_of};
 use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
+pub(crate) use crate::scene::Section;
 use crate::scene::{
     self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
-    SceneFault, SceneModel, Section, Seen, Table,
+    SceneFault, SceneModel, Seen, Table,
 };
 use crate::text::shown;
 

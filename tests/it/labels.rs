@@ -189,7 +189,13 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
         (ScalarType::I16, -3.0, &["--labels", "all"], 3, "holds the value -3"),
         (ScalarType::U32, 65_536.0, &["--labels", "all"], 3, "holds the value 65536"),
         (ScalarType::U8, 2.0, &["--labels", "9"], 3, "no voxel has one of the labels"),
-        (ScalarType::U8, 2.0, &["--labels", "all", "--error", "0.1"], 2, "no larger leaves so far"),
+        (
+            ScalarType::U8,
+            2.0,
+            &["--labels", "all", "--error", "0.1"],
+            2,
+            "does not support larger leaves yet",
+        ),
         (
             ScalarType::U8,
             2.0,
