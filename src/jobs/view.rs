@@ -14,7 +14,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::export::still;
-use super::opened::{open_model, refuse_labels};
+use super::opened::open_model;
 use super::render::{RenderRequest, render_view};
 use super::verify::verify_unless_packed;
 use crate::error::Error;
@@ -61,7 +61,6 @@ pub fn view(
 ) -> Result<(), Error> {
     verify_unless_packed(input)?;
     let model = open_model(input)?;
-    refuse_labels(&model, input, "shown in a page")?;
     let refused = |cause| Error::Port { port: request.port, cause };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
     listener.set_nonblocking(true).map_err(refused)?;
@@ -238,8 +237,9 @@ impl Server<'_> {
             let picture = still(self.model, &crate::progress::Silent)
                 .map_err(|_| Refused::Status(500, "no picture"))?;
             let title = self.input.file_stem().map_or_else(String::new, |stem| data(&PathBuf::from(stem)));
-            let way =
-                if self.model.header().file_bytes > page::MAX_BYTES { Way::Pictures } else { Way::Served };
+            let is_large = self.model.header().file_bytes > page::MAX_BYTES
+                || self.model.frame().labels.len() > page::MAX_LABELS;
+            let way = if is_large { Way::Pictures } else { Way::Served };
             page::write(self.model, &space, &title, &picture, way, &mut BufWriter::new(&file))?;
             *page = Some(file);
         }
