@@ -9,7 +9,7 @@ use serde::Serialize;
 use super::frame::{Frame, label_entries};
 use super::opened::open_model;
 use super::picture::Outputs;
-use super::shots;
+use super::shots::{self, Shots};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::format::Label;
@@ -18,7 +18,7 @@ use crate::platform::open_file;
 use crate::progress::Progress;
 use crate::render::annotate::{Entry, Style};
 use crate::render::shade::{Shader, linear_of};
-use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
+use crate::render::{Camera, Image, NamedView, Projection, RenderFault, ViewPoint};
 use crate::scene::{
     self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
     SceneFault, SceneModel, Section, Seen, Table,
@@ -332,27 +332,60 @@ fn parts<'a>(
     let mut parts = Vec::with_capacity(scene.models.len());
     for ((number, placed), file) in (1..).zip(&scene.models).zip(&files.of) {
         let (Some(model), Some(view)) = (files.models.get(*file), views.get(*file)) else { continue };
-        let affine = model.affine();
-        let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
-        let placement = placed.place.affine(affine.apply(half));
-        let (material, clip) = (placed.material, placed.clip.clone());
-        let key = |name| Key { table: Table::Model(number), name };
-        let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
-        let opacity = opacity(model, &files.paths[*file], placed)?;
-        // By itself a model is shown in its colours, and everywhere in those of its labels.
-        let shown = match placed.coloring {
-            Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
-            _ => &placed.coloring,
-        };
-        let colors = Colors::of(model, shown);
-        if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
-            return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
-        }
-        let part = Part::new((view, *file), model.dims(), &affine, &placement, material, clip)
-            .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
-        parts.push(part.colored(colors).labelled(opacity));
+        parts.push(part(path, (number, placed), (model, &files.paths[*file]), (view, *file))?);
     }
     Ok(parts)
+}
+
+/// A model in its place; `number` is its place in the scene.
+fn part<'a>(
+    path: &Path,
+    (number, placed): (usize, &SceneModel),
+    (model, model_path): (&'a Model, &Path),
+    view: (&'a ModelView<'a>, usize),
+) -> Result<Part<'a>, Error> {
+    let affine = model.affine();
+    let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
+    let placement = placed.place.affine(affine.apply(half));
+    let (material, clip) = (placed.material, placed.clip.clone());
+    let key = |name| Key { table: Table::Model(number), name };
+    let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
+    let opacity = opacity(model, model_path, placed)?;
+    // By itself a model is shown in its colours, and everywhere in those of its labels.
+    let shown = match placed.coloring {
+        Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
+        _ => &placed.coloring,
+    };
+    let colors = Colors::of(model, shown);
+    if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
+        return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
+    }
+    let part = Part::new(view, model.dims(), &affine, &placement, material, clip)
+        .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
+    Ok(part.colored(colors).labelled(opacity))
+}
+
+/// A picture of one model in memory, by the request's camera, of the labels that are seen.
+///
+/// # Errors
+/// The camera makes no sense, or there is no such label.
+pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> Result<Image, Error> {
+    let (scene, view) = (scene_at(path, request)?, model.view());
+    let mut parts = Vec::new();
+    for placed in &scene.models {
+        parts.push(part(path, (1, placed), (model, path), (&view, 0))?);
+    }
+    let outputs = Outputs {
+        image: path,
+        depth: None,
+        normals: None,
+        ids: None,
+        shots: Shots::One,
+        title: None,
+        legend: false,
+    };
+    let look = look(path, &scene, &parts, request, &outputs)?;
+    Ok(scene::paint(&parts, &look, &|_| {})?.image)
 }
 
 /// What the labels of a model let through; `None` of one without labels.

@@ -9,8 +9,8 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde::Serialize;
 
-use crate::format::{Channel, Label, LabelItems, SectionKind, WALL_BYTES};
 use crate::format::cell::CORNERS;
+use crate::format::{Channel, Label, LabelItems, SectionKind, WALL_BYTES};
 use crate::load::{Model, NodeView};
 
 /// Bytes of one element of the page: strings of browsers end at 512 MiB, and short ones are let go sooner.
@@ -89,7 +89,9 @@ impl<'a> Content<'a> {
         let items: &[[u8; WALL_BYTES]] = bytes.as_chunks().0;
         let plane = move |plane: usize| -> Box<dyn Iterator<Item = u8>> {
             let places = places.clone();
-            let label = move |item: &[u8; WALL_BYTES]| Some(u16::from_le_bytes(*item.get(2 * plane..)?.first_chunk()?));
+            let label = move |item: &[u8; WALL_BYTES]| {
+                Some(u16::from_le_bytes(*item.get(2 * plane..)?.first_chunk()?))
+            };
             let byte = move |item: &[u8; WALL_BYTES]| match plane {
                 0..CORNERS => places.of(label(item).unwrap_or(0)),
                 _ => item.get(plane + CORNERS).copied().unwrap_or(0),
@@ -126,7 +128,9 @@ fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Conten
         SectionKind::Voxels(Channel::Label) => {
             Content::labels(view.labels()?, model.header().voxels, is_cells, Places::new(table))
         }
-        SectionKind::Voxels(Channel::Corners) if !table.is_empty() => Content::walls(bytes, Places::new(table)),
+        SectionKind::Voxels(Channel::Corners) if !table.is_empty() => {
+            Content::walls(bytes, Places::new(table))
+        }
         SectionKind::Nodes => Content::plain(bytes, 0),
         _ => Content::plain(bytes, entry.item_bytes),
     })
