@@ -263,7 +263,10 @@ function pick(x, y) {
         const raw = head.value_bytes === 2 ? VALU[2 * hit.voxel] | VALU[2 * hit.voxel + 1] << 8 : VALU[hit.voxel];
         parts.push(`value ${+(head.value_scale[0] * raw + head.value_scale[1]).toPrecision(6)}`);
     }
-    if (hit.label) parts.unshift(`${nameOf(page.view.labels[hit.label - 1])} (${page.view.labels[hit.label - 1].number})`);
+    if (hit.label) {
+        const label = page.view.labels[hit.label - 1];
+        parts.unshift(nameOf(label) + (label.name ? ` (label ${label.number})` : ''));
+    }
     if (hit.voxel >= 0 && MATL) parts.push(`part ${MATL[hit.voxel]}`);
     const found = measured();
     say(tool === 'pick' || page.points.length === 1 ? parts.join(', ') : found ? `${tool} ${found}` : `${parts.join(', ')}; one more point`);

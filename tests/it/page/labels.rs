@@ -149,4 +149,18 @@ fn more_labels_than_a_page_holds_are_refused_and_served_as_pictures() {
     assert_eq!(built.code, 0, "{}", built.stderr);
     let run = oct(&["export", &model, "-o", &page]);
     run.refused(2, &["labels, and a page holds 255", "--labels", "oct view"]);
+    let (mut child, address) = served(Path::new(&model), &["--idle", "2"]);
+    let (host, path) = address.strip_prefix("http://").unwrap().split_once('/').unwrap();
+    let port = host.split_once(':').unwrap().1.parse().unwrap();
+    let ask = |what: &str| answered(port, &format!("GET /{path}{what} HTTP/1.1\r\nHost: {host}\r\n\r\n"));
+    let (status, page) = ask("");
+    let page = String::from_utf8(page).unwrap();
+    assert!(status == 200 && page.contains("\"labels\":[{\"number\":1,") && !page.contains("data-part>"));
+    let camera = "picture?f=0,1,0&u=0,0,1&t=11.5,4.75,17&h=20&w=64&s=48";
+    let (all, some, none) =
+        (ask(camera), ask(&format!("{camera}&x=1,7..20000")), ask(&format!("{camera}&x=all")));
+    assert_eq!([all.0, some.0, none.0], [200; 3]);
+    assert!(all.1 != some.1 && some.1 != none.1);
+    assert_eq!(ask(&format!("{camera}&x=9..2")).0, 400);
+    assert!(child.wait().unwrap().success());
 }

@@ -16,7 +16,7 @@ use infobyte::render::{Projection, ViewPoint};
 use sha2::{Digest, Sha256};
 use std::io::{BufRead, BufReader, Read, Write};
 use std::net::{Shutdown, TcpStream};
-use std::process::{Command, Stdio};
+use std::process::{Child, Command, Stdio};
 
 /// Pixels along a side of the pictures that are compared.
 const SIDE: u32 = 256;
@@ -324,24 +324,26 @@ fn answered(port: u16, request: &str) -> (u16, Vec<u8>) {
     (status, answer.split_off(end))
 }
 
+/// Begins to serve a model; the address.
+fn served(model: &Path, more: &[&str]) -> (Child, String) {
+    let mut child = Command::new(binary())
+        .args(["view", &text(model), "--no-open"])
+        .args(more)
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut line = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
+    (child, line.trim().to_owned())
+}
+
 #[test]
 fn a_server_gives_its_page_and_pictures_to_this_machine_and_nothing_to_others() {
     let folder = tempfile::tempdir().unwrap();
     let (_, page) = paged(folder.path(), "m", &["synthetic:head@48", "--surface", "cells"]);
     let model = page.with_extension("oct");
-    let start = |more: &[&str]| {
-        let mut child = Command::new(binary())
-            .args(["view", &text(&model), "--no-open"])
-            .args(more)
-            .stdout(Stdio::piped())
-            .stderr(Stdio::piped())
-            .spawn()
-            .unwrap();
-        let mut line = String::new();
-        BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-        (child, line.trim().to_owned())
-    };
-    let (mut child, address) = start(&["--idle", "2"]);
+    let (mut child, address) = served(&model, &["--idle", "2"]);
     let (host, path) = address.strip_prefix("http://").unwrap().split_once('/').unwrap();
     let port: u16 = host.strip_prefix("127.0.0.1:").unwrap().parse().unwrap();
     assert_eq!(path.len(), 33, "{address}");
