@@ -1,7 +1,7 @@
 //! Flags and commands in the library's sentences, which name fields and functions to Rust callers.
 
 /// Names that are not spelled like their flag.
-const OTHERWISE: [(&str, &str); 25] = [
+const OTHERWISE: [(&str, &str); 26] = [
     ("GridChoice::Voxel", "--voxel"),
     ("Threshold::Iso", "--iso"),
     ("Threshold::Range", "--range"),
@@ -27,6 +27,7 @@ const OTHERWISE: [(&str, &str); 25] = [
     ("jobs::scan", "oct scan"),
     ("jobs::scene", "oct render"),
     ("jobs::verify", "oct verify"),
+    ("jobs::view", "oct view"),
 ];
 
 /// The flag or command of a name.

@@ -21,7 +21,7 @@ use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
     CHANNELS, EACH, ERROR, FORCE, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT,
-    RANGE, SECTION, SKIN, SMOOTH, VISIBLE_FROM,
+    RANGE, SECTION, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
 
@@ -107,6 +107,8 @@ pub enum UsageError {
     ReplacesInput { path: PathBuf, folder: bool },
     #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid, or within a bound ({ERROR})", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
     PageTooLarge { path: PathBuf, bytes: u64 },
+    #[error("{}: has {labels} labels, and a page holds {}; build it of fewer ({LABELS}), or look at it with {VIEW}", shown(.path), page::MAX_LABELS)]
+    PageLabels { path: PathBuf, labels: usize },
     #[error("{}: is the model and would be replaced by a picture; name another file", shown(.path))]
     ReplacesModel { path: PathBuf },
     #[error("{}: two pictures would be written to it; name another file for one of them", shown(.path))]

@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use serde::Serialize;
 
-use super::opened::{open_model, refuse_labels};
+use super::opened::open_model;
 use super::render::{RenderRequest, render_view_watched};
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
@@ -265,7 +265,10 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let model = open_model(input)?;
-    refuse_labels(&model, input, "shown in a page")?;
+    let labels = model.frame().labels.len();
+    if labels > page::MAX_LABELS {
+        return Err(UsageError::PageLabels { path: input.to_path_buf(), labels }.into());
+    }
     let bytes = model.header().file_bytes;
     if bytes > page::MAX_BYTES {
         return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());

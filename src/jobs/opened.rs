@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 
 use super::pack::{Stop, unpack_to};
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::format::Encoding;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
@@ -25,21 +25,6 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
     let scratch = unpacked(&file, path)?;
     let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
     Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
-}
-
-/// Refuses what would lose the labels of a model.
-///
-/// # Errors
-/// [`UsageError::Labels`].
-pub(crate) fn refuse_labels<D: AsRef<[u8]>>(
-    model: &Model<D>,
-    path: &Path,
-    doing: &'static str,
-) -> Result<(), Error> {
-    match model.frame().labels.is_empty() {
-        true => Ok(()),
-        false => Err(UsageError::Labels { path: path.to_path_buf(), doing }.into()),
-    }
 }
 
 /// The mapped form of a packed file in an unnamed one.

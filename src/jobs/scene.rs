@@ -9,18 +9,16 @@ use serde::Serialize;
 use super::frame::{Frame, label_entries};
 use super::opened::open_model;
 use super::picture::Outputs;
-use super::shots;
+use super::shots::{self, Shots};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
 use crate::progress::Progress;
-#[cfg(feature = "python")]
-use crate::render::Image;
 use crate::render::annotate::{Entry, Style};
 use crate::render::shade::{Shader, linear_of};
-use crate::render::{Camera, NamedView, Projection, RenderFault, ViewPoint};
+use crate::render::{Camera, Image, NamedView, Projection, RenderFault, ViewPoint};
 pub(crate) use crate::scene::Section;
 use crate::scene::{
     self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
@@ -412,6 +410,28 @@ fn parts<'a, D: AsRef<[u8]>>(path: &Path, scene: &[Placed<'a, D>]) -> Result<Vec
         parts.push(part.colored(colors).labelled(opacity));
     }
     Ok(parts)
+}
+
+/// A picture of one model in memory, by the request's camera, of the labels that are seen.
+///
+/// # Errors
+/// The camera makes no sense, or there is no such label.
+pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> Result<Image, Error> {
+    let (scene, view) = (scene_at(path, request)?, model.view());
+    let placed: Vec<Placed<'_, _>> =
+        scene.models.iter().map(|placed| (placed, model, (&view, 0), path)).collect();
+    let parts = parts(path, &placed)?;
+    let outputs = Outputs {
+        image: path,
+        depth: None,
+        normals: None,
+        ids: None,
+        shots: Shots::One,
+        title: None,
+        legend: false,
+    };
+    let look = look(path, &scene, &parts, request, &outputs)?;
+    Ok(scene::paint(&parts, &look, &|_| {})?.image)
 }
 
 /// What the labels of a model let through; `None` of one without labels.

@@ -14,14 +14,16 @@ use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use super::export::still;
-use super::opened::{open_model, refuse_labels};
+use super::opened::open_model;
 use super::render::{RenderRequest, render_view};
+use super::scene::{SceneRequest, picture_of};
 use super::verify::verify_unless_packed;
 use crate::error::Error;
 use crate::load::Model;
 use crate::page::{self, Way};
 use crate::platform::FileExt;
 use crate::render::{GridSpace, Projection, ViewPoint};
+use crate::scene::LabelRule;
 use crate::scratch::unnamed;
 use crate::text::data;
 
@@ -61,7 +63,6 @@ pub fn view(
 ) -> Result<(), Error> {
     verify_unless_packed(input)?;
     let model = open_model(input)?;
-    refuse_labels(&model, input, "shown in a page")?;
     let refused = |cause| Error::Port { port: request.port, cause };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
     listener.set_nonblocking(true).map_err(refused)?;
@@ -212,10 +213,15 @@ impl Server<'_> {
             return Ok(());
         }
         let camera = asked.what.strip_prefix("picture?").ok_or(Refused::Status(404, "not here"))?;
-        let request = picture(camera).ok_or(Refused::Status(400, "not a camera"))?;
+        let (request, hidden) = picture(camera).ok_or(Refused::Status(400, "not a camera"))?;
         let model = self.model;
-        let made = render_view(&model.view(), model.dims(), &model.affine(), &request);
-        let (image, _) = made.map_err(|_| Refused::Status(400, "not a camera"))?;
+        let made = if hidden.is_empty() {
+            let made = render_view(&model.view(), model.dims(), &model.affine(), &request);
+            made.map(|(image, _)| image).map_err(Error::from)
+        } else {
+            picture_of(self.input, model, &with_labels(&request, hidden))
+        };
+        let image = made.map_err(|_| Refused::Status(400, "not a camera"))?;
         if model.check_unchanged(self.input).is_err() {
             return Err(Refused::Status(410, "the model was changed"));
         }
@@ -238,8 +244,9 @@ impl Server<'_> {
             let picture = still(self.model, &crate::progress::Silent)
                 .map_err(|_| Refused::Status(500, "no picture"))?;
             let title = self.input.file_stem().map_or_else(String::new, |stem| data(&PathBuf::from(stem)));
-            let way =
-                if self.model.header().file_bytes > page::MAX_BYTES { Way::Pictures } else { Way::Served };
+            let is_large = self.model.header().file_bytes > page::MAX_BYTES
+                || self.model.frame().labels.len() > page::MAX_LABELS;
+            let way = if is_large { Way::Pictures } else { Way::Served };
             page::write(self.model, &space, &title, &picture, way, &mut BufWriter::new(&file))?;
             *page = Some(file);
         }
@@ -258,8 +265,8 @@ fn head(client: &mut TcpStream, status: &str, kind: &str, bytes: u64) -> io::Res
 }
 
 /// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: as the page writes its view, with
-/// width and height; `None` for one that makes no sense.
-fn picture(text: &str) -> Option<RenderRequest> {
+/// width and height, and `x=5,7..20` for labels that are hidden; `None` for one that makes no sense.
+fn picture(text: &str) -> Option<(RenderRequest, Vec<LabelRule>)> {
     let value = |name: &str| text.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
     let point = |name| -> Option<[f64; 3]> {
         let numbers: Vec<f64> = value(name)?.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
@@ -273,12 +280,28 @@ fn picture(text: &str) -> Option<RenderRequest> {
     let distance = half / (page::FOV_DEG / 2.0).to_radians().tan();
     let eye = std::array::from_fn(|a| target[a] - distance * forward[a] / length);
     let is_perspective = value("p") == Some("1");
-    Some(RenderRequest {
+    let hide = |text: &str| Some(LabelRule { labels: text.parse().ok()?, opacity: 0.0 });
+    let hidden = value("x").map_or(Some(Vec::new()), |text| text.split(',').map(hide).collect())?;
+    let request = RenderRequest {
         width,
         height,
         point: ViewPoint::Free { eye, look_at: target, up: Some(up) },
         projection: if is_perspective { Projection::Perspective } else { Projection::Parallel },
         fov_deg: page::FOV_DEG,
         ..RenderRequest::default()
-    })
+    };
+    Some((request, hidden))
+}
+
+/// The same picture with some labels hidden.
+fn with_labels(request: &RenderRequest, labels: Vec<LabelRule>) -> SceneRequest {
+    SceneRequest {
+        size: Some([request.width, request.height]),
+        point: Some(request.point),
+        projection: Some(request.projection),
+        fov_deg: Some(request.fov_deg),
+        labels,
+        threads: request.threads,
+        ..SceneRequest::default()
+    }
 }

@@ -33,7 +33,17 @@ class View {
         this.middle = scaled(added(box[0], box[1]), .5);
         this.reach = Math.max(Math.hypot(...added(box[1], box[0], -1)) / 2, 1e-9);
         Object.assign(this, {perspective: false, cut: 'none', cutAt: .5, flipped: false, dark: false, colors: true});
+        /** Labels by number, and by their places in the table from 1 on which of them are hidden. */
+        this.labels = model.head.labels ?? [];
+        this.hidden = new Uint8Array(1 + this.labels.length);
         this.named('front');
+    }
+
+    /** Labels that are seen, as bits. */
+    eyes() {
+        const bits = new Uint32Array(8);
+        this.labels.forEach((_, i) => { bits[i + 1 >> 5] |= (this.hidden[i + 1] ? 0 : 1) << (i + 1 & 31); });
+        return bits;
     }
 
     /** Half the box's extent along a direction. */
@@ -148,9 +158,10 @@ class View {
             if (start < 0) least = -start / change;
         }
         const point = model.toGrid.map(row => dot(row, o) + row[3]), vector = model.toGrid.map(row => dot(row, d));
-        const hit = model.trace(point, vector, least);
+        const hit = model.trace(point, vector, least, this.hidden);
         if (!hit) return null;
-        const at = added(o, d, hit.t);
+        // A label that is cut lies at the plane.
+        const at = added(o, d, hit.label && hit.isWithin && least ? least : hit.t);
         return plane && dot(plane[0], at) < plane[1] - 1e-6 ? null : {...hit, at};
     }
 
@@ -162,12 +173,20 @@ class View {
         if (this.cut !== 'none') parts.push(`c=${this.cut},${+this.cutAt.toFixed(4)}${this.flipped ? ',1' : ''}`);
         if (this.dark) parts.push('d=1');
         if (!this.colors) parts.push('k=0');
+        // Ranges of numbers, between labels that are seen.
+        const runs = [];
+        this.labels.forEach(({number}, i) => {
+            if (!this.hidden[i + 1]) return;
+            if (i > 0 && this.hidden[i]) runs.at(-1)[1] = number;
+            else runs.push([number, number]);
+        });
+        if (runs.length) parts.push(`x=${runs.map(([a, b]) => a === b ? a : `${a}..${b}`).join(',')}`);
         return parts.join('&');
     }
 
     /** Takes the state from an address; what makes no sense is left out. */
     read(text) {
-        const given = new URLSearchParams(text.slice(0, 2000));
+        const given = new URLSearchParams(text.slice(0, 4000));
         const list = name => {
             const numbers = (given.get(name) ?? '').split(',').map(Number);
             return numbers.length === 3 && numbers.every(c => Number.isFinite(c) && Math.abs(c) < 1e12) ? numbers : null;
@@ -179,6 +198,11 @@ class View {
         this.perspective = given.get('p') === '1';
         this.dark = given.get('d') === '1';
         this.colors = given.get('k') !== '0';
+        this.hidden.fill(0);
+        for (const run of (given.get('x') ?? '').split(',').filter(Boolean)) {
+            const [a, b = a] = run.split('..').map(Number);
+            this.labels.forEach(({number}, i) => { if (number >= a && number <= b) this.hidden[i + 1] = 1; });
+        }
         const [cut, at, flipped] = (given.get('c') ?? 'none').split(',');
         this.cut = CUTS.includes(cut) ? cut : 'none';
         const place = Number(at);

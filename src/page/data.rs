@@ -1,6 +1,7 @@
 //! The sections of a model as they stand in a page: differences of items by `deflate`, in base64.
 
 use std::io::{self, Write};
+use std::rc::Rc;
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -8,7 +9,8 @@ use flate2::Compression;
 use flate2::write::ZlibEncoder;
 use serde::Serialize;
 
-use crate::format::{Channel, SectionKind};
+use crate::format::cell::CORNERS;
+use crate::format::{Channel, Label, LabelItems, SectionKind, WALL_BYTES};
 use crate::load::{Model, NodeView};
 
 /// Bytes of one element of the page: strings of browsers end at 512 MiB, and short ones are let go sooner.
@@ -21,11 +23,12 @@ const OPEN: &[u8] = b"<script type=\"text/plain\" data-part>";
 const CLOSE: &[u8] = b"</script>\n";
 
 /// Sections that a page has; directories are counted again there, and coarse levels not drawn.
-const KINDS: [SectionKind; 9] = [
+const KINDS: [SectionKind; 10] = [
     SectionKind::Nodes,
     SectionKind::Voxels(Channel::Normal),
     SectionKind::Voxels(Channel::Offset),
     SectionKind::Voxels(Channel::Corners),
+    SectionKind::Voxels(Channel::Label),
     SectionKind::Voxels(Channel::Color),
     SectionKind::Voxels(Channel::Value),
     SectionKind::Voxels(Channel::Material),
@@ -45,36 +48,112 @@ pub(super) struct Section {
     planes: u8,
 }
 
+/// Most labels of a page: a label is a byte there, its place in the table from 1 on; 0 is none.
+pub(crate) const MAX_LABELS: usize = 255;
+
+/// Bytes of the item of a cell that one plane does not part, as the page has it, a texel: the labels of its corners, the
+/// offsets of both planes, the second one's normal, and zeros.
+const ITEM_BYTES: usize = 16;
+
+/// The bytes of a section as a page holds them, plane by plane.
+struct Content<'a> {
+    /// Bytes in all, and of an item; 0 for bytes as they are, in one plane.
+    bytes: u64,
+    planes: u8,
+    plane: Box<dyn Fn(usize) -> Box<dyn Iterator<Item = u8> + 'a> + 'a>,
+}
+
+impl<'a> Content<'a> {
+    /// Items as they lie in the file.
+    fn plain(bytes: &'a [u8], planes: u8) -> Self {
+        let step = usize::from(planes.max(1));
+        let plane = move |plane| -> Box<dyn Iterator<Item = u8>> {
+            Box::new(bytes.iter().skip(plane).step_by(step).copied())
+        };
+        Self { bytes: bytes.len() as u64, planes, plane: Box::new(plane) }
+    }
+
+    /// Of each voxel its label, of each cell the labels behind and in front.
+    fn labels(labels: LabelItems<'a>, voxels: u64, is_pair: bool, places: Places) -> Self {
+        let planes = if is_pair { 2 } else { 1 };
+        let plane = move |plane: usize| -> Box<dyn Iterator<Item = u8>> {
+            let places = places.clone();
+            let number = move |voxel| labels.pair(voxel).and_then(|pair| pair.get(plane).copied());
+            Box::new((0..voxels).map(move |voxel| places.of(number(voxel).unwrap_or(0))))
+        };
+        Self { bytes: voxels * u64::from(planes), planes, plane: Box::new(plane) }
+    }
+
+    /// Items of cells between more than two labels.
+    fn walls(bytes: &'a [u8], places: Places) -> Self {
+        let items: &[[u8; WALL_BYTES]] = bytes.as_chunks().0;
+        let plane = move |plane: usize| -> Box<dyn Iterator<Item = u8>> {
+            let places = places.clone();
+            let label = move |item: &[u8; WALL_BYTES]| {
+                Some(u16::from_le_bytes(*item.get(2 * plane..)?.first_chunk()?))
+            };
+            let byte = move |item: &[u8; WALL_BYTES]| match plane {
+                0..CORNERS => places.of(label(item).unwrap_or(0)),
+                _ => item.get(plane + CORNERS).copied().unwrap_or(0),
+            };
+            Box::new(items.iter().map(byte))
+        };
+        Self { bytes: (items.len() * ITEM_BYTES) as u64, planes: 16, plane: Box::new(plane) }
+    }
+}
+
+/// The places of labels in the table, from 1 on.
+#[derive(Clone)]
+struct Places(Rc<[u16]>);
+
+impl Places {
+    fn new(table: &[Label]) -> Self {
+        Self(table.iter().map(|label| label.number).collect())
+    }
+
+    /// 0 for none.
+    fn of(&self, number: u16) -> u8 {
+        self.0.binary_search(&number).map_or(0, |at| u8::try_from(at + 1).unwrap_or(0))
+    }
+}
+
+/// The content of a section, if the page has it.
+fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Content<'_>> {
+    let (table, view) = (&model.frame().labels, model.view());
+    let is_cells = view.cells().is_some();
+    let (bytes, entry) = (model.section_bytes(kind)?, model.frame().section(kind)?);
+    Some(match kind {
+        // Distances of skin voxels are not drawn.
+        SectionKind::Voxels(Channel::Offset) if !is_cells => return None,
+        SectionKind::Voxels(Channel::Label) => {
+            Content::labels(view.labels()?, model.header().voxels, is_cells, Places::new(table))
+        }
+        SectionKind::Voxels(Channel::Corners) if !table.is_empty() => {
+            Content::walls(bytes, Places::new(table))
+        }
+        SectionKind::Nodes => Content::plain(bytes, 0),
+        _ => Content::plain(bytes, entry.item_bytes),
+    })
+}
+
 /// Writes the sections of a model, and says where they are.
 pub(super) fn write<D: AsRef<[u8]>>(model: &Model<D>, out: &mut dyn Write) -> io::Result<Vec<Section>> {
     let mut elements = Elements { out, block: Vec::with_capacity(BLOCK), room: 0, bytes: 0 };
     let mut written = Vec::new();
-    let cells = model.view().cells().is_some();
     for kind in KINDS {
-        // Distances of skin voxels are not drawn.
-        if kind == SectionKind::Voxels(Channel::Offset) && !cells {
-            continue;
-        }
-        let (Some(bytes), Some(entry)) = (model.section_bytes(kind), model.frame().section(kind)) else {
-            continue;
-        };
-        let planes = if kind == SectionKind::Nodes { 0 } else { entry.item_bytes };
+        let Some(content) = content(model, kind) else { continue };
         let before = elements.bytes;
         let mut encoder = ZlibEncoder::new(&mut elements, Compression::new(6));
-        if planes == 0 {
-            encoder.write_all(bytes)?;
-        }
-        for plane in 0..usize::from(planes) {
-            let mut items = bytes.iter().skip(plane).step_by(planes.into());
+        for plane in 0..usize::from(content.planes.max(1)) {
+            let mut items = (content.plane)(plane);
             let (mut last, mut some) = (0, Vec::with_capacity(BLOCK));
+            let mut less = |byte: u8| match content.planes {
+                0 => byte,
+                _ => byte.wrapping_sub(std::mem::replace(&mut last, byte)),
+            };
             loop {
                 some.clear();
-                some.extend(
-                    items
-                        .by_ref()
-                        .take(BLOCK)
-                        .map(|byte| byte.wrapping_sub(std::mem::replace(&mut last, *byte))),
-                );
+                some.extend(items.by_ref().take(BLOCK).map(&mut less));
                 if some.is_empty() {
                     break;
                 }
@@ -84,9 +163,9 @@ pub(super) fn write<D: AsRef<[u8]>>(model: &Model<D>, out: &mut dyn Write) -> io
         encoder.finish()?;
         written.push(Section {
             kind: String::from_utf8_lossy(&kind.tag()).into_owned(),
-            bytes: bytes.len() as u64,
+            bytes: content.bytes,
             stored: elements.bytes - before,
-            planes,
+            planes: content.planes,
         });
     }
     elements.finish()?;

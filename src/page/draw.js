@@ -16,6 +16,10 @@ class Drawing {
         put('cornerBits', model.corners);
         put('corners', model.corners ? s.CORN : null);
         put('colors', s.COLR);
+        if (model.labels) {
+            put('labels', s.LABL);
+            put('labelColors', Uint32Array.from([{color: [0, 0, 0]}, ...model.labels].flatMap(({color: [r, g, b]}) => [r, g, b, 0])));
+        }
         put('leafBits', model.leaves);
         put('leafNormals', model.leaves ? s.LNRM : null);
         put('leafOffsets', model.leaves ? s.LOFS : null);
@@ -59,7 +63,7 @@ class Drawing {
             gl.attachShader(made, shader);
             return shader;
         };
-        const head = '#version 300 es\n' + (numbers ? '#define NUMBERS\n' : '');
+        const head = '#version 300 es\n' + (numbers ? '#define NUMBERS\n' : '') + (this.model.labels ? '#define LABELS\n' : '');
         add(gl.VERTEX_SHADER, '#version 300 es\nvoid main(){gl_Position=vec4(gl_VertexID==1?3.:-1.,gl_VertexID==2?3.:-1.,0,1);}');
         const fragment = add(gl.FRAGMENT_SHADER, head + this.shaders);
         gl.linkProgram(made);
@@ -89,9 +93,10 @@ class Drawing {
         gl.uniform1i(places.depth ?? null, model.depth);
         const flags = {
             hasNormals: model.sections.NORM, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
-            hasColors: model.sections.COLR && view.colors,
+            hasColors: (model.sections.COLR || model.labels) && view.colors,
         };
         for (const [name, is] of Object.entries(flags)) gl.uniform1i(places[name] ?? null, is ? 1 : 0);
+        gl.uniform1uiv(places.eyes ?? null, view.eyes());
         gl.uniform3fv(places.origin ?? null, origin.flat());
         gl.uniform3fv(places.direction ?? null, direction.flat());
         gl.uniformMatrix3fv(places.normalToCamera ?? null, false, normalToCamera.flat());
@@ -205,7 +210,7 @@ class Drawing {
         gl.disable(gl.SCISSOR_TEST);
     }
 
-    /** Numbers of a picture: of each pixel from the top left one the box plus one, bits of t, level, and the normal. */
+    /** Numbers of a picture: of each pixel from the top left one the box plus one, bits of t, level and label, and the normal. */
     numbers(view, width, height) {
         const gl = this.gl;
         this.into(gl.RGBA32UI, width, height);

@@ -25,13 +25,15 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::format::{Channel, SectionKind};
+use crate::format::{Channel, Label, SectionKind};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
 use crate::text::html;
 
 use data::Section;
+
+pub(crate) use data::MAX_LABELS;
 
 /// Bytes of sections, as they lie in the file, that a page holds at most: pages of 315 MB opened, in 11 s.
 pub(crate) const MAX_BYTES: u64 = 400 << 20;
@@ -64,7 +66,7 @@ pub(crate) enum Way {
 
 /// The model's facts for the page's scripts, as JSON.
 #[derive(Serialize)]
-struct Head {
+struct Head<'a> {
     depth: u32,
     /// Boxes along x, y, z.
     dims: [u32; 3],
@@ -83,7 +85,19 @@ struct Head {
     patient: bool,
     /// May the page ask for pictures?
     served: bool,
+    /// The table of labels; those of voxels are places in it.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    labels: Vec<Part<'a>>,
     sections: Vec<Section>,
+}
+
+/// A label.
+#[derive(Serialize)]
+struct Part<'a> {
+    number: u16,
+    name: &'a str,
+    color: [u8; 3],
+    voxels: u64,
 }
 
 /// Writes the page of a model; `picture` is a PNG of it, which is seen where scripts or WebGL2 are missing, and in print.
@@ -125,8 +139,8 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     out.flush()
 }
 
-fn write_data<D: AsRef<[u8]>>(
-    model: &Model<D>,
+fn write_data<'a, D: AsRef<[u8]>>(
+    model: &'a Model<D>,
     space: &GridSpace,
     way: Way,
     out: &mut dyn Write,
@@ -139,6 +153,12 @@ fn write_data<D: AsRef<[u8]>>(
         let mut direction = [0.0; 3];
         direction[axis] = sign;
         sign * space.support(&view, direction)
+    };
+    let part = |label: &'a Label| Part {
+        number: label.number,
+        name: &label.name,
+        color: label.color,
+        voxels: label.voxels,
     };
     let head = Head {
         depth: view.depth(),
@@ -153,10 +173,11 @@ fn write_data<D: AsRef<[u8]>>(
         value_scale: meta.value_scale,
         patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
         served: way != Way::File,
+        labels: model.frame().labels.iter().map(part).collect(),
         sections,
     };
-    // Numbers and names of sections: nothing that could end the element.
-    let head = serde_json::to_string(&head).map_err(io::Error::other)?;
+    // The name of a label could end the element.
+    let head = serde_json::to_string(&head).map_err(io::Error::other)?.replace('<', "\\u003c");
     write!(out, "<script type=\"application/json\" id=\"head\">{head}</script>")
 }
 

@@ -64,6 +64,9 @@ function direction(u, v) {
     return [(u < 0 ? -1 : 1) * (127 - Math.abs(v)), (v < 0 ? -1 : 1) * (127 - Math.abs(u)), z];
 }
 
+/** Bytes of a cell that one plane does not part: the labels of its corners, or values of them. */
+const itemBytes = labels => labels ? 16 : 8;
+
 /** A model's place, which is known without its sections. */
 function placed(head) {
     const toIndex = inverse(head.affine), lengths = [0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a])));
@@ -81,7 +84,7 @@ function placed(head) {
 class Model {
     /**
      * @param head what `oct` says of the model: depth, dims, nodes, voxels, leaves, cells, affine (3 x 4, box index to LPS mm)
-     * @param sections bytes by kind: NODE; NORM, OFFS, CORN, COLR, VALU, MATL, LNRM and LOFS where there are any
+     * @param sections bytes by kind: NODE; NORM, OFFS, CORN, LABL, COLR, VALU, MATL, LNRM and LOFS where there are any
      */
     constructor(head, sections) {
         Object.assign(this, placed(head), {sections, cells: head.cells});
@@ -94,15 +97,20 @@ class Model {
         Object.assign(this, {depth, nodes, voxels, infobytes});
         if (infobytes.length !== nodes) throw new Error('infobytes are missing');
         this.texels = counted(at => infobytes[at], nodes, 1, nodes - 1 + voxels, 'boxes');
-        const sizes = {NORM: 2, OFFS: 1, COLR: 3, VALU: head.value_bytes, MATL: 1};
+        const sizes = {NORM: 2, OFFS: 1, LABL: this.cells ? 2 : 1, COLR: 3, VALU: head.value_bytes, MATL: 1};
         for (const [kind, bytes] of Object.entries(sizes)) {
             if (sections[kind] && sections[kind].length !== voxels * bytes) throw new Error(`${kind} is not of the right length`);
         }
         if (this.cells && !(sections.NORM && sections.OFFS && sections.CORN)) throw new Error('sections of cells are missing');
         this.corners = null;
         this.leaves = null;
+        // Labels are places in the table from 1 on, 0 for none.
+        this.labels = head.labels ?? null;
+        if (this.labels && !(sections.LABL && this.labels.length < 256 && sections.LABL.every(place => place <= this.labels.length))) {
+            throw new Error('the labels of the model make no sense');
+        }
         if (this.cells) {
-            const corners = sections.CORN.length / 8;
+            const corners = sections.CORN.length / itemBytes(this.labels);
             if (corners > 0) {
                 // A bit for each cell that has some.
                 const has = at => {
@@ -133,11 +141,26 @@ class Model {
         return direction(codes[2 * voxel] << 24 >> 24, codes[2 * voxel + 1] << 24 >> 24);
     }
 
-    /** Eight corners of a cell, above 0 inside; `null` of a plane. */
+    /** Eight corners of a cell, above 0 inside, and more between labels; `null` of a plane. */
     cornersOf(cell) {
         if (!this.corners) return null;
-        const number = rank(this.corners, Math.floor(cell / 96), cell % 96);
-        return number < 0 ? null : new Int8Array(this.sections.CORN.buffer, this.sections.CORN.byteOffset + 8 * number, 8);
+        const number = rank(this.corners, Math.floor(cell / 96), cell % 96), bytes = itemBytes(this.labels);
+        return number < 0 ? null : new Int8Array(this.sections.CORN.buffer, this.sections.CORN.byteOffset + bytes * number, bytes);
+    }
+
+    /** Planes of a cell between labels, and the label of each part by the planes that it is in front of. */
+    walls(cell) {
+        const item = this.cornersOf(cell), normal = this.normal(cell);
+        if (!item) return [[[normal, this.sections.OFFS[cell] << 24 >> 24 & ~1]], this.sections.LABL.subarray(2 * cell, 2 * cell + 2)];
+        const corners = Uint8Array.from(item.subarray(0, 8));
+        if (item[8] === -128) return [[[[127, 0, 0], 0], [[0, 127, 0], 0], [[0, 0, 127], 0]], corners];
+        const planes = [[normal, item[8]], [direction(item[10], item[11]), item[9]]], parts = new Uint8Array(4);
+        corners.forEach((label, i) => {
+            const [first, second] = planes.map(([n, k]) => sum3(n, [i & 1, i >> 1 & 1, i >> 2].map(bit => 2 * bit - 1)) > k);
+            parts[first ? 1 + 2 * second : 0] = label;
+        });
+        parts[2] = parts[0];
+        return [planes, parts];
     }
 
     /** Plane of a larger leaf. */
@@ -147,12 +170,13 @@ class Model {
     }
 
     /**
-     * The first box that a ray meets: `{voxel, leaf, low, edge, t, normal}`, or `null`.
+     * The first box that a ray meets: `{voxel, leaf, low, edge, t, normal, label, isWithin}`, or `null`.
      *
      * `origin` and `direction` are of the grid, `least` where the ray begins; t is along `direction`. `voxel` is -1 of a
-     * larger leaf. The normal is as stored.
+     * larger leaf. The normal is as stored. Labels that are `hidden` by their places count as none; `isWithin` says that
+     * the ray began in the label.
      */
-    trace(origin, direction, least = 0) {
+    trace(origin, direction, least = 0, hidden = []) {
         const side = 2 ** this.depth, o = [0, 0, 0], d = [0, 0, 0], inv = [0, 0, 0];
         let flip = 0, t = least, end = Infinity;
         for (let a = 0; a < 3; a++) {
@@ -173,6 +197,7 @@ class Model {
             for (let a = 0; a < 3; a++) if ((low[a] + 2 ** level - o[a]) * inv[a] < t) low[a] += 2 ** level;
         };
         descend();
+        let isFirst = true;
         for (let step = 0; step < MAX_STEPS; step++) {
             const edge = 2 ** level, node = parents[level + 1];
             const octant = (low[0] >> level & 1 | (low[1] >> level & 1) << 1 | (low[2] >> level & 1) << 2) ^ flip;
@@ -185,11 +210,13 @@ class Model {
                     descend();
                     continue;
                 }
-                const met = this.meet(child, {o, d, low, edge, flip, enter: t, leave: Math.min(...next)});
+                const met = this.meet(child, {o, d, low, edge, flip, enter: t, leave: Math.min(...next)}, hidden);
                 if (met) {
+                    met.isWithin = isFirst && this.cells && met.t === t;
                     const at = low.map((c, a) => flip >> a & 1 ? side - c - edge : c);
                     return {voxel: isLeaf ? -1 : child - this.nodes, leaf: isLeaf ? child : -1, low: at, edge, ...met};
                 }
+                isFirst = false;
             }
             const axis = next[0] <= next[1] ? (next[0] <= next[2] ? 0 : 2) : (next[1] <= next[2] ? 1 : 2);
             t = next[axis];
@@ -202,11 +229,18 @@ class Model {
         return null;
     }
 
-    /** Where a ray meets the surface in a box that it passes: `{t, normal}` or `null`. */
-    meet(box, {o, d, low, edge, flip, enter, leave}) {
+    /** Where a ray meets the surface in a box that it passes: `{t, normal, label}` or `null`. */
+    meet(box, {o, d, low, edge, flip, enter, leave}, hidden) {
         const isLeaf = box < this.nodes, cell = box - this.nodes;
-        if (!this.cells) return {t: enter, normal: this.normal(cell)};
+        if (!this.cells) {
+            const label = this.labels ? this.sections.LABL[cell] : 0;
+            return hidden[label] ? null : {t: enter, normal: this.normal(cell), label};
+        }
         const at = t => o.map((c, a) => Math.min(1, Math.max(-1, 2 * (c + d[a] * t - low[a]) / edge - 1)) * (flip >> a & 1 ? -1 : 1));
+        if (this.labels) {
+            const met = this.meetWalls(cell, at(enter), at(leave), hidden);
+            return met && {...met, t: enter + (leave - enter) * met.s};
+        }
         const corners = isLeaf ? null : this.cornersOf(cell);
         if (!corners) {
             const [normal, offset] = isLeaf ? this.leaf(box) : [this.normal(cell), this.sections.OFFS[cell] << 24 >> 24];
@@ -238,6 +272,35 @@ class Model {
         const smooth = this.normal(cell);
         const cosine = sum3(gradient, smooth) / Math.hypot(...gradient) / Math.hypot(...smooth);
         return {t: enter + (leave - enter) * s, normal: cosine < .5 ? gradient : smooth};
+    }
+
+    /** Where a ray that has been in no label comes to be in one, on its way through a cell: `{s, normal, label}` or `null`. */
+    meetWalls(cell, from, to, hidden) {
+        const [planes, parts] = this.walls(cell), crossed = [], sides = [];
+        let fronts = 0;
+        const label = () => hidden[parts[fronts]] ? 0 : parts[fronts];
+        planes.forEach(([n, k], i) => {
+            const first = sum3(n, from) - k, last = sum3(n, to) - k;
+            fronts |= (first > 0) << i;
+            sides.push(Math.abs(first) / Math.hypot(...n));
+            if (first > 0 !== last > 0) crossed.push([first / (first - last), i]);
+        });
+        // Out of the label.
+        const outward = i => planes[i][0].map(c => fronts >> i & 1 ? -c : c);
+        if (label()) {
+            const here = label(), walls = planes.map((_, i) => i).filter(i => {
+                const there = parts[fronts ^ 1 << i];
+                return there !== here || hidden[there];
+            });
+            walls.sort((i, j) => sides[i] - sides[j]);
+            return {s: 0, normal: walls.length ? outward(walls[0]) : this.normal(cell), label: here};
+        }
+        crossed.sort((a, b) => a[0] - b[0]);
+        for (const [s, i] of crossed) {
+            fronts ^= 1 << i;
+            if (label()) return {s, normal: outward(i), label: label()};
+        }
+        return null;
     }
 }
 

@@ -25,8 +25,13 @@ uniform vec3 surfaceColor;
 uniform vec4 background[2];
 uniform float weight;
 uniform int mode;
+#ifdef LABELS
+uniform usampler2D labels, labelColors;
+/** Labels that are seen, as bits by their places in the table from 1 on. */
+uniform uint eyes[8];
+#endif
 
-struct Hit { float t; uint box; vec3 normal; int level; };
+struct Hit { float t; uint box; vec3 normal; int level; uint label; bool isWithin; };
 
 uvec4 texel(usampler2D from, uint at) {
     return texelFetch(from, ivec2(int(at & ((1u << WIDTH_BITS) - 1u)), int(at >> WIDTH_BITS)), 0);
@@ -57,11 +62,14 @@ uint byteOf(usampler2D from, uint at) {
 
 float signedByte(uint byte) { return float(int(byte << 24) >> 24); }
 
-vec3 direction8(usampler2D from, uint at) {
-    vec2 q = vec2(signedByte(byteOf(from, 2u * at)), signedByte(byteOf(from, 2u * at + 1u)));
+vec3 octahedral(vec2 q) {
     float z = 127.0 - abs(q.x) - abs(q.y);
     if (z >= 0.0) return vec3(q, z);
     return vec3((q.x < 0.0 ? -1.0 : 1.0) * (127.0 - abs(q.y)), (q.y < 0.0 ? -1.0 : 1.0) * (127.0 - abs(q.x)), z);
+}
+
+vec3 direction8(usampler2D from, uint at) {
+    return octahedral(vec2(signedByte(byteOf(from, 2u * at)), signedByte(byteOf(from, 2u * at + 1u))));
 }
 
 float trilinear(vec4 low, vec4 high, vec3 w) {
@@ -109,14 +117,88 @@ float firstRoot(vec4 low, vec4 high, vec3 from, vec3 to) {
     return -1.0;
 }
 
-/** The surface within a box from `enter` to `leave`; the place in it is u, -1 to 1, as stored. */
-bool meet(uint box, bool isLeaf, vec3 from, vec3 to, out float s, out vec3 normal) {
+#ifdef LABELS
+uint seen(uint label) { return (eyes[label >> 5] >> (label & 31u) & 1u) == 1u ? label : 0u; }
+
+uint part(uvec2 labels, int i) { return labels[i >> 2] >> 8 * (i & 3) & 255u; }
+
+/** The walls between the labels of a cell: meetWalls of model.js. */
+bool meetWalls(uint cell, vec3 from, vec3 to, out float s, out vec3 normal, out uint label) {
+    vec3 n[3];
+    vec3 k = vec3(signedByte(byteOf(offsets, cell)), 0, 0), first, last, at = vec3(2);
+    uvec2 parts = uvec2(byteOf(labels, 2u * cell) | byteOf(labels, 2u * cell + 1u) << 8, 0);
+    int count = 1, fronts = 0;
+    uint number;
+    n[0] = n[1] = n[2] = normal = direction8(normals, cell);
+    if (k.x != -128.0) {
+        k.x = 2.0 * floor(0.5 * k.x);
+    } else if (hasCorners && rank(texel(cornerBits, cell / 96u), cell % 96u, number)) {
+        uvec4 item = texel(corners, number);
+        parts = item.xy;
+        k = vec3(signedByte(item.z), signedByte(item.z >> 8), 0);
+        count = k.x == -128.0 ? 3 : 2;
+        if (count == 3) {
+            n = vec3[3](vec3(127, 0, 0), vec3(0, 127, 0), vec3(0, 0, 127));
+            k = vec3(0);
+        } else {
+            n[1] = octahedral(vec2(signedByte(item.z >> 16), signedByte(item.z >> 24)));
+            uvec4 by = uvec4(0);
+            for (int i = 0; i < 8; i++) {
+                vec3 u = vec3(i & 1, i >> 1 & 1, i >> 2) * 2.0 - 1.0;
+                by[dot(n[0], u) > k.x ? (dot(n[1], u) > k.y ? 3 : 1) : 0] = part(item.xy, i);
+            }
+            parts = uvec2(by.x | by.y << 8 | by.x << 16 | by.w << 24, 0);
+        }
+    }
+    for (int i = 0; i < count; i++) {
+        first[i] = dot(n[i], from) - k[i];
+        last[i] = dot(n[i], to) - k[i];
+        if (first[i] > 0.0) fronts |= 1 << i;
+        if (first[i] > 0.0 != last[i] > 0.0) at[i] = first[i] / (first[i] - last[i]);
+    }
     s = 0.0;
+    label = seen(part(parts, fronts));
+    if (label > 0u) {
+        float least = 1e9;
+        for (int i = 0; i < count; i++) {
+            float far = abs(first[i]) * inversesqrt(dot(n[i], n[i]));
+            if (far < least && seen(part(parts, fronts ^ 1 << i)) != label) {
+                least = far;
+                normal = (fronts >> i & 1) == 1 ? -n[i] : n[i];
+            }
+        }
+        return true;
+    }
+    for (int turn = 0; turn < 3; turn++) {
+        int i = at.x <= at.y ? (at.x <= at.z ? 0 : 2) : (at.y <= at.z ? 1 : 2);
+        s = at[i];
+        if (s > 1.5) return false;
+        at[i] = 2.0;
+        fronts ^= 1 << i;
+        label = seen(part(parts, fronts));
+        normal = (fronts >> i & 1) == 1 ? -n[i] : n[i];
+        if (label > 0u) return true;
+    }
+    return false;
+}
+#endif
+
+/** The surface within a box from `enter` to `leave`; the place in it is u, -1 to 1, as stored. */
+bool meet(uint box, bool isLeaf, vec3 from, vec3 to, out float s, out vec3 normal, out uint label) {
+    s = 0.0;
+    label = 0u;
     if (!isCells) {
+#ifdef LABELS
+        label = seen(byteOf(labels, box - nodeCount));
+        if (label == 0u) return false;
+#endif
         normal = hasNormals ? direction8(normals, box - nodeCount) : vec3(0);
         return true;
     }
     uint number = box - nodeCount;
+#ifdef LABELS
+    return meetWalls(number, from, to, s, normal, label);
+#endif
     float offset;
     if (isLeaf) {
         rank(texel(leafBits, box / 96u), box % 96u, number);
@@ -154,7 +236,7 @@ bool trace(vec3 o, vec3 d, float t, out Hit hit) {
     vec3 inv = 1.0 / max(d, vec3(1e-30));
     vec3 enters = -o * inv, leaves = (side - o) * inv;
     t = max(t, max(enters.x, max(enters.y, enters.z)));
-    hit = Hit(t, 0u, vec3(0), 0);
+    hit = Hit(t, 0u, vec3(0), 0, 0u, isCells);
     if (!(t < min(leaves.x, min(leaves.y, leaves.z)))) return false;
     uint parents[17];
     int level = depth - 1;
@@ -182,12 +264,14 @@ bool trace(vec3 o, vec3 d, float t, out Hit hit) {
             float leave = min(next.x, min(next.y, next.z)), s;
             vec3 from = clamp(2.0 * (o + d * t - vec3(low)) / float(edge) - 1.0, -1.0, 1.0) * turn;
             vec3 to = clamp(2.0 * (o + d * leave - vec3(low)) / float(edge) - 1.0, -1.0, 1.0) * turn;
-            if (meet(child, isLeaf, from, to, s, hit.normal)) {
+            if (meet(child, isLeaf, from, to, s, hit.normal, hit.label)) {
                 hit.t = t + (leave - t) * s;
                 hit.box = child;
                 hit.level = level;
+                hit.isWithin = hit.isWithin && s == 0.0;
                 return true;
             }
+            hit.isWithin = false;
         }
         int axis = next.x <= next.y ? (next.x <= next.z ? 0 : 2) : (next.y <= next.z ? 1 : 2);
         t = next[axis];
@@ -230,6 +314,10 @@ vec3 blended(vec3 at, vec3 normal) {
     for (int i = 0; i < 8; i++) {
         ivec3 place = low + ivec3(i & 1, i >> 1 & 1, i >> 2);
         vec3 other = normalAt(place), part = 1.0 - abs(at - vec3(place) - 0.5);
+#ifdef LABELS
+        // A wall has one of its two sides' normals.
+        if (isCells && dot(other, n) < 0.0) other = -other;
+#endif
         float alike = clamp((dot(other, n) - 0.3) / 0.5, 0.0, 1.0);
         sum += other * (part.x * part.y * part.z * alike * alike * (3.0 - 2.0 * alike));
     }
@@ -277,7 +365,7 @@ void main() {
     bool isHit = !isGone && trace(o, d, t, hit);
     if (isHit && cut.xyz != vec3(0) && dot(cut.xyz, o + d * hit.t) < cut.w - 1e-3) isHit = false;
 #ifdef NUMBERS
-    found = isHit ? uvec4(hit.box + 1u, floatBitsToUint(hit.t), uint(hit.level), 0) : uvec4(0);
+    found = isHit ? uvec4(hit.box + 1u, floatBitsToUint(hit.t), uint(hit.level) | hit.label << 8, 0) : uvec4(0);
     if (isHit) {
         vec3 n = normalize(normalToCamera * hit.normal);
         found.w = uint(int(round(n.x * 127.0)) & 255) | uint(int(round(n.y * 127.0)) & 255) << 8 | uint(int(round(n.z * 127.0)) & 255) << 16;
@@ -290,13 +378,23 @@ void main() {
     if (isSmooth && hit.level == 0 && hit.normal != vec3(0)) hit.normal = blended(o + d * hit.t, hit.normal);
     vec3 n = hit.normal == vec3(0) ? vec3(0, 0, 1) : normalize(normalToCamera * hit.normal);
     vec3 surface = surfaceColor;
+#ifndef LABELS
     if (hasColors) {
         uint voxel = 3u * (hit.box - nodeCount);
         surface = linear(vec3(byteOf(colors, voxel), byteOf(colors, voxel + 1u), byteOf(colors, voxel + 2u)) / 255.0);
     }
+#endif
+    vec3 inside = vec3(0.50, 0.13, 0.09);
+#ifdef LABELS
+    if (hasColors) inside = surface = linear(vec3(texel(labelColors, hit.label).xyz) / 255.0);
+#endif
     // Where a ray begins within matter, or comes to the surface from within, the plane has cut it open.
-    bool isCap = plane > 0.0 && plane < 1e30 && (hit.t <= plane || n.z < 0.0);
-    vec3 shown = isCap ? vec3(0.50, 0.13, 0.09) * (0.55 + 0.45 * abs(cutNormal.z)) : lit(surface, n);
+    bool isCap = hit.t <= plane || n.z < 0.0;
+#ifdef LABELS
+    if (isCells) isCap = hit.isWithin;
+#endif
+    isCap = isCap && plane > 0.0 && plane < 1e30;
+    vec3 shown = isCap ? inside * (0.55 + 0.45 * abs(cutNormal.z)) : lit(surface, n);
     found = vec4(encoded(clamp(shown, 0.0, 1.0)), 1.0) * weight;
 #endif
 }

@@ -175,6 +175,49 @@ function refine() {
     written = setTimeout(() => history.replaceState(null, '', `#${page.view}`), 100);
 }
 
+/** The name of a label, or its number. */
+const nameOf = ({name, number}) => name || `label ${number}`;
+
+/** The list of labels with their eyes. */
+function listParts() {
+    const view = page.view, list = $('list'), rows = () => [...list.children];
+    const [a, b, c] = page.model.head.affine.map(row => row.slice(0, 3)), ml = Math.abs(dot(a, cross(b, c))) / 1000;
+    const made = (name, text = '') => {
+        const element = document.createElement(name);
+        element.textContent = text;
+        return element;
+    };
+    main.classList.toggle('plain', !view.labels.length);
+    $('parts').hidden = !view.labels.length;
+    $('parts').open = window.innerWidth > 600;
+    $('find').hidden = view.labels.length <= 12;
+    view.labels.forEach((part, i) => {
+        const row = made('li'), label = made('label'), eye = made('input'), swatch = made('i'), name = made('span', nameOf(part));
+        eye.type = 'checkbox';
+        swatch.style.background = `rgb(${part.color.map(Number)})`;
+        name.dir = 'auto';
+        label.title = `label ${part.number}`;
+        label.append(eye, swatch, name, made('small', `${+(part.voxels * ml).toPrecision(3)} ml`));
+        row.append(label);
+        list.append(row);
+        eye.addEventListener('change', () => {
+            view.hidden[i + 1] = eye.checked ? 0 : 1;
+            changed($('named').value);
+        });
+    });
+    $('find').addEventListener('input', () => {
+        const text = $('find').value.trim().toLowerCase();
+        rows().forEach((row, i) => { row.hidden = !`${nameOf(view.labels[i])} ${view.labels[i].number}`.toLowerCase().includes(text); });
+    });
+    // Those that are listed.
+    const all = hide => () => {
+        rows().forEach((row, i) => { if (!row.hidden) view.hidden[i + 1] = hide; });
+        changed($('named').value);
+    };
+    $('all').addEventListener('click', all(0));
+    $('none').addEventListener('click', all(1));
+}
+
 /** Puts the view's state into the tools. */
 function showState(named = '') {
     const view = page.view;
@@ -185,6 +228,9 @@ function showState(named = '') {
     $('place').hidden = $('flip').hidden = view.cut === 'none';
     $('dark').setAttribute('aria-pressed', view.dark);
     $('colors').setAttribute('aria-pressed', view.colors);
+    document.querySelectorAll('#list input').forEach((eye, i) => { eye.checked = !view.hidden[i + 1]; });
+    const labels = view.labels.length, hidden = view.hidden.reduce((sum, is) => sum + is, 0);
+    $('count').textContent = hidden ? `${labels - hidden} of ${labels}` : labels;
     main.classList.toggle('dark', view.dark);
     main.classList.toggle('picks', $('tool').value !== 'pick');
 }
@@ -216,6 +262,10 @@ function pick(x, y) {
     if (hit.voxel >= 0 && VALU) {
         const raw = head.value_bytes === 2 ? VALU[2 * hit.voxel] | VALU[2 * hit.voxel + 1] << 8 : VALU[hit.voxel];
         parts.push(`value ${+(head.value_scale[0] * raw + head.value_scale[1]).toPrecision(6)}`);
+    }
+    if (hit.label) {
+        const label = page.view.labels[hit.label - 1];
+        parts.unshift(nameOf(label) + (label.name ? ` (label ${label.number})` : ''));
     }
     if (hit.voxel >= 0 && MATL) parts.push(`part ${MATL[hit.voxel]}`);
     const found = measured();
@@ -305,6 +355,7 @@ function keys(event) {
         '[': () => { view.cutAt = Math.max(0, view.cutAt - .02); }, ']': () => { view.cutAt = Math.min(1, view.cutAt + .02); },
         f: () => { view.flipped = !view.flipped; },
         b: () => { view.dark = !view.dark; },
+        l: () => { $('parts').open = !$('parts').open; },
         m: () => {
             const tool = $('tool');
             tool.selectedIndex = (tool.selectedIndex + 1) % tool.options.length;
@@ -349,7 +400,8 @@ function tools() {
         $('help').setAttribute('aria-expanded', !$('keys').hidden);
     });
     $('tools').addEventListener('submit', event => event.preventDefault());
-    $('colors').hidden = !page.model.sections.COLR;
+    $('colors').hidden = !page.model.sections.COLR && !view.labels.length;
+    listParts();
     window.addEventListener('keydown', keys);
     window.addEventListener('resize', redraw);
     window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
@@ -365,7 +417,7 @@ function tools() {
 /** Puts the model into the graphics and shows it. */
 function begin() {
     try {
-        if (!page.model.texels) throw new Error('The model is too large for a page; its pictures come from oct, without cuts and positions.');
+        if (!page.model.texels) throw new Error('The model is too large for a page, or has too many labels; its pictures come from oct, without cuts and positions.');
         const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
         if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
         page.drawing = new Drawing(gl, page.model, SHADER);

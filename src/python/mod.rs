@@ -25,7 +25,7 @@ use pyo3::prelude::*;
 use crate::text::spell;
 
 /// Names of options and functions of the Python package that are not those of the library.
-const OTHERWISE: [(&str, &str); 15] = [
+const OTHERWISE: [(&str, &str); 16] = [
     ("GridChoice::Voxel", "voxel"),
     ("Threshold::Iso", "iso"),
     ("Threshold::Range", "range"),
@@ -41,6 +41,7 @@ const OTHERWISE: [(&str, &str); 15] = [
     ("jobs::scan", "oct scan"),
     ("jobs::scene", "infobyte.render_scene"),
     ("jobs::verify", "infobyte.verify"),
+    ("jobs::view", "oct view"),
 ];
 
 fn spelled(name: &str) -> String {

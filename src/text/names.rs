@@ -105,4 +105,5 @@ names! {
     STRIP = "jobs::pack::strip",
     UNPACK = "jobs::pack::unpack",
     VERIFY = "jobs::verify",
+    VIEW = "jobs::view",
 }

@@ -1,6 +1,6 @@
 'use strict';
 // Runs in a page behind its own script: what is seen, picked and pressed, as JSON in an element at the end.
-/* global page, main, canvas, $, CAMERAS, SIDE, Model, View, frame */
+/* global page, main, canvas, $, CAMERAS, SIDE, Model, View, frame, dot */
 
 const wait = ms => new Promise(done => setTimeout(done, ms));
 
@@ -18,16 +18,50 @@ function pictures() {
         const view = page.view;
         Object.assign(view, {half: camera.half, target: camera.target, perspective: camera.perspective});
         view.look(camera.forward, camera.up);
+        view.hidden.fill(0);
+        for (const place of camera.hidden) view.hidden[place] = 1;
         const found = page.drawing.numbers(view, SIDE, SIDE);
         let picks = 0;
         for (let i = 0; i < 500; i++) {
             const [x, y] = [i * 7919 % SIDE, i * 104729 % SIDE];
             const hit = view.pick(page.model, 2 * (x + .5) / SIDE - 1, 1 - 2 * (y + .5) / SIDE, 1);
             const box = hit ? (hit.voxel < 0 ? hit.leaf : hit.voxel + page.model.nodes) + 1 : 0;
-            picks += box !== found[4 * (y * SIDE + x)];
+            const [drawn, , level] = found.subarray(4 * (y * SIDE + x));
+            picks += box !== drawn || (hit?.label ?? 0) !== level >> 8;
         }
         return {found: text(found), picks};
     });
+}
+
+/** What the list of parts does: eyes, all and none, what is found, the address. */
+function parts(key, click, middle) {
+    const rows = [...$('list').children], eyes = rows.map(row => row.querySelector('input')), view = page.view;
+    key('0');
+    const seen = () => page.drawing.numbers(view, 64, 64).reduce((sum, n, i) => sum + (i % 4 === 2 && n >> 8 === 1), 0);
+    const before = seen();
+    eyes[0].click();
+    const results = {'an eye hides': before > 0 && seen() === 0 && $('count').textContent === `${rows.length - 1} of ${rows.length}`};
+    const state = view.toString(), other = new View(page.model);
+    other.read(state);
+    results['hidden in the address'] = state.includes('&x=') && other.toString() === state && other.hidden[1] === 1;
+    $('find').value = rows[1].textContent.split(' ')[0];
+    $('find').dispatchEvent(new Event('input'));
+    results.found = rows.filter(row => !row.hidden).length === 1;
+    $('none').click();
+    results['none of those'] = view.hidden.reduce((sum, is) => sum + is, 0) === 2 && !eyes[1].checked;
+    $('find').value = '';
+    $('find').dispatchEvent(new Event('input'));
+    $('all').click();
+    results['all of them'] = view.hidden.every(is => !is) && eyes.every(eye => eye.checked) && seen() === before;
+    // A part that is cut lies at the plane.
+    Object.assign(view, {cut: 'y', cutAt: .5});
+    const hit = view.pick(page.model, 0, 0, 1), [n, w] = view.plane();
+    results['a cut part'] = hit.label > 0 && Math.abs(dot(n, hit.at) - w) < 1e-6;
+    click(...middle);
+    results.named = $('said').textContent.startsWith(rows[hit.label - 1].querySelector('span').textContent);
+    results['no markup'] = !document.querySelector('#list b');
+    key('0');
+    return results;
 }
 
 /** What a user does, and what came of it. */
@@ -99,7 +133,8 @@ async function events() {
     frame();
     results.resize = canvas.width !== small;
     canvas.style.width = '';
-    // Labels for those who do not see, and nothing without one.
+    if (page.model.labels) Object.assign(results, parts(key, click, middle));
+    // Names for those who do not see, and nothing without one.
     const controls = [...document.querySelectorAll('select, button, input, canvas')];
     results.unnamed = controls.filter(c => !(c.getAttribute('aria-label') || c.closest('label') || c.textContent.trim())).length;
     // The graphics are lost, and come back.
