@@ -54,9 +54,9 @@ fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Optio
                 let u = std::array::from_fn(|a| {
                     (2.0 * (at[a] + 0.5 - f64::from(hit.cell[a])) - 1.0).clamp(-1.0, 1.0)
                 });
-                let [near, far] = [1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
+                let [at, near, far] = [1e-9, 1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
                 // Where two walls meet, either counts.
-                if near == far { near } else { [0.0; 3] }
+                if at == near && near == far { near } else { [0.0; 3] }
             }
         };
         let world = std::array::from_fn(|i| (0..3).map(|a| inverse.rows[a][i] * normal[a]).sum());
