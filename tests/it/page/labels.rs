@@ -100,7 +100,7 @@ fn a_browser_meets_each_label_where_the_librarys_rays_meet_it_whatever_is_hidden
     let folder = tempfile::tempdir().unwrap();
     let mut inputs = vec![
         random_map(folder.path(), "few.nrrd", [30, 40, 22], 5, 6),
-        random_map(folder.path(), "many.nrrd", [24, 20, 18], 117, 2),
+        random_map(folder.path(), "many.nrrd", [24, 20, 18], 24, 2),
     ];
     inputs.extend(real_data("labels/totalseg-spine.nii.gz"));
     for input in &inputs {
