@@ -26,7 +26,7 @@ pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, ScanArgs};
 
-/// Volumes into compact surface octrees in a fixed amount of memory, shown by exact ray traversal.
+/// Build compact surface octrees from volumes in a fixed amount of memory, and render them by exact ray traversal.
 #[derive(Debug, Parser)]
 #[command(name = "oct", version, arg_required_else_help = true)]
 pub(crate) struct Cli {
@@ -36,7 +36,7 @@ pub(crate) struct Cli {
 
 #[derive(Debug, Subcommand)]
 pub(crate) enum Command {
-    /// Build a model from a volume: a file, a folder (DICOM series or slices) or several slice files
+    /// Build a model from a volume (a file, a DICOM folder, or slice files), from meshes or from a tree of solids
     #[command(after_help = examples::BUILD)]
     Build(BuildCommand),
     /// Convert every volume below some folders, with thumbnails and a report
@@ -48,13 +48,13 @@ pub(crate) enum Command {
     /// Plan a model in parts, to be built on many machines
     #[command(after_help = examples::PLAN)]
     Plan(PlanArgs),
-    /// Build one part of a plan, unless it is there
+    /// Build one part of a plan, unless it already exists
     #[command(after_help = examples::PART)]
     Part(PartArgs),
-    /// Join the parts of a plan into the model that one build makes, byte for byte
+    /// Join the parts of a plan into the same model as a single build, byte for byte
     #[command(after_help = examples::MERGE)]
     Merge(MergeArgs),
-    /// Show what a model says of itself (mapped or packed)
+    /// Show the metadata and measurements of a model (mapped or packed)
     #[command(after_help = examples::INFO)]
     Info(InfoArgs),
     /// Check every invariant of a model (mapped or packed)
@@ -72,7 +72,7 @@ pub(crate) enum Command {
     /// Write a model as triangles, points or a mask, for other programs, or as a page for a browser
     #[command(after_help = examples::EXPORT)]
     Export(ExportArgs),
-    /// Tell whether two models touch, and where
+    /// Report whether two models touch, and where
     #[command(after_help = examples::INTERSECT)]
     Intersect(IntersectArgs),
     /// Render a picture of a model
@@ -81,7 +81,7 @@ pub(crate) enum Command {
     /// Render a small square picture with a transparent background
     #[command(after_help = examples::THUMBNAIL)]
     Thumbnail(ThumbnailArgs),
-    /// Build a synthetic head and its picture, to see the program work without any data
+    /// Build and draw a synthetic head, to try the program without any data
     #[command(after_help = examples::DEMO)]
     Demo(DemoArgs),
     /// Show a model in a browser on this machine, until Ctrl-C
@@ -90,7 +90,7 @@ pub(crate) enum Command {
     /// Compare random rays through a model with a slow exact reference
     #[command(after_help = examples::SELFCHECK)]
     Selfcheck(SelfcheckArgs),
-    /// Measure and draw how fast and how wrong every choice is
+    /// Measure and plot the speed and error of every choice
     #[command(after_help = examples::REPORT)]
     Report(ReportArgs),
     /// Print a script that completes commands, options and files in a shell
@@ -134,7 +134,7 @@ pub(crate) struct StripArgs {
     /// Channels that stay, separated by commas, or none; all by default
     #[arg(long, value_name = "LIST", value_parser = parse::kept_channels)]
     pub(crate) channels: Option<Channels>,
-    /// How many of the finest levels go: each makes boxes twice as long
+    /// Number of finest levels to remove; each makes boxes twice as long
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0)]
     pub(crate) levels: u32,
     /// Keep the means of coarse nodes, where they are
@@ -153,15 +153,15 @@ pub(crate) struct ExportArgs {
     /// Write the surface of each label into a file of its own in this folder, named by the label
     #[arg(long, value_name = "FOLDER")]
     pub(crate) each: Option<PathBuf>,
-    /// What to write: triangles (stl, ply, obj, glb, 3mf; of labels a part for each), points (a PLY of the skin), a mask
-    /// (nrrd, nii, nii.gz), or a page that shows the model in a browser (html); by default what the name says
+    /// What to write: triangles (stl, ply, obj, glb, 3mf; one part per label), points (a PLY of the skin), a mask
+    /// (nrrd, nii, nii.gz), or a page that shows the model in a browser (html); by default what the file name implies
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
-    /// Make triangles of blocks of 2^N voxels along each axis: 4^N times fewer; walls thinner than half a block go
+    /// Make triangles from blocks of 2^N voxels along each axis: 4^N times fewer; walls below half a block vanish
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SIMPLIFIED)))]
     pub(crate) simplify: u32,
-    /// Most voxels that walls of labels are moved along each axis to be smooth, 0 to 0.5; at 0 they are the voxels' sides
-    /// [default: 0.5]
+    /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0 they follow the faces
+    /// of voxels [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth)]
     pub(crate) smooth: Option<f64>,
     /// In a mask set only the skin, not what it encloses
@@ -186,10 +186,10 @@ pub(crate) struct IntersectArgs {
     /// The other
     #[arg(value_name = "B.oct")]
     pub(crate) other: PathBuf,
-    /// Where the other is moved before, in mm (LPS)
+    /// Translation of the other model, in mm (LPS)
     #[arg(long = "move", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, conflicts_with = "place")]
     pub(crate) moved: Option<[f64; 3]>,
-    /// How the other is placed before: three rows of four numbers, which lead from its mm to those of the first
+    /// Transform of the other model: three rows of four numbers, from its mm to those of the first
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = parse::placement)]
     pub(crate) place: Option<Affine>,
     /// Print one JSON object
@@ -202,10 +202,10 @@ pub(crate) struct ViewArgs {
     /// The model (mapped or packed)
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// Port on this machine; one that is free by default
+    /// Port on this machine; a free one by default
     #[arg(long, value_name = "N", default_value_t = 0)]
     pub(crate) port: u16,
-    /// Stop when nothing has been asked for so many seconds
+    /// Stop after this many seconds without a request
     #[arg(long, value_name = "SECONDS")]
     pub(crate) idle: Option<u64>,
     /// Print the address, and open no browser
@@ -218,8 +218,8 @@ pub(crate) struct InfoArgs {
     /// The model; - for standard input
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// Measure surface and volume however long it takes: without it, of models of up to 16 million skin voxels
-    /// that are not packed
+    /// Measure surface and volume however long it takes; by default only unpacked models of up to 16 million skin
+    /// voxels are measured
     #[arg(long)]
     pub(crate) measure: bool,
     /// Print one JSON object
@@ -276,7 +276,7 @@ pub(crate) struct SelfcheckArgs {
     /// Random rays to compare with the exact reference
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value = "1000000", value_parser = clap::value_parser!(u64).range(1..))]
     pub(crate) rays: u64,
-    /// Where the random sequence starts
+    /// Seed of the random sequence
     #[arg(long, value_name = "N", default_value = "1")]
     pub(crate) seed: u64,
     #[command(flatten)]
@@ -299,7 +299,7 @@ pub(crate) struct ReportArgs {
     /// Folder of the page, its tables and drawings; made if it is not there
     #[arg(short, long, value_name = "DIR")]
     pub(crate) out: PathBuf,
-    /// Pixels along a side of the pictures that errors are measured on
+    /// Side in pixels of the pictures used to measure errors
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = clap::value_parser!(u32).range(16..=4096))]
     pub(crate) pixels: u32,
     #[command(flatten)]

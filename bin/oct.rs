@@ -175,7 +175,7 @@ fn build(args: &args::BuildArgs, each: Option<&Path>) -> Result<ExitCode, Failur
     check_suffixes([args.output()], Written::Model, args.force)?;
     // The arguments have been read: what that took is given back before the rest.
     jobs::give_back();
-    let build = Build::of(args, each.is_some())?;
+    let build = Build::of(args)?;
     let bars = Bars::new(args.quiet || args.json);
     let (kind, inputs, how, job) = (build.kind, &build.inputs, &build.how, build.job(args.output(), &bars));
     let summary = match each {
@@ -204,14 +204,14 @@ struct Build {
 }
 
 impl Build {
-    fn of(args: &args::BuildArgs, is_split: bool) -> Result<Self, Failure> {
+    fn of(args: &args::BuildArgs) -> Result<Self, Failure> {
         // Standard input gives headerless voxels only.
         let is_piped = args.input.iter().any(|path| is_dash(path));
         let kind = if is_piped { SubjectKind::Volume } else { SubjectKind::of(&args.input) };
         args.refuse_foreign(kind)?;
         let label_names =
             args.names.as_deref().map_or(Ok(Vec::new()), |table| read_label_names(table, args.keep_names))?;
-        let surface = args.skin.surface(args.mesh.grid.is_thin() || is_split);
+        let surface = args.skin.surface(args.mesh.grid.is_thin());
         let usual = match kind {
             SubjectKind::Mesh => usual_channels(surface),
             SubjectKind::Volume | SubjectKind::Tree => Channels::default(),

@@ -17,7 +17,7 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
     let PlanArgs { build: args, parts } = args;
     refuse_dash([args.output()], Dash::Folder)?;
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
-    let build = Build::of(args, false)?;
+    let build = Build::of(args)?;
     // The words of this command line are those of the parts.
     let words = std::env::args_os().skip_while(|word| word != "plan").skip(1);
     let command =
@@ -59,7 +59,7 @@ pub(crate) fn part(args: &PartArgs) -> Result<ExitCode, Failure> {
     planned.memory = args.memory.unwrap_or(planned.memory);
     planned.threads.threads = args.threads.threads.or(planned.threads.threads);
     planned.scratch.clone_from(&args.scratch);
-    let build = Build::of(&planned, false)?;
+    let build = Build::of(&planned)?;
     infobyte::jobs::give_back();
     let bars = Bars::new(args.quiet || args.json);
     let input = input(&build, &output, &bars);
@@ -78,7 +78,7 @@ pub(crate) fn resume(args: &BuildArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     check_suffixes([args.output()], Written::Model, args.force)?;
     infobyte::jobs::give_back();
-    let build = Build::of(args, false)?;
+    let build = Build::of(args)?;
     let bars = Bars::new(args.quiet || args.json);
     let report = parts::resume(&input(&build, args.output(), &bars));
     bars.finish();
@@ -91,7 +91,7 @@ pub(crate) fn merge(args: &MergeArgs) -> Result<ExitCode, Failure> {
     let bars = Bars::new(args.quiet || args.json);
     if let Some(stage) = args.stage {
         let plan = Plan::read(&args.plan)?;
-        let build = Build::of(&planned(&plan)?, false)?;
+        let build = Build::of(&planned(&plan)?)?;
         infobyte::jobs::give_back();
         let report = parts::merge_stage(&plan, stage, &input(&build, &args.plan, &bars))?;
         return Ok(print(args.json, || &report, || if args.quiet { String::new() } else { report.text() })?);

@@ -22,7 +22,7 @@ if ! "$python" -m venv "$work/venv" >/dev/null 2>&1; then
     exit 0
 fi
 bin=$work/venv/bin
-wanted=("maturin>=1.9,<2" numpy pytest)
+wanted=("maturin>=1.9,<2" numpy pytest zopfli)
 [ "${1:-}" != --portable ] || wanted+=(ziglang)
 if ! "$bin/pip" install --quiet --disable-pip-version-check --retries 1 --timeout 20 "${wanted[@]}" >"$work/pip.log" 2>&1; then
     echo "wheel: skipped: no package index can be reached for ${wanted[*]}"
@@ -45,6 +45,8 @@ else
     "$bin/maturin" build --quiet --out dist
 fi
 wheel=$(ls -t dist/*.whl | head -n 1)
+# What is given is for a test.
+[ -n "${INFOBYTE_OCT:-}" ] || "$bin/python" src/python/backend.py --squeeze "$wheel"
 echo "wheel: $wheel, $(stat -c %s "$wheel") bytes"
 
 "$bin/pip" install --quiet --disable-pip-version-check "$wheel"

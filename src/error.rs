@@ -99,7 +99,7 @@ pub enum UsageError {
         /// As it was asked for.
         label: String,
     },
-    #[error("{}: labels are built as they are; leave out {asked}", shown(.path))]
+    #[error("{}: labels are built without cleaning; leave out {asked}", shown(.path))]
     CleanLabels { path: PathBuf, asked: &'static str },
     #[error("{}: holds no volume, and normals are estimated for volumes only; leave out {GRADIENT}", shown(.path))]
     GradientOfTree { path: PathBuf },
@@ -136,7 +136,7 @@ fn unread(line: usize) -> String {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Sentence)]
 pub enum StripFault {
     #[error(
-        "of cells the channels are the surface, and coarse boxes do not have it; only {LOD} off leaves something out"
+        "a model of cells stores its surface in its channels and finest boxes, so both must stay; only {LOD} off removes something"
     )]
     Cells,
     #[error("does not have {asked} levels to leave out; choose {LEVELS} 0 to {most}")]

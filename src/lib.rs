@@ -1,10 +1,10 @@
 //! Turns volumes into compact surface octrees in a fixed amount of memory, and traces exact rays through them.
 //!
-//! The library revives M. Tsygankov's *Hierarchical Discrete Ray Tracing in Octrees*. A volume is
-//! classified into inside and outside, only its *skin* is kept, and the skin lives in an octree with
-//! one **infobyte** (child mask) per non-empty node.
+//! The library implements M. Tsygankov's *Hierarchical Discrete Ray Tracing in Octrees*. A volume is
+//! classified into inside and outside, and only its *skin* is kept, in an octree with one **infobyte**
+//! (child mask) per non-empty node.
 //!
-//! In a clone beside your crate: `infobyte = { path = "../infobyte", default-features = false }`. The default
+//! With a clone next to your crate: `infobyte = { path = "../infobyte", default-features = false }`. The default
 //! feature `cli` is for the program `oct` only.
 //!
 //! # A volume of your own, a ray, a picture
@@ -36,8 +36,8 @@
 //! # }
 //! ```
 //!
-//! Coordinates are millimetres. Those of [`Voxels`] are voxel numbers until a spacing or a placement is given: the
-//! first voxel's middle is the origin. Patients and views are in DICOM's axes: x to the left hand, y to the
+//! Coordinates are in millimetres. For [`Voxels`] they are voxel indices until a spacing or a placement is given: the
+//! centre of the first voxel is the origin. Patients and views use DICOM's axes: x to the left hand, y to the
 //! back, z to the head; the camera of "front" looks along +y.
 //!
 //! # A volume on disk
@@ -95,16 +95,16 @@
 //! | an array, in any order of its axes | [`VolumeView`], without a copy |
 //! | slices that come one after the other | [`Slices`] |
 //! | a function of the position, blocks, a server | implements [`VolumeSource`], as `examples/function.rs` does |
-//! | a wish to crop, to close gaps, to keep the largest part | [`clean_and_build`] |
-//! | a button that says "cancel" | [`Progress::stopped`] |
+//! | a volume to crop, to close gaps in, or to reduce to its largest part | [`clean_and_build`] |
+//! | a "cancel" button | [`Progress::stopped`] |
 //! | a model that must not depend on its file | [`Model::read`], [`Model::from_bytes`] |
 //! | millions of rays | [`RayCaster::first_hits`], [`RayCaster::any_hit`] |
-//! | a use for triangles, for voxels, for the bytes of a PNG | [`triangles`], [`Model::voxels`], [`Image::write_png_to`] |
+//! | a need for triangles, voxels or the bytes of a PNG | [`triangles`], [`Model::voxels`], [`Image::write_png_to`] |
 //!
 //! To build from a shape that has no samples, implement [`Solid`](builder::Solid) and call
 //! [`builder::build_solid`]. Progress, scratch folders and batches are in [`builder`] and [`jobs`].
 //!
-//! Modules that the documentation hides are for the program `oct` and the tests; they may change with any release.
+//! Modules hidden from the documentation are for the program `oct` and the tests; they may change with any release.
 //!
 //! # How data flows
 //!
@@ -193,12 +193,12 @@ pub fn open(input: impl Into<PathBuf>) -> Result<Box<dyn VolumeSource>, Error> {
 
 /// Builds the skin octree of a volume into the file `output`, which appears whole or not at all.
 ///
-/// For a volume that has to be unrolled first or cleaned, or a build that can be stopped: [`clean_and_build`].
+/// To unroll or clean the volume first, or to be able to stop the build, use [`clean_and_build`].
 ///
 /// Memory: [`BuildOptions::memory`]. Temporary disk: about the size of the model.
 ///
 /// # Errors
-/// [`Error::Build`]; an old file of that name is untouched then.
+/// [`Error::Build`]; an existing file of that name is left untouched.
 pub fn build(
     volume: &dyn VolumeSource,
     options: &BuildOptions,
@@ -207,15 +207,15 @@ pub fn build(
     Ok(builder::build_volume(volume, options, output.as_ref(), &progress::Silent)?)
 }
 
-/// Prepares a volume, cleans it, and builds its skin octree into the file `output`, which appears whole or not at all:
-/// [`build`] for volumes of any kind, with all that the command can do to them before. They may be borrowed.
+/// Prepares and cleans a volume and builds its skin octree into the file `output`, which appears whole or not at all.
+/// It extends [`build`] to volumes of any kind and to every cleaning step of the command. The volume may be borrowed.
 ///
 /// A volume that can only be read from front to back, such as [`Slices`], is first written to an anonymous scratch
-/// file. With [`CleanOptions::default`] nothing is cleaned; [`CleanOptions::preset`] takes the place of
-/// [`BuildOptions::threshold`]. Gives the report of the build, and that of cleaning if the occupancy was cleaned.
+/// file. With [`CleanOptions::default`] nothing is cleaned; [`CleanOptions::preset`] replaces
+/// [`BuildOptions::threshold`]. Returns the report of the build, and that of cleaning if the occupancy was cleaned.
 ///
-/// Memory: [`BuildOptions::memory`]. Temporary disk: as [`build`], the volume if it is unrolled, and what
-/// [`clean`] says.
+/// Memory: [`BuildOptions::memory`]. Temporary disk: as for [`build`], plus the volume if it is unrolled, plus
+/// what [`clean`] states.
 ///
 /// ```
 /// use infobyte::{BuildOptions, CleanOptions, Dims, Threshold, VolumeView, progress::Silent};
@@ -265,14 +265,13 @@ pub fn clean_and_build(
     Ok((report, cleaned.map(|cleaned| cleaned.report)))
 }
 
-/// Builds the model of anything that can be opened: a volume, a mesh, or a tree of solids, the latter two on the grid
-/// that is asked for.
+/// Builds a model from anything that can be opened: a volume, or a mesh or a tree of solids on the given grid.
 ///
 /// Memory and temporary disk as [`build`].
 ///
 /// # Errors
-/// Those of reading it, [`Error::Source`], and of building it, [`Error::Build`]; an old file of that name is untouched
-/// then.
+/// [`Error::Source`] from reading the subject, [`Error::Build`] from building the model; an existing file is left
+/// untouched.
 pub fn build_subject(
     subject: Subject,
     grid: &GridOptions,
@@ -284,11 +283,11 @@ pub fn build_subject(
     Ok(job.build(subject, String::new(), Instant::now())?.report)
 }
 
-/// Makes a picture of a model; it depends on the model and the request only, not on the machine.
+/// Renders a picture of a model. It depends only on the model and the request, not on the machine.
 ///
 /// # Errors
-/// [`Error::Render`] for a camera or a size that makes no sense, or a model without a volume; [`Error::Load`] if the
-/// model's file is changed meanwhile, see [`Model::open`].
+/// [`Error::Render`] for an invalid camera or size, or a model without a volume; [`Error::Load`] if the model's file
+/// changes during the call, see [`Model::open`].
 pub fn render<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     request: &RenderRequest,

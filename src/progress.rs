@@ -6,7 +6,7 @@ pub trait Progress: Sync {
     fn stage(&self, name: &'static str, total: u64);
     /// Some steps are done.
     fn advance(&self, steps: u64);
-    /// Shall the job end? Once true, always true.
+    /// Should the job stop? Once true, it must stay true.
     ///
     /// Builds, cleaning, exports and packing ask between steps: a slice of a column, a group of bricks, 128 KiB of a
     /// file; so the answer should cost no more than reading an atomic. The job then ends with an error of

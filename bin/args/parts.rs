@@ -17,7 +17,7 @@ pub(crate) struct PlanArgs {
     /// The build; its output is the folder of the job.
     #[command(flatten)]
     pub(crate) build: BuildArgs,
-    /// How many parts; cut at multiples of 128 voxels along z, then along y
+    /// Number of parts; cut at multiples of 128 voxels along z, then along y
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..=i64::from(MAX_PARTS)))]
     pub(crate) parts: u32,
 }
@@ -30,7 +30,7 @@ pub(crate) struct PartArgs {
     /// Number of the part, from 0
     #[arg(value_name = "K")]
     pub(crate) number: u32,
-    /// Do this stage for the share of the part: extremes, histogram or occupancy, as the plan says
+    /// Run this stage on the part's share: extremes, histogram or occupancy, as the plan says
     #[arg(long, value_name = "STAGE")]
     pub(crate) stage: Option<Stage>,
     /// Peak resident memory of the whole process; that of the plan by default
@@ -38,7 +38,7 @@ pub(crate) struct PartArgs {
     pub(crate) memory: Option<u64>,
     #[command(flatten)]
     pub(crate) threads: ThreadArgs,
-    /// Folder for the scratch file; beside the part by default
+    /// Folder for the scratch file; next to the part by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
     /// Print one JSON object
@@ -54,7 +54,7 @@ pub(crate) struct MergeArgs {
     /// The plan
     #[arg(value_name = "JOB/plan.json")]
     pub(crate) plan: PathBuf,
-    /// Add up what this stage found in all parts, in place of joining them
+    /// Combine the results of this stage from all parts, instead of joining the parts
     #[arg(long, value_name = "STAGE", conflicts_with = "output")]
     pub(crate) stage: Option<Stage>,
     /// The model to write

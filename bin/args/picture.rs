@@ -19,7 +19,7 @@ use crate::failure::Refusal;
 pub(crate) enum Shade {
     /// One lamp at the eye
     Plain,
-    /// A key lamp, a lamp at the eye and the sky; hollows turn dark by one ray a pixel
+    /// A key lamp, a lamp at the eye and the sky; one ray per pixel darkens hollows
     Soft,
     /// One lamp at the eye, and ambient occlusion: hollows turn dark
     Ao,
@@ -68,8 +68,8 @@ pub(crate) struct RenderArgs {
     /// Magnification about the middle of the picture
     #[arg(long, value_name = "FACTOR", value_parser = parse::zoom)]
     pub(crate) zoom: Option<f64>,
-    /// Cut away what is outside of bounds along the axes in mm (LPS), such as z=..40 or x=-20..20,y=0..; closed models show
-    /// their inside in red
+    /// Cut away everything outside bounds along the axes in mm (LPS), such as z=..40 or x=-20..20,y=0..; cut faces
+    /// of closed models are red
     #[arg(long, value_name = "BOUNDS", value_parser = parse::bounds)]
     pub(crate) clip: Option<parse::Bounds>,
     /// Colour behind the model, #rrggbb; transparent by default, for a scene its own
@@ -78,13 +78,13 @@ pub(crate) struct RenderArgs {
     /// Colour of a model without colours of its own, #rrggbb; that of bone by default
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) color: Option<parse::Rgb>,
-    /// Show these labels alone, by number, range or name, such as 5,7..20,liver; others let all light through
+    /// Show only these labels, by number, range or name, such as 5,7..20,liver; the others are invisible
     #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
     pub(crate) only: Option<parse::Picks>,
     /// Do not show these labels
     #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
     pub(crate) hide: Option<parse::Picks>,
-    /// How much of the light labels stop, 0 to 1, such as skin=0.2 or all=0.3; may be given several times, the last one counts
+    /// Fraction of light that labels block, 0 to 1, such as skin=0.2 or all=0.3; repeatable, the last one wins
     #[arg(long, value_name = "LABELS=PART", value_parser = parse::opacity)]
     pub(crate) opacity: Vec<parse::Picks>,
     #[command(flatten)]
@@ -92,7 +92,7 @@ pub(crate) struct RenderArgs {
     /// Stop at nodes about as small as a pixel instead of at voxels
     #[arg(long, value_enum, default_value_t = Switch::Off)]
     pub(crate) lod: Switch,
-    /// With --lod on: boxes 2^N times as large, or with less than 0 as small
+    /// With --lod on: boxes 2^N times as large, smaller if N is negative
     #[arg(long, value_name = "-8..8", default_value_t = 0, allow_negative_numbers = true, value_parser = clap::value_parser!(i8).range(-8..=8))]
     pub(crate) lod_bias: i8,
     /// Peak resident memory of the whole process; by default as much as the picture takes
@@ -104,33 +104,33 @@ pub(crate) struct RenderArgs {
     /// Blend the normals of voxels between the boxes around a hit, in any light: no facets in close-ups
     #[arg(long)]
     pub(crate) blended: bool,
-    /// Rays of each pixel's colour: eight where neighbours differ in depth or normal, else one; or so many
+    /// Colour rays per pixel: eight where neighbours differ in depth or normal, else one; or a fixed number
     #[arg(long, default_value = "auto", value_parser = parse::samples())]
     pub(crate) samples: Samples,
-    /// Rays of each pixel that look around, for soft light 1 by default, for ambient occlusion 4 (in scenes 32)
+    /// Ambient occlusion rays per pixel; by default 1 for soft light, 4 for ambient occlusion (32 in scenes)
     #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) ao_rays: Option<u32>,
-    /// What rays hit: the voxel that the line pierces first, or that of a discrete 6-connected ray
+    /// What rays hit: the first voxel that the line intersects, or that of a discrete 6-connected ray
     #[arg(long, default_value = "exact", value_parser = parse::traversals())]
     pub(crate) traversal: Traversal,
-    /// Six sides on one sheet, each framed by itself
+    /// Six views on one sheet, each framed separately
     #[arg(long, conflicts_with_all = ["view", "eye", "turntable", "depth", "normals", "ids"])]
     pub(crate) contact: bool,
-    /// So many pictures all around the model, from --view on: an animated PNG or, by its name, GIF; a file for each in a
-    /// folder (turn/) or with a number in its name (turn-%03d.png)
+    /// Number of pictures around the model, from --view on: an animated PNG or, by its name, GIF; or one file each,
+    /// in a folder (turn/) or with a number in the name (turn-%03d.png)
     #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals", "ids"], value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub(crate) turntable: Option<u32>,
-    /// A slice instead of a view: what a plane across an axis cuts, such as z=40 in mm (LPS), filled, in true scale
+    /// A slice instead of a view: the filled section at a position on an axis, such as z=40 in mm (LPS), to scale
     #[arg(long, value_name = "AXIS=MM", value_parser = parse::section, conflicts_with_all = SLICED)]
     pub(crate) section: Option<Section>,
-    /// Below the picture, a scale bar, and a cube with the patient's sides: R, L, A, P, S, I
+    /// Add a scale bar below the picture, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
     pub(crate) annotate: bool,
-    /// Above the picture, the name of the file and the size of the model, or --title=TEXT
+    /// Add the file name and the size of the model, or --title=TEXT, above the picture
     #[arg(long, value_name = "TEXT", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub(crate) title: Option<String>,
-    /// On the right of the picture, colours and names of the labels that are seen, the largest first; of a scene also its
-    /// other models
+    /// List colours and names of the visible labels on the right, the largest first; for a scene also its models
+    /// without labels
     #[arg(long)]
     pub(crate) legend: bool,
     /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the
@@ -140,8 +140,8 @@ pub(crate) struct RenderArgs {
     /// Also write a picture of the normals
     #[arg(long, value_name = "F.png")]
     pub(crate) normals: Option<PathBuf>,
-    /// Also write a picture of the numbers of the voxels that are seen, 48 bits in three channels, counted from 1; of a
-    /// model of labels, of the numbers of the labels
+    /// Also write a picture of the numbers of the visible voxels, 48 bits in three channels, counted from 1; for a
+    /// label model, of the numbers of the labels
     #[arg(long, value_name = "F.png")]
     pub(crate) ids: Option<PathBuf>,
     /// Print one JSON object

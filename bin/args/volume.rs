@@ -24,12 +24,12 @@ use crate::failure::Refusal;
 pub(crate) struct BuildCommand {
     #[command(flatten)]
     pub(crate) build: BuildArgs,
-    /// Build in parts of 128 slices, in a folder beside the output with .parts added to its name; a build that was stopped
-    /// goes on from those that are there, and the report is that of merge
+    /// Build in parts of 128 slices, in a folder next to the output with .parts added to its name; an interrupted
+    /// build continues from the parts that exist, and the report is that of merge
     #[arg(long)]
     pub(crate) resume: bool,
-    /// Write a model of each label, too, into this folder, named by the label; without --output these alone. The volume is
-    /// read once
+    /// Also write one model per label into this folder, named after the label; without --output, only these. The
+    /// volume is read once
     #[arg(long, value_name = "FOLDER", requires = "labels", conflicts_with = "resume")]
     pub(crate) each: Option<PathBuf>,
 }
@@ -55,14 +55,14 @@ pub(crate) struct BuildArgs {
     /// SEG tools
     #[arg(long, value_name = "FILE", requires = "labels")]
     pub(crate) names: Option<PathBuf>,
-    /// Name labels as somebody typed it in where the input states the meaning of a code, too (DICOM SEG, .seg.nrrd, the JSON
-    /// of DICOM SEG tools); such names may tell who is shown, so that by default those of codes are taken
+    /// Use free-text names of labels even where the input states the meaning of a code (DICOM SEG, .seg.nrrd, the
+    /// JSON of DICOM SEG tools); free text may identify the patient, so by default the meanings of codes are used
     #[arg(long, requires = "labels")]
     pub(crate) keep_names: bool,
-    /// How far walls of labels may lie from the middle between the samples that they part, in voxels, 0 to 0.5 [default: 0.5]
+    /// How far walls of labels may move from the midpoint between samples, in voxels, 0 to 0.5 [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth, requires = "labels")]
     pub(crate) smooth: Option<f64>,
-    /// Of masks of one grid, or segments, which become one map of labels: whose a voxel is that several hold
+    /// Which mask or segment wins where several contain a voxel, when they are combined into one label map
     #[arg(long, value_enum, default_value_t = OverlapArg::Last, requires = "labels")]
     pub(crate) overlap: OverlapArg,
     /// Peak resident memory of the whole process
@@ -73,14 +73,14 @@ pub(crate) struct BuildArgs {
     #[command(flatten)]
     pub(crate) skin: SkinArgs,
     /// Leave out what cannot be seen from there: outside (anywhere beyond the volume's box), a view by its name
-    /// (parallel), along:X,Y,Z (a parallel view in that direction), or the place X,Y,Z of an eye in mm; several times
-    /// for several
+    /// (parallel), along:X,Y,Z (a parallel view in that direction), or the position X,Y,Z of an eye in mm; may be
+    /// given several times
     #[arg(long, value_name = "WHERE", value_parser = parse::viewed_from, allow_hyphen_values = true)]
     pub(crate) visible_from: Vec<ViewedFrom>,
     /// Store mean attributes of coarse nodes, for quick small pictures
     #[arg(long, value_enum, default_value_t = Switch::On)]
     pub(crate) lod: Switch,
-    /// Folder for the scratch file; beside the output by default
+    /// Folder for the scratch file; next to the output by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
     /// Print one JSON object
@@ -116,7 +116,7 @@ pub(crate) struct BatchArgs {
     /// Peak resident memory of the whole process, shared by the jobs
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
-    /// Volumes worked on at a time; as many as cores by default
+    /// Volumes converted at a time; one per core by default
     #[arg(long, value_name = "N", value_parser = parse::jobs)]
     pub(crate) jobs: Option<usize>,
     #[command(flatten)]
@@ -124,8 +124,8 @@ pub(crate) struct BatchArgs {
     /// Longest side of the thumbnails in pixels; 0 for none
     #[arg(long, value_name = "PIXELS", default_value = "256", value_parser = parse::side_or_none)]
     pub(crate) thumbnails: u32,
-    /// Make thumbnails, too, of images whose pixels may carry text, such as the name of the patient: ultrasound,
-    /// secondary captures, pictures of screens, and where Burned In Annotation is YES
+    /// Also make thumbnails of images whose pixels may show text, such as the patient's name: ultrasound,
+    /// secondary captures, screenshots, and images whose Burned In Annotation is YES
     #[arg(long)]
     pub(crate) thumbnails_of_all: bool,
     #[command(flatten)]
@@ -133,20 +133,20 @@ pub(crate) struct BatchArgs {
     /// Folder for scratch files; the output folder by default
     #[arg(long, value_name = "DIR")]
     pub(crate) scratch: Option<PathBuf>,
-    /// Name files and folders in the contact sheet, too, as the reports do; by default it shows none
+    /// Show file and folder names in the contact sheet, as the reports do; by default it shows none
     #[arg(long)]
     pub(crate) keep_names: bool,
     #[command(flatten)]
     pub(crate) gaps: GapArgs,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
-    /// Leave volumes of fewer slices alone, such as scouts and scanned documents; they are listed as skipped
+    /// Skip volumes with fewer slices, such as scouts and scanned documents; they are listed as skipped
     #[arg(long, value_name = "N", default_value = "1", value_parser = clap::value_parser!(u32).range(1..=65536))]
     pub(crate) min_slices: u32,
     /// Take only DICOM series of these modalities, such as CT,MR; the others are listed as skipped
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) modality: Vec<String>,
-    /// Take only these volumes, by their names in `oct scan` or what these begin with, such as mr-012; the others are
+    /// Take only these volumes, by their names in `oct scan` or the start of a name, such as mr-012; the others are
     /// listed as skipped
     #[arg(long, value_name = "LIST", value_delimiter = ',')]
     pub(crate) series: Vec<String>,
@@ -180,8 +180,8 @@ pub(crate) struct ScanArgs {
     pub(crate) gaps: GapArgs,
     #[command(flatten)]
     pub(crate) search: SearchArgs,
-    /// Read the values, too, as slowly as a batch does: label maps that no header states are recognised, and damaged
-    /// pixels show
+    /// Also read the values, which takes as long as a batch: finds damaged pixels, and label maps that no header
+    /// states
     #[arg(long)]
     pub(crate) values: bool,
     /// Print one JSON object
@@ -257,18 +257,18 @@ impl SelectionArgs {
 /// Which voxels are kept, and what is stored of them.
 #[derive(Debug, Args)]
 pub(crate) struct SkinArgs {
-    /// Surface of the model: cells between samples (of meshes and trees: voxel centres) with a plane in each, true to a few
-    /// hundredths of a voxel; or skin voxels. By default cells, but skin for what only that has: channels besides normals,
-    /// colours of meshes, sheets and thin walls, --gradient, --normal-bits, --connectivity 6
+    /// Surface of the model: cells between samples (for meshes and trees: voxel centres) with a plane in each, true
+    /// to a few hundredths of a voxel; or skin voxels. By default cells, but skin for what only skin has: channels
+    /// other than normals, mesh colours, sheets and thin walls, --gradient, --normal-bits, --connectivity 6
     #[arg(long, value_name = "skin|cells", value_parser = parse::surface)]
     pub(crate) surface: Option<SurfaceKind>,
-    /// Join cells into larger leaves where these stay that near to the surface: in voxels of the finest spacing (0.1), or
-    /// in mm (0.05mm); up to a voxel
+    /// Join cells into larger leaves that stay this close to the surface: in voxels of the finest spacing (0.1), or
+    /// in mm (0.05mm); at most one voxel
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
-    /// Attributes per skin voxel: normal (the default), value, or none; offset means --surface cells; of the skin of meshes normal,
-    /// color (also kept by default where they have colours), and material, the number of the part
-    /// from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
+    /// Attributes per skin voxel: normal (the default), value, or none; offset implies --surface cells; for the
+    /// skin of meshes normal, color (also stored by default if they have colours), and material, the number of
+    /// the part from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
     /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5 (the default), modified (the paper's),
@@ -325,7 +325,7 @@ pub(crate) struct WhichArgs {
     /// Take the volume of this number in the list of `oct scan`; the largest by default
     #[arg(long, value_name = "N", value_parser = parse::volume_number)]
     pub(crate) volume: Option<usize>,
-    /// Of OME-Zarr and Zarr, places on the axes before z by their names, from 0 on, such as t=12,c=0
+    /// For OME-Zarr and Zarr, indices on the axes before z, by axis name and counted from 0, such as t=12,c=0
     #[arg(long, value_name = "AXIS=N,...", value_delimiter = ',', value_parser = parse::place_on_axis, conflicts_with = "volume")]
     pub(crate) index: Vec<(String, u64)>,
     #[command(flatten)]
@@ -337,7 +337,7 @@ pub(crate) struct WhichArgs {
 /// What becomes of symbolic links.
 #[derive(Debug, Args)]
 pub(crate) struct LinkArgs {
-    /// Search linked folders, and read data that a header or a side-car names and a link leads out of its folder to
+    /// Search linked folders, and follow links out of a folder to data that a header or a side-car names
     #[arg(long)]
     pub(crate) follow_links: bool,
 }
@@ -347,8 +347,8 @@ pub(crate) struct LinkArgs {
 pub(crate) struct SearchArgs {
     #[command(flatten)]
     pub(crate) links: LinkArgs,
-    /// Take all of more than 16 volumes of one series that are alike (moments of a film, of the brain at work), not
-    /// only the first
+    /// If a series has more than 16 similar volumes (phases of a film, functional MR), take all of them, not only
+    /// the first
     #[arg(long)]
     pub(crate) all_volumes: bool,
 }
@@ -356,7 +356,7 @@ pub(crate) struct SearchArgs {
 /// What becomes of series with gaps.
 #[derive(Debug, Args)]
 pub(crate) struct GapArgs {
-    /// Where slices are missing or uneven: refuse, make them from their neighbours, or take them as even
+    /// If slices are missing or uneven: refuse, interpolate from their neighbours, or treat them as evenly spaced
     #[arg(long, value_enum, default_value_t = Gaps::Error)]
     pub(crate) gaps: Gaps,
 }
@@ -405,7 +405,7 @@ pub(crate) struct CleanArgs {
     /// Use a part of the volume: voxel indices from X0 to X1 - 1, and so on
     #[arg(long, value_name = "X0..X1,Y0..Y1,Z0..Z1", value_parser = parse::roi)]
     pub(crate) roi: Option<parse::Roi>,
-    /// Make the volume 2 or 4 times smaller along each axis, by means of blocks; each pass still reads all of it
+    /// Make the volume 2 or 4 times smaller along each axis, by averaging blocks; each pass still reads all of it
     #[arg(long, value_name = "2|4", value_parser = parse::downsample)]
     pub(crate) downsample: Option<u32>,
     /// Inside is a tissue by its range in HU (CT only): bone 226 and more, compact-bone 662 and more, teeth 1550
@@ -539,7 +539,7 @@ const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees of solids
 #[derive(Debug, Args)]
 #[command(next_help_heading = MESHES)]
 pub(crate) struct GridArgs {
-    /// Voxels along the longest side of the grid, margins included; one voxel lies between these at least
+    /// Voxels along the longest side of the grid, margins included; at least one voxel lies between the margins
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
@@ -551,8 +551,8 @@ pub(crate) struct GridArgs {
     /// Unit of the file's coordinates: um, mm (the default), cm, m or in; glTF and 3MF state theirs
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
-    /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what fits
-    /// the mesh. surface: the voxels that the mesh itself crosses and no others, for open sheets and thin shells
+    /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what suits
+    /// the mesh. surface: only the voxels that the mesh itself crosses, for open sheets and thin shells
     #[arg(long, value_enum, value_name = "winding|parity|surface")]
     pub(crate) fill: Option<FillRule>,
     /// Keep walls thinner than a voxel: where a mesh passes between two neighbouring centres that are both outside,

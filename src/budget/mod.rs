@@ -1,4 +1,4 @@
-//! One memory budget: weight is reserved before it is allocated.
+//! One memory budget: memory is reserved before it is allocated.
 //!
 //! ```text
 //! --memory 8MiB ─> MemoryCap ─> Budget ──reserve──> Reservation ──into_budget──> Budget of a stage, of a job
@@ -7,8 +7,8 @@
 //!                               └─ dry: without a limit, only measured
 //! ```
 //!
-//! A [`MemoryCap`] is the bound as it was asked for. A [`Budget`] is what may be held under it from now on, and
-//! [`Budget::reserve`] is the one question whether something fits. Plans are made by reserving: a stage reserves
+//! A [`MemoryCap`] is the requested bound. A [`Budget`] is the memory that may still be used under it, and
+//! [`Budget::reserve`] is the only test of whether something fits. Plans are made by reserving: a stage reserves
 //! what it will hold, in the widest shape that is granted. The smallest cap that works is found by the same
 //! calls in their smallest shape, on a budget without a limit ([`Budget::dry`]), which is asked afterwards how much
 //! was reserved at most ([`Budget::smallest_limit`]).

@@ -49,7 +49,7 @@ pub(crate) enum BuildFault {
     NormalBits { name: String },
     #[error("{name}: no voxel has one of the labels asked for; choose others, or all of them")]
     NoLabels { name: String },
-    #[error("{name}: a model of labels has no {asked} so far; leave it out")]
+    #[error("{name}: a label model does not support {asked} yet; leave it out")]
     NotOfLabels { name: String, asked: &'static str },
     #[error("{name}: only cells are joined into larger leaves; leave out {ERROR}, or use {SURFACE} cells")]
     ErrorOfSkin { name: String },

@@ -6,8 +6,8 @@
 //!        .oct <--seal (rank, CRC)-- merge (levels) <---+-- census (sizes, offsets)
 //! ```
 //!
-//! A [`Solid`] says which voxels are inside and describes its skin. A volume with a threshold is one:
-//! [`build_volume`] makes it of a [`VolumeSource`] and hands it to [`build_solid`].
+//! A [`Solid`] says which voxels are inside and describes its skin. A volume with a threshold is such a
+//! solid: [`build_volume`] makes it from a [`VolumeSource`] and passes it to [`build_solid`].
 //!
 //! | stage | passes over | memory | order |
 //! |---|---|---|---|

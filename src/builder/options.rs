@@ -68,28 +68,27 @@ impl FromStr for Tolerance {
 pub struct BuildOptions {
     /// The inside of a volume; other solids define their own.
     pub threshold: Threshold,
-    /// The labels whose skin is built, each with its own, of a volume of labels; the threshold does not count then.
+    /// The labels to build from a label volume, each with its own skin; the threshold is ignored then.
     pub labels: Option<LabelChoice>,
-    /// Their names and colours, as far as they are known.
+    /// Their names and colours, where known.
     pub label_names: Vec<LabelName>,
-    /// How far walls of labels may lie from the middle between the samples that they part, in voxels, of cells: 0 to
+    /// For cells: how far walls of labels may move from the midpoint of the samples they separate, in voxels, 0 to
     /// [`MAX_SMOOTH`], which lets them lie anywhere between the samples.
     pub smooth: f64,
-    /// Of several masks that are built together: whose a voxel is that several hold.
+    /// Which of several masks wins where more than one contains a voxel.
     pub overlap: Overlap,
-    /// Skin voxels or cells, of volumes, meshes and trees; [`Channel::Offset`] among the channels means cells, too.
-    /// Other solids know for themselves.
+    /// Skin voxels or cells, for volumes, meshes and trees; [`Channel::Offset`] among the channels also means cells.
+    /// Other solids define their own surface.
     pub surface: SurfaceKind,
-    /// Which neighbours make a voxel skin; cells do not ask.
+    /// Which neighbours make a voxel skin; ignored for cells.
     pub connectivity: Connectivity,
     /// The channels of every skin voxel.
     pub channels: Channels,
-    /// How normals are estimated, of volumes.
+    /// Normal estimator for volumes.
     pub gradient: Gradient,
-    /// In how many bits they are stored, of skin voxels of volumes.
+    /// Bits per stored normal, for skin voxels of volumes.
     pub normal_bits: NormalBits,
-    /// From where the model will be looked at: what cannot be seen from there is not kept. Everything is, if nothing
-    /// is said.
+    /// Viewpoints of the model: what cannot be seen from any of them is dropped. An empty list keeps everything.
     pub visible_from: Vec<ViewedFrom>,
     /// Join cells into larger leaves where that stays within a bound; 0 joins none.
     pub error: Option<Tolerance>,

@@ -15,7 +15,7 @@ pub struct BuildReport {
     pub skin_voxels: u64,
     /// Boxes of the surface that cannot be seen and are not kept; `None` if not asked for.
     pub hidden: Option<u64>,
-    /// Boxes of the surface that the model stands for: those that larger leaves have taken the place of, too.
+    /// Surface boxes that the model represents, including those that larger leaves have replaced.
     pub shown: u64,
     /// Infobytes.
     pub nodes: u64,

@@ -1,8 +1,8 @@
 //! Cleaning before the build, under the memory cap.
 //!
-//! The volume itself may be cropped and downsampled; both are sources around the source. What follows works on
-//! the *occupancy*, one bit a voxel in a unnamed scratch file, and ends in a volume whose samples agree with it:
-//! the builder needs to know nothing of cleaning.
+//! The volume itself may be cropped and downsampled; both wrap the source. The other operations work on
+//! the *occupancy*, one bit per voxel in an unnamed scratch file, and end in a volume whose samples agree with it:
+//! the builder need not know about cleaning.
 //!
 //! Operations have a fixed order, independent of that of the options:
 //!

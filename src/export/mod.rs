@@ -7,11 +7,12 @@
 //! ```
 //!
 //! The model is swept slice by slice; memory follows the largest slice, not the model, unless the triangles are to stay
-//! in memory. Models of voxels, and cells that do not say what is inside, are swept once more before, to learn it
-//! from the normals (enclosed).
+//! in memory. Models of voxels, and of cells that do not store what is inside, are first swept once more
+//! to derive it from the normals (enclosed).
 //!
 //! | part | what it holds |
 //! |---|---|
+//! | `apart` | triangles in memory, on a second thread |
 //! | `bits` | slices of bits |
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
@@ -24,6 +25,7 @@
 //! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ, GLB and 3MF |
 
+mod apart;
 mod bits;
 mod cases;
 mod coarse;
@@ -54,6 +56,7 @@ use crate::render::GridSpace;
 use crate::render::shade::Shader;
 use crate::scratch;
 
+use apart::{Ground, Slices};
 use bits::Bits;
 use coarse::Coarse;
 use dual::Mesher;
@@ -218,6 +221,8 @@ pub(crate) struct Exporter<'a> {
 enum Product<'a> {
     /// Made of the samples, or of blocks of them.
     Mesh(Mesher<'a>, Option<Coarse>),
+    /// Made on another thread.
+    Slices(Slices),
     Mask(Mask),
 }
 
@@ -276,10 +281,20 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Mesh>, ExportStop> {
-        let product = self.mesher(bounds, None)?;
-        let Some((product, _)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
-        let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
-        let surface = mesher.finish();
+        let surface = match self.mesher(bounds, None)? {
+            Product::Mesh(mesher, None) => {
+                let ground = Ground { view: self.view, space: self.space, extent: extent_of(bounds) };
+                ground.mesh(mesher, self.lights(), |slices| {
+                    let swept = self.sweep(bounds, Product::Slices(slices), fates, progress)?;
+                    Ok::<_, ExportStop>(swept.map(|_| ()))
+                })?
+            }
+            product => match self.sweep(bounds, product, fates, progress)? {
+                Some((Product::Mesh(mesher, _), _)) => Some(mesher.finish()),
+                _ => None,
+            },
+        };
+        let Some(surface) = surface else { return Ok(None) };
         let shader = Shader::new();
         let color = |light: &tint::Light| light.map(|light| shader.encode(f64::from(light) / 65535.0));
         let colors = surface.lights.iter().map(color).collect();
@@ -392,12 +407,7 @@ impl Exporter<'_> {
         let (unknown, fates) = fates.map_or((0, None), |(unknown, fates)| (unknown, Some(fates)));
         let mut votes = fates.map(|fates| Sweep::new(bounds, self.outward()).knowing(fates));
         let [low, end] = bounds;
-        let extent = Extent {
-            low: [low[0], low[1]],
-            width: end[0] - low[0] + 2,
-            height: (end[1] - low[1] + 2) as usize,
-        };
-        let mut samples = Samples::new(extent, self.lights(), product);
+        let mut samples = Samples::new(extent_of(bounds), self.lights(), product);
         progress.stage("export", u64::from(end[2] - low[2]));
         let done = self.each_slice(bounds, |skin| {
             if let Some(votes) = &mut votes {
@@ -468,12 +478,15 @@ impl Exporter<'_> {
             }
             // A layer of cells is the slice between two slices of samples.
             Product::Mesh(mesher, None) if *slices > 0 => {
-                let boxes: [&Boxes; 2] = [below, boxes];
+                let items = [&below.items, &boxes.items];
                 let (lights, at) = (lights.as_ref(), (0, 0));
-                let mut layer = Layer { view: self.view, space: self.space, boxes, lights, at };
+                let mut layer = Layer { view: self.view, space: self.space, items, lights, at };
                 mesher.layer([before, samples], &mut layer, height, *slices)?;
             }
             Product::Mesh(..) => {}
+            Product::Slices(apart) => {
+                apart.send(if cells { &mut below.items } else { &mut boxes.items }, samples);
+            }
             Product::Mask(mask) => {
                 // Samples of voxels begin one before the skin; so do cells, and the sample behind the first.
                 let [x, y, z] = low.map(|low| i64::from(low) - 1);
@@ -528,6 +541,11 @@ impl Exporter<'_> {
         let color = lights.and_then(|lights| Some(lights.of(self.view.voxel_color(found.voxel)?)));
         Vertex { at: singles(mm), normal: unit(singles(normal)), light: color.unwrap_or_default() }
     }
+}
+
+/// The boxes around the skin.
+fn extent_of([low, end]: Bounds) -> Extent {
+    Extent { low: [low[0], low[1]], width: end[0] - low[0] + 2, height: (end[1] - low[1] + 2) as usize }
 }
 
 /// Where triangles of a form go; `has`: normals, and colours.

@@ -3,9 +3,10 @@
 #![expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "components of 8 bits")]
 
 use super::cases::{CROSSED, Crossed, EDGES, ENDS, is_inside};
-use super::signs::Boxes;
+use super::signs::Item;
 use super::tint::{Light, Lights, Mixture};
 use super::write::unit;
+use crate::enclosed::Rows;
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
 use crate::format::normal;
 use crate::geom::VoxelIndex;
@@ -65,8 +66,8 @@ pub(super) fn singles(v: [f64; 3]) -> [f32; 3] {
 pub(super) struct Layer<'a> {
     pub(super) view: &'a ModelView<'a>,
     pub(super) space: &'a GridSpace,
-    /// For voxels the slices below and above; for cells the slice itself.
-    pub(super) boxes: [&'a Boxes; 2],
+    /// For voxels those of the slices below and above; for cells those of the layer itself.
+    pub(super) items: [&'a Rows<Item>; 2],
     /// If the model has colours.
     pub(super) lights: Option<&'a Lights>,
     /// The row of the last cube, and the first cell that is not before it.
@@ -98,7 +99,7 @@ impl Layer<'_> {
         for corner in (0..8_u32).filter(|corner| seen >> corner & 1 == 1) {
             let x = place.x - 1 + (corner & 1);
             let row = place.row - 1 + (corner as usize >> 1 & 1);
-            let skin = self.boxes[corner as usize >> 2].items.row(row);
+            let skin = self.items[corner as usize >> 2].row(row);
             let Ok(at) = skin.binary_search_by_key(&x, |item| item.x) else { continue };
             let voxel = VoxelIndex::new(skin[at].number);
             if let Some(lights) = self.lights
@@ -119,7 +120,7 @@ impl Layer<'_> {
         if row != place.row {
             at = 0;
         }
-        let skin = self.boxes[0].items.row(place.row);
+        let skin = self.items[0].row(place.row);
         while skin.get(at).is_some_and(|item| item.x < place.x) {
             at += 1;
         }

@@ -52,11 +52,11 @@ pub enum CsgFault {
     #[error("{}offset3d does not take {fault}; it grows and shrinks spheres, boxes, cylinders, cones, tori and half-spaces that are not stretched, grows unions of them, and shrinks their intersections and differences", At(*.line))]
     Offset { line: u64, fault: OffsetFault },
     #[error(
-        "has volumes that lie where their files say, on grids that differ; place all but one with multmatrix, or all, and choose the grid with {GRID} or {VOXEL}"
+        "has volumes at the positions stated by their files, on different grids; place all but one with multmatrix, or all, and choose the grid with {GRID} or {VOXEL}"
     )]
     Volumes,
     #[error(
-        "has a volume that lies where its file says, whose grid is the model's; leave out {GRID}, {VOXEL} and {UNIT}, or place it with multmatrix, and {UNIT} alone"
+        "has a volume at the position stated by its file, whose grid is the model's; leave out {GRID}, {VOXEL} and {UNIT}, or place it with multmatrix, and {UNIT} alone"
     )]
     GridOfVolume,
 }

@@ -73,7 +73,7 @@ pub(crate) enum SourceFault {
     },
     #[error("{}: needs {} to be decoded, and {MEMORY} leaves {} for that; allow at least {} more", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
     Memory { path: PathBuf, needed_bytes: u64, allowed_bytes: u64 },
-    #[error("{}: has {images} images, which take {} to be put in order, where {} is left for that; allow at least {} more with {MEMORY}", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
+    #[error("{}: has {images} images; sorting them takes {} of memory, and {} is left; allow at least {} more with {MEMORY}", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
     ManyImages { path: PathBuf, images: u64, needed_bytes: u64, allowed_bytes: u64 },
     #[error("{error}; or choose a volume: {VOLUME} {number} is this one, {VOLUME} {} the largest of the others ({other})", .other.number)]
     Gaps {
@@ -253,7 +253,7 @@ pub(crate) enum Fault {
     #[error("was changed while the folders were searched; start again")]
     Changed,
     #[error(
-        "was changed or replaced while it was read, so that nothing was made of it; start again once it is complete"
+        "was changed or replaced while it was read, so no output was written; start again once it is complete"
     )]
     ChangedInUse,
     #[error(
@@ -332,7 +332,7 @@ pub(crate) enum Misuse {
     Downsample { factor: u32 },
     #[error("{} is out of range; give the distance of voxels in mm", .by.named(SPACING, "spacing"))]
     Spacing { by: StatedBy },
-    #[error("there is no volume {wanted}: it is a single one")]
+    #[error("there is no volume {wanted}: the input has only one")]
     SingleVolume { wanted: usize },
     #[error("there is no volume {wanted} among the {found} that were found; {SCAN} lists them")]
     NoSuchVolume { wanted: usize, found: usize },
@@ -352,7 +352,7 @@ pub(crate) enum Misuse {
         "lies on another grid than {first}; masks of one grid become one map of labels: give those, or choose a volume with {VOLUME} N"
     )]
     OtherGrid { first: String },
-    #[error("{voxels} voxel(s) are in several masks; {OVERLAP} first or last says whose they are")]
+    #[error("{voxels} voxel(s) are in several masks; choose which mask wins with {OVERLAP} first or last")]
     Overlaps { voxels: u64 },
     #[error(
         "is a FRACTIONAL segmentation: its values are parts of voxels, not labels; choose a part with {ISO} V or {RANGE} LO..HI"

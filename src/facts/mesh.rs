@@ -50,7 +50,7 @@ pub(crate) enum MeshFault {
     BufferLies { stated: u64, held: u64 },
     #[error("is glTF of version {}; write it as glTF 2.0", shown(.version))]
     GltfVersion { version: String },
-    #[error("names {part} that does not exist or cannot hold; repair the file")]
+    #[error("refers to {part} that does not exist or is not valid; repair the file")]
     BadReference { part: Part },
     #[error("{0}")]
     Unsupported(Feature),
@@ -62,7 +62,7 @@ pub(crate) enum MeshFault {
         "repeats its parts to more than {most} triangles, far more than its size justifies; write the parts out"
     )]
     TooManyTriangles { most: u64 },
-    #[error("describes so many parts that {} of memory are needed for them, and {} are there; raise {MEMORY}, or join parts", Bytes(*.needed_bytes), Bytes(*.allowed_bytes))]
+    #[error("describes so many parts that {} of memory are needed for them, and only {} are available; raise {MEMORY}, or join parts", Bytes(*.needed_bytes), Bytes(*.allowed_bytes))]
     Description { needed_bytes: u64, allowed_bytes: u64 },
     #[error("is an archive that is damaged or cut short; copy it again")]
     BadArchive,

@@ -19,7 +19,7 @@ pub(crate) enum NiftiFault {
     #[error("its NIfTI header is damaged: it has {count} dimensions")]
     Dimensions { count: i64 },
     #[error(
-        "is ANALYZE 7.5, or a damaged NIfTI header: left and right are not told apart, so it is not read; convert it to NIfTI"
+        "is ANALYZE 7.5, or has a damaged NIfTI header: left and right cannot be distinguished, so it is not read; convert it to NIfTI"
     )]
     Analyze,
     #[error("its NIfTI header is damaged: its samples begin nowhere")]

@@ -55,7 +55,7 @@ pub enum Note {
          swapped"
     )]
     AssumedRas,
-    #[error("the header states no origin; the first voxel is taken for it")]
+    #[error("the header states no origin; the first voxel is used as the origin")]
     AssumedOrigin,
     #[error("the header states no unit of length; mm is assumed")]
     AssumedUnit,
@@ -133,7 +133,7 @@ pub enum Note {
     Dicom(DicomNote),
     #[error("{0}")]
     Numbers(NumberNote),
-    #[error("this is the first of {volumes} volumes that are alike; {ALL_VOLUMES} takes the others, too")]
+    #[error("this is the first of {volumes} similar volumes; {ALL_VOLUMES} also takes the others")]
     FirstOfMany { volumes: usize },
     #[error("{0}")]
     Chosen(Box<Choice>),
@@ -144,12 +144,12 @@ pub enum Note {
     )]
     DamagedBeside(Refusal),
     #[error(
-        "{voxels} voxel(s) are in several masks; they have the label of the {} of these",
+        "{voxels} voxel(s) are in several masks; they get the label of the {} of these",
         if *.first { "first" } else { "last" }
     )]
     Overlaps { voxels: u64, first: bool },
     #[error(
-        "labels have the meanings of their codes; names that were typed in may tell who is shown, and {KEEP_NAMES} takes those"
+        "labels are named by the meanings of their codes; free-text names may identify the patient, and {KEEP_NAMES} uses those"
     )]
     TypedNames,
     #[error("{count} file(s) left out: {why} (first: {first})")]

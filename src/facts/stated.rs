@@ -69,7 +69,7 @@ pub enum StatedNumber {
         /// As it is stated.
         stated: f64,
     },
-    #[error("the header states a slope of {stated}, which is taken for none: values are as they are stored")]
+    #[error("the header states a slope of {stated}, which is ignored: values are as stored")]
     Slope {
         /// As it is stated.
         stated: f64,

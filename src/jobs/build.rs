@@ -14,6 +14,8 @@ mod each;
 mod report;
 mod summary;
 
+#[cfg(feature = "python")]
+pub(crate) use each::build_each;
 pub use each::{EachLabel, LabelModel, convert_each};
 pub use report::BuildFigures;
 pub use summary::BuildSummary;

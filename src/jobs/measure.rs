@@ -82,7 +82,7 @@ impl Measures {
 /// can be seen from somewhere?
 pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool) -> Option<Measures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let (voxels, box_mm) = bounds(view, &space)?;
+    let Bounds { voxels, box_mm } = bounds(view, &space)?;
     let cells = view.cells().is_some();
     let weights = Weights::new(affine, &space, cells);
     let mut sweep = Sweep::new(voxels, Outward::new(cells, affine.spacing_mm()));
@@ -137,13 +137,19 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
 }
 
 /// [`Measures::voxels`] and [`Measures::box_mm`].
-fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<([[u32; 3]; 2], [[f64; 3]; 2])> {
+struct Bounds {
+    voxels: [[u32; 3]; 2],
+    box_mm: [[f64; 3]; 2],
+}
+
+fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<Bounds> {
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
         direction[axis] = sign;
         sign * space.support(view, direction)
     };
-    Some((extent(view)?, [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)))))
+    let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
+    Some(Bounds { voxels: extent(view)?, box_mm })
 }
 
 #[expect(clippy::cast_precision_loss, reason = "counts are below 2^48")]

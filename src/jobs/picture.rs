@@ -217,9 +217,33 @@ pub fn render_file(
     Ok(report)
 }
 
+/// A picture in memory, with title and legend as `outputs` says, whose `image` is the model's path.
+///
+/// # Errors
+/// The camera makes no sense, or the model has no labels for a legend.
+#[cfg(feature = "python")]
+pub(crate) fn framed<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    outputs: &Outputs<'_>,
+    request: &RenderRequest,
+    progress: &dyn Progress,
+) -> Result<Image, Error> {
+    crate::render::picture::check_size(request.width, request.height)?;
+    let frame = frame_of(model, outputs.image, outputs, request)?;
+    let [width, height] = frame.inner();
+    let request = RenderRequest { width, height, ids: outputs.legend, ..*request };
+    let view = model.view();
+    let (image, _) =
+        super::render::render_view_watched(&view, model.dims(), &model.affine(), &request, progress)?;
+    let mut seen = std::collections::BTreeSet::new();
+    seen_labels(&image, &mut seen);
+    // Coarse boxes have several labels.
+    Ok(frame.around(image, Some(&seen).filter(|_| !request.lod)))
+}
+
 /// What is written around the picture of a model.
-fn frame_of(
-    model: &Model,
+fn frame_of<D: AsRef<[u8]>>(
+    model: &Model<D>,
     path: &Path,
     outputs: &Outputs<'_>,
     request: &RenderRequest,

@@ -57,9 +57,9 @@ pub struct RenderRequest {
     pub zoom: f64,
     /// The normals that are shown, in the normal image, too.
     pub smoothing: Smoothing,
-    /// Rays of each pixel, at most 1024, that tell how open its surroundings are, unless light is plain; a mean over the pixels
-    /// around makes them some sixteen times as many. 0 for the usual number: 1 for soft light, 4 for ambient occlusion.
-    /// Half a microsecond each, in cells one.
+    /// Ambient occlusion rays per pixel, at most 1024, unless light is plain; averaging over nearby pixels makes them
+    /// about sixteen times as many. 0 for the default: 1 for soft light, 4 for ambient occlusion. Cost: half a
+    /// microsecond each, one in cells.
     pub ambient_rays: u32,
     /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
     pub traversal: Traversal,
@@ -230,7 +230,8 @@ pub(super) fn render_view_relieved(
     relief: &Relief<'_>,
 ) -> Result<(Image, RenderReport), RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
-    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
+    scene.canvas.most_band_pixels =
+        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
     progress.stage("render", scene.canvas.height.into());
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
@@ -258,7 +259,8 @@ pub(super) fn render_view_parts(
 ) -> Result<RenderReport, RenderError> {
     let mut scene = Prepared::new(view, dims, affine, request, relief)?;
     progress.stage("render", scene.canvas.height.into());
-    scene.canvas.most_band_pixels = relief.band_pixels(&scene.canvas, scene.boxes_wide())?;
+    scene.canvas.most_band_pixels =
+        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
     let Prepared { space, camera, canvas, .. } = &scene;
     let mut strip = None;

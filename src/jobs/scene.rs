@@ -19,9 +19,10 @@ use crate::progress::Progress;
 use crate::render::annotate::{Entry, Style};
 use crate::render::shade::{Shader, linear_of};
 use crate::render::{Camera, Image, NamedView, Projection, RenderFault, ViewPoint};
+pub(crate) use crate::scene::Section;
 use crate::scene::{
     self, Coloring, Colors, Key, LabelRule, Look, MAX_BYTES, Opacity, Painted, Part, Rays, Scene, SceneError,
-    SceneFault, SceneModel, Section, Seen, Table,
+    SceneFault, SceneModel, Seen, Table,
 };
 use crate::text::shown;
 
@@ -125,21 +126,22 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
 
 /// The scene of a text, or a model by itself, as the request wants it.
 fn scene_at(path: &Path, request: &SceneRequest) -> Result<Scene, Error> {
-    let mut scene = if is_scene(path) {
-        read_scene(path)?
-    } else {
-        let mut scene = Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()));
-        for model in &mut scene.models {
-            model.material.color = request.color.map_or(model.material.color, linear_of);
-            model.labels.clone_from(&request.labels);
-        }
-        scene
-    };
+    let mut scene = if is_scene(path) { read_scene(path)? } else { scene_of(path, request) };
     if let Some(bounds) = request.clip_mm {
         scene.cut(bounds);
     }
     scene.background = request.background.map(linear_of).or(scene.background);
     Ok(scene)
+}
+
+/// A model by itself.
+fn scene_of(path: &Path, request: &SceneRequest) -> Scene {
+    let mut scene = Scene::of_model(PathBuf::from(path.file_name().unwrap_or_default()));
+    for model in &mut scene.models {
+        model.material.color = request.color.map_or(model.material.color, linear_of);
+        model.labels.clone_from(&request.labels);
+    }
+    scene
 }
 
 /// The files of a scene, each opened once.
@@ -208,16 +210,21 @@ pub fn render_scene(
     }
     let layers = outputs.create()?;
     let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
-    let parts = parts(path, &scene, &files, &views)?;
+    let placed: Vec<_> = scene
+        .models
+        .iter()
+        .zip(&files.of)
+        .map(|(placed, file)| (placed, &files.models[*file], (&views[*file], *file), &*files.paths[*file]))
+        .collect();
+    let parts = parts(path, &placed)?;
     let whole @ [width, height] = request.size.or(scene.size).unwrap_or([1024, 1024]);
     crate::render::picture::check_size(width, height)?;
     if let Some(section) = request.section {
         check_section(path, section, &parts)?;
     }
-    let ground = scene.background.map(|color| color.map(|c| Shader::new().encode(c)));
     let title = outputs.title_of(path, |direction| support(&parts, direction));
     let legend = outputs.legend.then(|| legend(&scene, &files, is_scene(path))).transpose()?;
-    let frame = Frame::new(whole, ground, title, legend);
+    let frame = Frame::new(whole, ground(&scene), title, legend);
     let begin = request.point.or(scene.camera.view.map(ViewPoint::Named));
     let mut report = SceneReport {
         width,
@@ -229,21 +236,10 @@ pub fn render_scene(
         ..SceneReport::default()
     };
     shots::write(outputs.shots, layers, &frame, begin, progress, |shot, seen, progress| {
-        let style = Style::of(shot.size, ground).filter(|_| request.annotate);
-        let size = [shot.size[0], shot.size[1] - style.map_or(0, Style::bar_rows)];
         let request =
-            SceneRequest { size: Some(size), point: shot.point.or(request.point), ..request.clone() };
-        let look = look(path, &scene, &parts, &request, outputs)?;
-        progress.stage("render", look.height.into());
-        let rows_done = |rows: u32| progress.advance(rows.into());
-        let Painted { mut image, rays, seen: own, traced } = match request.section {
-            Some(section) => scene::slice(&parts, &look, section, &rows_done)?,
-            None => scene::paint(&parts, &look, &rows_done)?,
-        };
-        let (near, far) = look.camera.depth_range_mm(|direction| support(&parts, direction));
-        if let Some(style) = style {
-            image.append(&style.bar(&image, &look.camera, (look.height, (near + far) / 2.0)));
-        }
+            SceneRequest { size: Some(shot.size), point: shot.point.or(request.point), ..request.clone() };
+        let (painted, (near, far)) = one((path, &scene, &parts), &request, outputs, progress)?;
+        let Painted { image, rays, seen: own, traced } = painted;
         for (model, path) in files.models.iter().zip(&files.paths) {
             model.check_unchanged(path)?;
         }
@@ -261,6 +257,70 @@ pub fn render_scene(
     let rays = report.rays as f64;
     report.rays_per_s = rays / report.trace_s.max(1e-9);
     Ok(report)
+}
+
+/// One picture of the size that is asked for, with its scale bar; and the depths of what it shows, in mm.
+fn one(
+    (path, scene, parts): (&Path, &Scene, &[Part<'_>]),
+    request: &SceneRequest,
+    outputs: &Outputs<'_>,
+    progress: &dyn Progress,
+) -> Result<(Painted, (f64, f64)), Error> {
+    let [width, height] = request.size.unwrap_or_default();
+    let style = Style::of([width, height], ground(scene)).filter(|_| request.annotate);
+    let size = [width, height - style.map_or(0, Style::bar_rows)];
+    let look = look(path, scene, parts, &SceneRequest { size: Some(size), ..request.clone() }, outputs)?;
+    progress.stage("render", look.height.into());
+    let rows_done = |rows: u32| progress.advance(rows.into());
+    let mut painted = match request.section {
+        Some(section) => scene::slice(parts, &look, section, &rows_done)?,
+        None => scene::paint(parts, &look, &rows_done)?,
+    };
+    let (near, far) = look.camera.depth_range_mm(|direction| support(parts, direction));
+    if let Some(style) = style {
+        let bar = style.bar(&painted.image, &look.camera, (look.height, (near + far) / 2.0));
+        painted.image.append(&bar);
+    }
+    Ok((painted, (near, far)))
+}
+
+/// The background of a scene, as it is stored in pictures.
+fn ground(scene: &Scene) -> Option<[u8; 3]> {
+    scene.background.map(|color| color.map(|c| Shader::new().encode(c)))
+}
+
+/// A slice of one model into memory, with title and legend as `outputs` says, whose `image` is the model's path.
+///
+/// # Errors
+/// The plane does not meet the model, or the model has no labels for a legend.
+#[cfg(feature = "python")]
+pub(crate) fn sliced<D: AsRef<[u8]>>(
+    model: &Model<D>,
+    outputs: &Outputs<'_>,
+    request: &SceneRequest,
+    progress: &dyn Progress,
+) -> Result<Image, Error> {
+    let path = outputs.image;
+    let [width, height] = request.size.unwrap_or_default();
+    crate::render::picture::check_size(width, height)?;
+    let mut scene = scene_of(path, request);
+    scene.background = request.background.map(linear_of);
+    let view = model.view();
+    let placed: Vec<_> = scene.models.iter().map(|placed| (placed, model, (&view, 0), path)).collect();
+    let parts = parts(path, &placed)?;
+    if let Some(section) = request.section {
+        check_section(path, section, &parts)?;
+    }
+    let labels = &model.frame().labels;
+    if outputs.legend && labels.is_empty() {
+        return Err(UsageError::NoLegend { path: path.to_path_buf() }.into());
+    }
+    let title = outputs.title_of(path, |direction| support(&parts, direction));
+    let legend = outputs.legend.then(|| label_entries(0, labels.iter()));
+    let frame = Frame::new([width, height], ground(&scene), title, legend);
+    let request = SceneRequest { size: Some(frame.inner()), ..request.clone() };
+    let (painted, _) = one((path, &scene, &parts), &request, outputs, progress)?;
+    Ok(frame.around(painted.image, Some(&painted.seen)))
 }
 
 /// A plane that meets nothing is refused.
@@ -322,47 +382,34 @@ impl SceneReport {
     }
 }
 
+/// A model as a scene has it, its file, what is read of that with its number, and its path.
+type Placed<'a, D> = (&'a SceneModel, &'a Model<D>, (&'a ModelView<'a>, usize), &'a Path);
+
 /// The models in their places.
-fn parts<'a>(
-    path: &Path,
-    scene: &Scene,
-    files: &'a Files,
-    views: &'a [ModelView<'a>],
-) -> Result<Vec<Part<'a>>, Error> {
-    let mut parts = Vec::with_capacity(scene.models.len());
-    for ((number, placed), file) in (1..).zip(&scene.models).zip(&files.of) {
-        let (Some(model), Some(view)) = (files.models.get(*file), views.get(*file)) else { continue };
-        parts.push(part(path, (number, placed), (model, &files.paths[*file]), (view, *file))?);
+fn parts<'a, D: AsRef<[u8]>>(path: &Path, scene: &[Placed<'a, D>]) -> Result<Vec<Part<'a>>, Error> {
+    let mut parts = Vec::with_capacity(scene.len());
+    for (number, (placed, model, view, file)) in (1..).zip(scene.iter().copied()) {
+        let affine = model.affine();
+        let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
+        let placement = placed.place.affine(affine.apply(half));
+        let (material, clip) = (placed.material, placed.clip.clone());
+        let key = |name| Key { table: Table::Model(number), name };
+        let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
+        let opacity = opacity(model, file, placed)?;
+        // By itself a model is shown in its colours, and everywhere in those of its labels.
+        let shown = match placed.coloring {
+            Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
+            _ => &placed.coloring,
+        };
+        let colors = Colors::of(model, shown);
+        if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
+            return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
+        }
+        let part = Part::new(view, model.dims(), &affine, &placement, material, clip)
+            .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
+        parts.push(part.colored(colors).labelled(opacity));
     }
     Ok(parts)
-}
-
-/// A model in its place; `number` is its place in the scene.
-fn part<'a>(
-    path: &Path,
-    (number, placed): (usize, &SceneModel),
-    (model, model_path): (&'a Model, &Path),
-    view: (&'a ModelView<'a>, usize),
-) -> Result<Part<'a>, Error> {
-    let affine = model.affine();
-    let half = model.dims().to_array().map(|side| (f64::from(side) - 1.0) / 2.0);
-    let placement = placed.place.affine(affine.apply(half));
-    let (material, clip) = (placed.material, placed.clip.clone());
-    let key = |name| Key { table: Table::Model(number), name };
-    let wrong = |fault| SceneError { path: path.to_path_buf(), fault };
-    let opacity = opacity(model, model_path, placed)?;
-    // By itself a model is shown in its colours, and everywhere in those of its labels.
-    let shown = match placed.coloring {
-        Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
-        _ => &placed.coloring,
-    };
-    let colors = Colors::of(model, shown);
-    if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
-        return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
-    }
-    let part = Part::new(view, model.dims(), &affine, &placement, material, clip)
-        .map_err(|_| wrong(SceneFault::Flat { key: key("scale") }))?;
-    Ok(part.colored(colors).labelled(opacity))
 }
 
 /// A picture of one model in memory, by the request's camera, of the labels that are seen.
@@ -371,10 +418,9 @@ fn part<'a>(
 /// The camera makes no sense, or there is no such label.
 pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> Result<Image, Error> {
     let (scene, view) = (scene_at(path, request)?, model.view());
-    let mut parts = Vec::new();
-    for placed in &scene.models {
-        parts.push(part(path, (1, placed), (model, path), (&view, 0))?);
-    }
+    let placed: Vec<Placed<'_, _>> =
+        scene.models.iter().map(|placed| (placed, model, (&view, 0), path)).collect();
+    let parts = parts(path, &placed)?;
     let outputs = Outputs {
         image: path,
         depth: None,
@@ -389,8 +435,8 @@ pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> 
 }
 
 /// What the labels of a model let through; `None` of one without labels.
-fn opacity<'a>(
-    model: &'a Model,
+fn opacity<'a, D: AsRef<[u8]>>(
+    model: &'a Model<D>,
     path: &Path,
     placed: &SceneModel,
 ) -> Result<Option<Opacity<'a>>, UsageError> {

@@ -31,7 +31,7 @@ pub(crate) enum LoadFault {
         #[source]
         cause: FormatError,
     },
-    #[error("{}: was changed while it was in use, so that nothing was made of it; start again once it is complete", shown(.path))]
+    #[error("{}: was changed while it was in use, so no output was written; start again once it is complete", shown(.path))]
     Changed { path: PathBuf },
 }
 

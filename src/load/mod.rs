@@ -7,7 +7,7 @@
 //! | [`ModelView`] | its structure and normals as slices: the [`NodeView`] for loops |
 //! | [`CellItems`], [`CellShape`] | the surface within cells |
 //! | [`StoredVoxels`] | the voxels or cells of a model, one after the other |
-//! | [`Items`] | what one section says of every voxel or coarse node |
+//! | [`Items`] | the values of one section, for every voxel or coarse node |
 //! | [`verify()`] | the full check of every invariant, in small memory |
 //! | [`ReadAt`], `Cursor` | reading by position, and in sequence |
 

@@ -72,8 +72,8 @@ impl Model<Mapping> {
     /// | it is cut short | the same, unless the job is reading: then the system ends the process (SIGBUS) |
     ///
     /// Jobs are [`crate::render()`], [`crate::triangles`], and [`RayCaster::new`], [`first_hits`] and [`any_hit`]: they compare
-    /// length and time of change before they start and when they are done. Single rays and voxels are not checked. Where
-    /// others may write to the file, [`Model::read`] has none of this.
+    /// length and time of change before they start and when they are done. Single rays and voxels are not checked. If
+    /// others may write to the file, use [`Model::read`], which avoids all of this.
     ///
     /// [`RayCaster::new`]: crate::RayCaster::new
     /// [`first_hits`]: crate::RayCaster::first_hits
@@ -198,9 +198,9 @@ impl<D: AsRef<[u8]>> Model<D> {
         Ok(Self { data, frame, places, origin: None })
     }
 
-    /// Is the file that the model is mapped from still what it was when it was opened? To be asked before what was made of
-    /// the model is kept: a file that was overwritten in place meanwhile was neither the one model nor the other. A model
-    /// in memory is always unchanged. `path` is what the error names.
+    /// Checks that the mapped file has not changed since it was opened. Call this before keeping results: a file that
+    /// was overwritten in place meanwhile was neither the old model nor the new one. A model in memory is always
+    /// unchanged. `path` is what the error names.
     ///
     /// # Errors
     /// [`LoadError`], or the operating system refused.

@@ -16,7 +16,7 @@
 //! | `bins` | triangles sorted by place, in a scratch file |
 //! | `raster` | rows that cross triangles, bits from crossings |
 //! | `resident`, `cells` | triangles in memory; small ones by cells of a voxel |
-//! | `nearest`, `bound`, `prism` | the nearest of a voxel; what is too far to be it |
+//! | `nearest`, `bound`, `prism` | the triangle nearest to a voxel; bounds that rule out others |
 //! | `crossed` | cells instead of skin: planes from where edges meet triangles |
 //! | `paint` | colours, parts and smooth normals at the nearest point |
 //! | `front` | from files to a solid: all of the above, one after the other |

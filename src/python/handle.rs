@@ -20,7 +20,9 @@ use crate::geom::Affine;
 use crate::jobs::export::triangles;
 use crate::jobs::info::{Info, Measured};
 use crate::jobs::opened::unpacked;
-use crate::jobs::render::{camera, render_view_watched};
+use crate::jobs::picture::{Outputs, framed};
+use crate::jobs::render::camera;
+use crate::jobs::scene::sliced;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
 use crate::render::sight::Sight;
@@ -95,12 +97,15 @@ impl Handle {
         asked: &PictureAsked,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Image> {
-        let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
+        let wrong = |sentence: String| usage(py, &sentence);
+        let (request, section) = (asked.request().map_err(wrong)?, asked.section().map_err(wrong)?);
+        let outputs =
+            Outputs { title: asked.title.as_deref(), legend: asked.legend, ..Outputs::of(&self.path) };
         watched(py, progress, |progress| {
-            let model = &self.model;
-            let paint =
-                || render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress);
-            Ok(self.unchanged(|| Ok(paint()?))?.0)
+            self.unchanged(|| match &section {
+                Some(section) => sliced(&self.model, &outputs, section, progress),
+                None => framed(&self.model, &outputs, &request, progress),
+            })
         })
     }
 

@@ -14,7 +14,7 @@ use super::watch::watched;
 use crate::error::Error;
 use crate::export::ExportForm;
 use crate::geom::Dims;
-use crate::jobs::build::{BuildJob, BuildSummary, convert};
+use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
 use crate::jobs::picture::Outputs;
@@ -48,7 +48,10 @@ pub(super) fn build_files(
     let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
     let summary = watched(py, progress, |progress| {
         let job = BuildJob { clean: &clean, grid: &grid, options: &options, output: &output, progress };
-        convert(kind, &paths, &how, &job)
+        match asked.each() {
+            Some(each) => convert_each(kind, &paths, &how, &job, each),
+            None => convert(kind, &paths, &how, &job),
+        }
     })?;
     json(py, &summary.json())
 }
@@ -114,11 +117,12 @@ fn build_volume(
     let started = Instant::now();
     let wrong = |sentence: String| usage(py, &sentence);
     let options = asked.options(SubjectKind::Volume).map_err(wrong)?;
-    let clean = asked.cleaning().map_err(wrong)?;
+    let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
     let mut warnings = sentences(&volume.info().notes);
     let input = volume.info().description.name.clone();
-    let summary = watched(py, progress, move |progress: &dyn Progress| {
-        let (report, cleaned) = crate::clean_and_build(volume, &clean, &options, output, progress)?;
+    let build = |job: &BuildJob<'_>| {
+        let BuildJob { clean, options, output, progress, .. } = *job;
+        let (report, cleaned) = crate::clean_and_build(volume, clean, options, output, progress)?;
         warnings.extend(report.notes.iter().map(ToString::to_string));
         let note = cleaned.as_ref().and_then(|cleaned| cleaned.note);
         warnings.extend(note.map(|note| note.to_string()));
@@ -134,6 +138,13 @@ fn build_volume(
             hints: Vec::new(),
             wall_s: started.elapsed().as_secs_f64(),
         })
+    };
+    let summary = watched(py, progress, move |progress: &dyn Progress| {
+        let job = BuildJob { clean: &clean, grid: &grid, options: &options, output, progress };
+        match asked.each() {
+            Some(each) => build_each(&job, each, build),
+            None => build(&job),
+        }
     })?;
     json(py, &summary.json())
 }

@@ -12,10 +12,12 @@ use crate::clean::{CleanOptions, ComponentConnectivity, MAX_LARGEST, Preset, Siz
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, SurfaceKind};
 use crate::geom::{Affine, Dims, Orientation};
-use crate::jobs::build::GridOptions;
+use crate::jobs::build::{EachLabel, GridOptions};
 use crate::jobs::export::MAX_SMOOTH;
 use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
+use crate::jobs::scene::SceneRequest;
+use crate::jobs::scene::Section;
 use crate::mesh::{Fill, GridChoice, usual_channels};
 use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
@@ -52,6 +54,9 @@ pub(super) struct BuildAsked {
     /// A table, or numbers and names.
     names: Either<PathBuf, Vec<(u16, String)>>,
     keep_names: bool,
+    smooth: Option<f64>,
+    /// Folder of a model of each label.
+    each: Option<PathBuf>,
     surface: Option<String>,
     channels: Option<Vec<String>>,
     gradient: Option<String>,
@@ -133,6 +138,11 @@ impl BuildAsked {
         self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))
     }
 
+    /// Where models of each label go, if they are wanted; like that of all labels they replace what is there.
+    pub(super) fn each(&self) -> Option<EachLabel<'_>> {
+        self.each.as_ref().map(|folder| EachLabel { folder, replace: true, keep_whole: true })
+    }
+
     /// The channels, or those that are usual.
     fn channels(&self, kind: SubjectKind) -> Result<Channels, String> {
         let Some(names) = &self.channels else {
@@ -169,7 +179,15 @@ impl BuildAsked {
         Ok(BuildOptions {
             threshold: self.threshold(),
             labels: self.labels.as_deref().map(str::parse).transpose()?,
-            smooth: MAX_SMOOTH,
+            smooth: match self.smooth {
+                Some(voxels) if !(0.0..=MAX_SMOOTH).contains(&voxels) => {
+                    return Err(format!("smooth={voxels} is not a distance from 0 to {MAX_SMOOTH} voxel"));
+                }
+                Some(_) if self.labels.is_none() => {
+                    return Err("smooth is for labels; give labels, too".into());
+                }
+                smooth => smooth.unwrap_or(MAX_SMOOTH),
+            },
             overlap: Overlap::default(),
             label_names: match &self.names {
                 Either::A(table) => {
@@ -341,6 +359,11 @@ pub(super) struct PictureAsked {
     lod: bool,
     annotate: bool,
     smooth_edges: bool,
+    background: Option<[u8; 3]>,
+    pub(super) title: Option<String>,
+    pub(super) legend: bool,
+    /// An axis, and a place along it in mm.
+    section: Option<(String, f64)>,
     threads: Option<usize>,
 }
 
@@ -383,7 +406,26 @@ impl PictureAsked {
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),
             annotate: self.annotate,
+            background: self.background,
             ..usual
         })
+    }
+
+    /// What is asked of a slice, if it is one.
+    pub(super) fn section(&self) -> Result<Option<SceneRequest>, String> {
+        let Some((axis, at_mm)) = &self.section else { return Ok(None) };
+        let axes = ["x", "y", "z"].into_iter().zip(0..).map(|(name, axis)| (name.to_owned(), axis));
+        let section = Section { axis: choice("section", axis, axes)?, at_mm: *at_mm };
+        let threads = self.threads.unwrap_or(RenderRequest::default().threads).clamp(1, 1024);
+        Ok(Some(SceneRequest {
+            size: Some(self.size),
+            zoom: Some(self.zoom),
+            background: self.background,
+            color: self.color,
+            section: Some(section),
+            annotate: self.annotate,
+            threads,
+            ..SceneRequest::default()
+        }))
     }
 }

@@ -22,9 +22,9 @@
 //! | [`space`] | world and grid; extents of a model |
 //! | [`camera`] | named views and free cameras |
 //! | `leave` | rays that start at a surface, beyond the box that was hit |
-//! | `ambient` | how open a point's surroundings are: hollows turn dark |
+//! | `ambient` | ambient occlusion, which darkens hollows |
 //! | `normals` | the normal that is shown at a hit |
-//! | `choices` | what is asked of light, normals and samples |
+//! | `choices` | options for light, normals and samples |
 //! | [`shade`], [`picture`], `band`, [`image`] | light, the way from camera to pixels, the pixels of a band of rows, files |
 //! | `soften`, `refine` | openness as a mean over pixels, and where neighbours differ; more rays there |
 //! | `colors` | the colour of what was hit, where the model has colours |

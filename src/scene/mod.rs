@@ -1,4 +1,4 @@
-//! Scenes: several models in their places, lit, mirrored, bent.
+//! Scenes: several placed models with lights, reflection and refraction.
 //!
 //! ```text
 //! scene.toml --> Description --> Part (model, place, material, cut) --+--> World: the nearest of all --> Stage: light --> Image
@@ -7,16 +7,16 @@
 //!
 //! | file | what it holds |
 //! |---|---|
-//! | `describe`, `read`, `checked`, `spec` | the text, and what it says |
-//! | `fault` | what may be wrong with it |
-//! | `body` | a model in its place: where a line meets it |
-//! | `world` | all of them |
+//! | `describe`, `read`, `checked`, `spec` | the text, parsed and checked |
+//! | `fault` | errors in the text |
+//! | `body` | a placed model, and where a line intersects it |
+//! | `world` | all bodies together |
 //! | `shade` | light, shadow, mirrors, glass |
 //! | `paint` | pixels |
 //! | `section` | slices |
-//! | `walls` | lines from label to label |
-//! | `rays` | how many |
-//! | `place`, `material`, `light`, `clip`, `labels` | what a scene is made of |
+//! | `walls` | the parts of a line within each label |
+//! | `rays` | ray counts |
+//! | `place`, `material`, `light`, `clip`, `labels` | the elements of a scene |
 #![doc = "\n"]
 #![doc = include_str!("SCENES.md")]
 

@@ -232,8 +232,8 @@ pub trait VolumeSource: Send + Sync {
     /// format has opened, so that a change of samples outside the header is noticed.
     fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
 
-    /// Are the files still those that the volume was opened with? Asked when everything has been read, before what
-    /// was made of it is given its name: samples of two states of a file make a volume that never was.
+    /// Checks that the files have not changed since the volume was opened. Called when everything has been read,
+    /// before the output gets its name: samples from two states of a file form a volume that never existed.
     ///
     /// # Errors
     /// [`SourceError`] with the first file that is not. What comes from

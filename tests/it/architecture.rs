@@ -42,7 +42,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
-         format geom load mesh page progress render scene scratch source synthetic text volume",
+         format geom load mesh page progress render scene scratch source synthetic text volume wall",
     ),
     (
         "python",

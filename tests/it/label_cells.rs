@@ -2,8 +2,9 @@
 //! threads; damaged ones are refused. If this fails, organs lose samples, have holes or grow into each other.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
-use crate::labels::map;
+use crate::labels::{built_alike, map};
 use crate::prelude::*;
+use crate::scene_command::samples;
 use infobyte::builder::LabelChoice;
 use infobyte::format::{FormatError, SectionKind, Walls};
 use infobyte::load::{Fault, Frame};
@@ -49,7 +50,6 @@ fn check(model: &Model, dims: [u32; 3], label: impl Fn([u32; 3]) -> u16) {
 
 #[test]
 fn every_sample_keeps_its_label_at_any_budget_and_threads() {
-    let folder = tempfile::tempdir().unwrap();
     let all = LabelChoice::All;
     let cases = [
         ([70, 40, 37], 2, 9, all.clone()),
@@ -64,34 +64,14 @@ fn every_sample_keeps_its_label_at_any_budget_and_threads() {
         labels[0] = 2;
         let at = |[x, y, z]: [u32; 3]| labels[(x + dims[0] * (y + dims[1] * z)) as usize];
         let volume = Voxels::from_fn(Dims::new(dims[0], dims[1], dims[2]).unwrap(), at);
-        let mut first: Option<Vec<u8>> = None;
-        for (memory, threads) in [(64 << 20, 1), (4 << 20, 2), (2 << 20, 1), (256 << 20, 5)] {
-            let options = options(&choice, memory, threads);
-            let path = folder.path().join("m.oct");
-            let least = infobyte::builder::smallest_share(&volume, &options);
-            if let Err(refusal) = infobyte::build(&volume, &options, &path) {
-                assert!(memory < least, "{refusal}");
-                continue;
-            }
-            let bytes = std::fs::read(&path).unwrap();
-            if let Some(first) = &first {
-                assert!(*first == bytes, "{dims:?} {memory} {threads}");
-                continue;
-            }
-            first = Some(bytes);
-            let model = Model::open(&path).unwrap();
-            verify(&model).unwrap();
-            check(&model, dims, |p| if choice.contains(at(p)) { at(p) } else { 0 });
-            let [packed, unpacked] = ["p.oct", "u.oct"].map(|name| folder.path().join(name));
-            pack::pack(&path, &packed).unwrap();
-            pack::unpack(&packed, &unpacked).unwrap();
-            assert!(std::fs::read(&unpacked).unwrap() == std::fs::read(&path).unwrap());
-        }
-        assert!(first.is_some());
+        let options = options(&choice, 64 << 20, 1);
+        built_alike(&volume, &options, 2 << 20, |model| {
+            check(model, dims, |p| if choice.contains(at(p)) { at(p) } else { 0 });
+        });
     }
 }
 
-/// The model of each label, and the numbers of cells of one.
+/// Builds a model of each label, holds it against the whole, and counts cells with several walls.
 fn hold_each(input: &Path, extra: &[&str]) -> usize {
     let folder = tempfile::tempdir().unwrap();
     let [all, each] = ["all.oct", "each"].map(|name| folder.path().join(name));
@@ -144,6 +124,68 @@ fn each_label_alone_has_its_part_of_every_cell() {
     if let Some(path) = real_data("labels/liver_spine_seg.nrrd") {
         hold_each(&path, &["--threads", "2"]);
     }
+}
+
+/// Two balls that touch, and a box in one of them: areas are true, a picture has the numbers of what it shows, and a bound
+/// on walls is kept, stated and refused where there are none.
+#[test]
+fn balls_have_their_areas_and_numbers_and_walls_their_bound() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let side = 64;
+    let mut object = Object::new([side, side, side], infobyte::ScalarType::U16, [0.5, 0.5, 0.5]);
+    let radius = |p: [u32; 3], middle: [f64; 3]| -> f64 {
+        (0..3).map(|a| (f64::from(p[a]) - middle[a]).powi(2)).sum::<f64>().sqrt()
+    };
+    let label = |p: [u32; 3]| match p {
+        _ if radius(p, [16.2, 31.7, 30.1]) < 14.0 => 3_u16,
+        _ if radius(p, [44.6, 31.7, 30.1]) < 15.0 => 300,
+        _ => 0,
+    };
+    let place = |i: u32| [i % side, i / side % side, i / side / side];
+    object.bytes = (0..side.pow(3)).flat_map(|i| label(place(i)).to_le_bytes()).collect();
+    let input = file(folder.path(), "balls.nrrd", &nrrd(&object, "raw", false, ""));
+    for surface in ["cells", "skin"] {
+        oct(&[
+            "build",
+            &text(&input),
+            "-o",
+            &at("m.oct"),
+            "--labels",
+            "all",
+            "--surface",
+            surface,
+            "--force",
+            "--json",
+        ])
+        .json();
+        let info = oct(&["info", &at("m.oct"), "--json"]).json();
+        assert_eq!(info["not_measured"], "labels");
+        assert!((info["bounding_box_mm"][1][0].as_f64().unwrap() - 29.8).abs() < 0.6, "{info}");
+        for (label, radius) in info["labels"].as_array().unwrap().iter().zip([7.0_f64, 7.5]) {
+            let due = 4.0 * std::f64::consts::PI * radius * radius;
+            let [area, error] = ["area_mm2", "area_error_mm2"].map(|key| label[key].as_f64());
+            assert_eq!(area.is_some(), surface == "cells");
+            assert!(area.is_none_or(|area| (area - due).abs() < 0.02 * due), "{label} {due}");
+            assert!(error.is_none_or(|error| error < 0.15 * due), "{label}");
+        }
+        let picture = ["render", &at("m.oct"), "-o", &at("p.png"), "--view", "front", "--size", "96x64"];
+        oct(&[&picture[..], &["--ids", &at("i.png"), "--legend", "--json"]].concat()).json();
+        let ids = samples(Path::new(&at("i.png")));
+        let shown: BTreeSet<u64> =
+            ids.chunks(6).map(|id| id.iter().fold(0, |n, b| n << 8 | u64::from(*b))).collect();
+        assert_eq!(shown, BTreeSet::from([0, 3, 300]));
+    }
+    let bound = |smooth: &str, surface: &str| {
+        let how = ["--labels", "all", "--force", "--surface", surface, "--smooth", smooth];
+        command::build(&[&input], &folder.path().join("s.oct"), &how)
+    };
+    for (smooth, stated) in [("0.5", "label planes"), ("0.1", "label planes within 0.1 voxel")] {
+        assert_eq!(bound(smooth, "cells").code, 0);
+        assert_eq!(oct(&["info", &at("s.oct"), "--json"]).json()["gradient"], stated);
+    }
+    bound("0.1", "skin").refused(2, &["skin with a bound on walls"]);
+    bound("0.7", "cells").refused(2, &["'0.7' is not a distance from 0 to 0.5"]);
 }
 
 /// SPEC I23: a cell that gives a corner another label, or says so of its labels, is found.

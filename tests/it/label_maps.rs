@@ -265,7 +265,7 @@ fn codes_name_the_segments_of_a_nrrd_and_typed_names_are_taken_on_request() {
         let report = command::build(&[&input], &model, &how).json();
         let labels = Model::open(&model).unwrap().frame().labels.clone();
         assert_eq!(labels.iter().map(|label| label.name.as_str()).collect::<Vec<_>>(), due);
-        assert_eq!(report["warnings"].to_string().contains("--keep-names takes those"), noted, "{report}");
+        assert_eq!(report["warnings"].to_string().contains("--keep-names uses those"), noted, "{report}");
         let stored = fs::read(&model).unwrap();
         assert_eq!(stored.windows(10).any(|part| part == b"John Smith"), !noted);
     }
@@ -447,7 +447,7 @@ fn real_segments_have_the_voxels_codes_and_colours_of_the_files_that_they_were_m
     let opened = Model::open(&model).unwrap();
     let coded = opened.frame().labels.clone();
     assert_eq!((typed.len(), due.len()), (5, 5));
-    assert!(report["warnings"].to_string().contains("--keep-names takes those"));
+    assert!(report["warnings"].to_string().contains("--keep-names uses those"));
     let held = |i: usize| due.values().filter(|(inside, _)| inside[i] > 0).count();
     let overlaps = (0..due["GREEN"].0.len()).filter(|i| held(*i) > 1).count();
     assert!(

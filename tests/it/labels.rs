@@ -66,9 +66,39 @@ fn counts(labels: &[u16], choice: &LabelChoice) -> Vec<(u16, u64)> {
     counts.into_iter().collect()
 }
 
+/// Builds a volume within several shares of memory, `small` among them, and on several threads: the same bytes, which come
+/// back packed and unpacked. The model is handed on.
+pub(crate) fn built_alike(
+    volume: &impl infobyte::volume::VolumeSource,
+    options: &BuildOptions,
+    small: u64,
+    hold: impl FnOnce(&Model),
+) {
+    let folder = tempfile::tempdir().unwrap();
+    let [path, packed, unpacked] = ["m.oct", "p.oct", "u.oct"].map(|name| folder.path().join(name));
+    let mut first: Option<Vec<u8>> = None;
+    for (memory, threads) in [(64 << 20, 1), (4 << 20, 2), (small, 1), (256 << 20, 5)] {
+        let options =
+            BuildOptions { memory: infobyte::budget::MemoryCap::Share(memory), threads, ..options.clone() };
+        let least = infobyte::builder::smallest_share(volume, &options);
+        if let Err(refusal) = infobyte::build(volume, &options, &path) {
+            assert!(memory < least, "{refusal}");
+            continue;
+        }
+        let bytes = std::fs::read(&path).unwrap();
+        assert!(*first.get_or_insert_with(|| bytes.clone()) == bytes, "{memory} {threads}");
+    }
+    let model = Model::open(&path).unwrap();
+    verify(&model).unwrap();
+    pack::pack(&path, &packed).unwrap();
+    assert_eq!(info::read_info(&packed).unwrap().frame.labels, model.frame().labels);
+    pack::unpack(&packed, &unpacked).unwrap();
+    assert!(Some(std::fs::read(&unpacked).unwrap()) == first);
+    hold(&model);
+}
+
 #[test]
 fn every_label_has_its_skin_at_any_budget_and_threads() {
-    let folder = tempfile::tempdir().unwrap();
     let all = LabelChoice::All;
     let cases = [
         ([70, 40, 37], 2, 9, all.clone()),
@@ -84,29 +114,9 @@ fn every_label_has_its_skin_at_any_budget_and_threads() {
         let volume = Voxels::from_fn(Dims::new(dims[0], dims[1], dims[2]).unwrap(), |[x, y, z]| {
             labels[(x + dims[0] * (y + dims[1] * z)) as usize]
         });
-        let mut first: Option<Vec<u8>> = None;
-        for (memory, threads) in [(64 << 20, 1), (4 << 20, 2), (1 << 20, 1), (256 << 20, 5)] {
-            let options = BuildOptions {
-                labels: Some(choice.clone()),
-                memory: infobyte::budget::MemoryCap::Share(memory),
-                threads,
-                ..BuildOptions::default()
-            };
-            let path = folder.path().join("m.oct");
-            let least = infobyte::builder::smallest_share(&volume, &options);
-            if let Err(refusal) = infobyte::build(&volume, &options, &path) {
-                assert!(memory < least, "{refusal}");
-                continue;
-            }
-            let bytes = std::fs::read(&path).unwrap();
-            if let Some(first) = &first {
-                assert!(*first == bytes, "{dims:?} {memory} {threads}");
-                continue;
-            }
-            first = Some(bytes);
-            let model = Model::open(&path).unwrap();
-            verify(&model).unwrap();
-            let (voxels, table) = stored(&model);
+        let options = BuildOptions { labels: Some(choice.clone()), ..BuildOptions::default() };
+        built_alike(&volume, &options, 1 << 20, |model| {
+            let (voxels, table) = stored(model);
             assert!(voxels == skin(&labels, dims, &choice), "{dims:?}");
             assert_eq!(table, counts(&labels, &choice));
             for voxel in model.voxels() {
@@ -114,12 +124,7 @@ fn every_label_has_its_skin_at_any_budget_and_threads() {
                     model.frame().labels.iter().find(|l| Some(l.number) == voxel.label).unwrap().color;
                 assert_eq!(voxel.color, Some(color));
             }
-            let [packed, unpacked] = ["p.oct", "u.oct"].map(|name| folder.path().join(name));
-            pack::pack(&path, &packed).unwrap();
-            assert_eq!(info::read_info(&packed).unwrap().frame.labels, model.frame().labels);
-            pack::unpack(&packed, &unpacked).unwrap();
-            assert!(std::fs::read(&unpacked).unwrap() == std::fs::read(&path).unwrap());
-        }
+        });
     }
 }
 
@@ -184,7 +189,13 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
         (ScalarType::I16, -3.0, &["--labels", "all"], 3, "holds the value -3"),
         (ScalarType::U32, 65_536.0, &["--labels", "all"], 3, "holds the value 65536"),
         (ScalarType::U8, 2.0, &["--labels", "9"], 3, "no voxel has one of the labels"),
-        (ScalarType::U8, 2.0, &["--labels", "all", "--error", "0.1"], 2, "no larger leaves so far"),
+        (
+            ScalarType::U8,
+            2.0,
+            &["--labels", "all", "--error", "0.1"],
+            2,
+            "does not support larger leaves yet",
+        ),
         (
             ScalarType::U8,
             2.0,

@@ -27,7 +27,7 @@ fn very_many_volumes_of_one_series_are_one_line_and_one_model() {
     };
     let items = listed(&[]);
     assert_eq!(items.len(), 1, "{items:?}");
-    assert!(items[0]["warnings"].to_string().contains("the first of 40 volumes"), "{items:?}");
+    assert!(items[0]["warnings"].to_string().contains("the first of 40 similar volumes"), "{items:?}");
     assert_eq!((items[0]["number"].as_u64(), items[0]["part"].as_str()), (Some(1), Some("time 1")));
     let all = listed(&["--all-volumes"]);
     assert_eq!(all.len(), 40);

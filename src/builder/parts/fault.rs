@@ -55,7 +55,7 @@ pub(crate) enum NotInParts {
     #[error("{VISIBLE_FROM} cannot be used in parts, as rays cross all of them; leave it out")]
     Sight,
     #[error(
-        "{ERROR} cannot be used in parts yet, as the distances that the model states are of all of them; leave it out"
+        "{ERROR} cannot be used in parts yet, as the distances stated by the model cover all parts; leave it out"
     )]
     Leaves,
     #[error(

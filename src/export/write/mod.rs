@@ -48,7 +48,7 @@ pub(in crate::export) struct PartHead {
 }
 
 /// Takes the vertices in order, and triangles of vertices that came before.
-pub(in crate::export) trait Sink {
+pub(in crate::export) trait Sink: Send {
     /// Begins a part; not called for a surface that is one.
     ///
     /// # Errors

@@ -20,7 +20,7 @@ pub(crate) enum ImageFault {
         "its frames are views, detectors, energy windows or points in time, not slices (there is no Slice Vector (0054,0080)), so they form no volume"
     )]
     FramesWithoutSlices,
-    #[error("its frames cannot be told apart: {0}")]
+    #[error("its frames cannot be distinguished: {0}")]
     Frames(ScanError),
     #[error(
         "its {0} is infinite or not a number, so that neither place nor values are known; correct the header"

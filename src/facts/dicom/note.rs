@@ -54,7 +54,7 @@ pub enum DicomNote {
     OrientationAssumed,
     #[error("the images state no pixel spacing; 1 mm is assumed")]
     PixelSpacingAssumed,
-    #[error("there is one slice only{}", match thickness_mm {
+    #[error("there is only one slice{}", match thickness_mm {
         Some(mm) => format!("; its stated thickness, {mm} mm, is taken as its spacing"),
         None => ", and no thickness is stated; 1 mm is assumed".to_owned(),
     })]
@@ -80,7 +80,7 @@ pub enum DicomNote {
         "the slices are stacked {degrees:.2} degrees off their normal (gantry tilt); the volume is sheared to match"
     )]
     Tilt { degrees: f64 },
-    #[error("some slices lie up to {mm:.3} mm beside the line of the others")]
+    #[error("some slices are up to {mm:.3} mm off the line of the others")]
     Sideways { mm: f64 },
     #[error(
         "slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean_mm:.4} mm, and slices \

@@ -62,7 +62,7 @@ pub(crate) enum SeriesFault {
     RescaleMissing { lacking: usize, slices: usize },
     #[error("the rescale slope is 0, so every pixel would have the same value")]
     RescaleZero,
-    #[error("its images do not have one type of samples")]
+    #[error("its images have different sample types")]
     SampleTypes,
     #[error("too many padding values")]
     ManyPaddings,

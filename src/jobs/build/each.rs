@@ -46,8 +46,8 @@ pub struct LabelModel {
 /// read once: each model is taken from that of all labels. One of skin voxels equals what is built of its label alone, byte
 /// for byte; of cells neighbours share the very walls that the model of all labels has.
 ///
-/// Memory is that of the build, and its cap holds. Temporary disk: 11 bytes a skin voxel more, 12 for each label of a cell. Cost: about that of the
-/// build again, and a sync of each file.
+/// Memory is that of the build, and its cap holds. Temporary disk: 11 bytes a skin voxel more, 12 for each label of a cell.
+/// Cost: about that of the build again, and a sync of each file.
 ///
 /// # Errors
 /// As [`convert`]; a file of that name is there, and nothing is to be replaced: then no model of a label is written.
@@ -59,15 +59,24 @@ pub fn convert_each(
     job: &BuildJob<'_>,
     each: EachLabel<'_>,
 ) -> Result<BuildSummary, Error> {
+    build_each(job, each, |job| convert(kind, inputs, how, job))
+}
+
+/// As [`convert_each`], of whatever `build` builds.
+pub(crate) fn build_each(
+    job: &BuildJob<'_>,
+    each: EachLabel<'_>,
+    build: impl FnOnce(&BuildJob<'_>) -> Result<BuildSummary, Error>,
+) -> Result<BuildSummary, Error> {
     let EachLabel { folder, .. } = each;
     fs::create_dir_all(folder).map_err(|cause| Error::Output { path: folder.to_path_buf(), cause })?;
     sweep(folder);
     if each.keep_whole {
-        let built = convert(kind, inputs, how, job)?;
+        let built = build(job)?;
         return write(built, job.output, job, each);
     }
     let whole = folder.join(temporary_name());
-    let built = convert(kind, inputs, how, &BuildJob { output: &whole, ..*job });
+    let built = build(&BuildJob { output: &whole, ..*job });
     let made = built.and_then(|built| write(built, &whole, job, each));
     let _ = fs::remove_file(&whole);
     made.map(|made| BuildSummary { output: folder.to_path_buf(), ..made })

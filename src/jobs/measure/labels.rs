@@ -5,7 +5,7 @@
 //! turned anyhow and along the axes. Areas of balls and tori are 0.5 and 2 % off; edges are rounded, as labels say nothing
 //! between samples: turned boxes lack 2 % and those along the axes, the worst, 20. 96 of 100 truths lie within the error.
 
-use super::{Bend, Bends, Weights, are_uneven, bounds};
+use super::{Bend, Bends, Bounds, Weights, are_uneven, bounds};
 use crate::enclosed::SkinSlices;
 use crate::format::cell::Plane;
 use crate::format::{Label, Walls};
@@ -33,7 +33,7 @@ pub(in crate::jobs) fn measure_labels(
     affine: &Affine,
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let (voxels, box_mm) = bounds(view, &space)?;
+    let Bounds { voxels, box_mm } = bounds(view, &space)?;
     let weights = Weights::new(affine, &space, view.cells().is_some());
     let mut slices = SkinSlices::new(view, voxels);
     let mut bends = Bends::new(table.len(), EDGE);

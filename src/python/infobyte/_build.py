@@ -35,6 +35,8 @@ def build(
     labels: str | Sequence[int] | None = None,
     names: Path | Mapping[int, str] | None = None,
     keep_names: bool = False,
+    smooth: float | None = None,
+    each: Path | None = None,
     surface: str | None = None,
     error: float | str | None = None,
     spacing: float | Sequence[float] | None = None,
@@ -90,6 +92,9 @@ def build(
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
       included. `names`: their names by number, or a file as `oct build --names` takes it. `keep_names`: as the flag.
+      `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel, of cells.
+    - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours
+      share their walls; skin equals what is built of its label alone. Files of these names are replaced.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
@@ -139,13 +144,16 @@ def build(
         raise UsageError("iso, range, preset and labels exclude each other; give one")
     if names is not None and labels is None:
         raise UsageError("names are of labels; give labels, too")
+    if each is not None and labels is None:
+        raise UsageError("each is of labels; give labels, too")
     if unit not in UNITS:
         raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
     share = memory if isinstance(memory, int) else _infobyte.size(memory)
     asked = {
         "iso": _finite("iso", iso), "range": None, "preset": preset,
         "labels": labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
-        "names": _names(names), "keep_names": bool(keep_names), "surface": surface,
+        "names": _names(names), "keep_names": bool(keep_names), "smooth": _finite("smooth", smooth),
+        "each": None if each is None else os.fspath(each), "surface": surface,
         "error": None if error is None else str(error),
         "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
         "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),

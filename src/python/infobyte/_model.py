@@ -165,6 +165,9 @@ class Model:
         lod: bool = False,
         smooth_edges: bool = False,
         annotate: bool = False,
+        title: str | bool = False,
+        legend: bool = False,
+        section: tuple[str, float] | None = None,
         background: Sequence[int] | None = None,
         layers: Sequence[str] = (),
         threads: int | None = None,
@@ -180,18 +183,27 @@ class Model:
         eight rays where neighbours differ in depth or normal, or 1, 4, 16. `smooth_edges` makes 1 `auto`. `lod`: boxes
         about as small as a pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
 
+        `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
+        name and the model's size in mm. `legend`: on the right, colours and names of the labels that are seen.
+
+        `section`: a slice instead of a view, filled and in true scale: an axis and a place along it in LPS mm, such as
+        `('z', 40)`. It goes with `size`, `zoom`, `color`, `annotate`, `title`, `legend`, `background` and `threads`.
+
         `layers`: any of `depth`, `position`, `normals`, `ids`. The result is a dict then, with the picture as `color`, and
         `depth`: H x W float64, mm along the line of sight, infinity where nothing is hit; `position`, `normals`: H x W x 3
         float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, or -1. They are of
         exact voxels through the middle of each pixel, whatever `lod` says.
 
-        Raises `UsageError` for a camera that makes no sense, `InputError` if the file was changed.
+        Raises `UsageError` for a camera that makes no sense, a plane that misses the model, a legend of a model without
+        labels, or layers with a title, a legend or a section; `InputError` if the file was changed.
 
         >>> model.render(64, view='iso').shape
         (64, 64, 4)
         >>> layers = model.render((60, 40), layers=['depth', 'ids'])
         >>> layers['depth'].shape, bool((layers['ids'] >= 0).any())
         ((40, 60), True)
+        >>> model.render((90, 60), section=('z', 12), title=True).shape
+        (60, 90, 4)
         """
         names = ("depth", "position", "normal", "voxel")
         wanted = {"depth": "depth", "position": "position", "normals": "normal", "ids": "voxel"}
@@ -201,11 +213,11 @@ class Model:
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
             zoom=zoom, color=color, shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
-            annotate=annotate, threads=threads,
+            annotate=annotate, title=title, legend=legend, section=section, background=background, threads=threads,
         )
+        if layers and (title or legend or section is not None):
+            raise UsageError("layers are of a picture without title, legend and section; make two pictures")
         color = self._handle.render(asked, None).reshape(height, width, 4)
-        if background is not None:
-            color = _over(color, background)
         if not layers:
             return color
         found = dict(zip(names, self._handle.cast(asked)))
@@ -216,7 +228,7 @@ class Model:
         return made
 
     def png(self, size: int | tuple[int, int] = 512, **options: Any) -> bytes:
-        """The picture of `render` as the bytes of a PNG; options as there, without `background` and `layers`."""
+        """The picture of `render` as the bytes of a PNG; options as there, without `layers`."""
         return self._handle.png(_asked(size, **options)[0])
 
     def _repr_png_(self) -> bytes:
@@ -400,15 +412,23 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": 35.0,
         "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
-        "annotate": False, "threads": None,
+        "annotate": False, "title": False, "legend": False, "section": None, "background": None, "threads": None,
     }
     unknown = options.keys() - usual.keys()
     if unknown:
         raise TypeError(f"unexpected option of a picture: {', '.join(sorted(unknown))}")
     asked = {**usual, **options, "size": [int(width), int(height)]}
     asked["samples"] = str(asked["samples"])
-    if asked["color"] is not None:
-        asked["color"] = [int(part) for part in asked["color"]]
+    asked["title"] = {True: "", False: None, None: None}.get(asked["title"], asked["title"])
+    for name in ("color", "background"):
+        if asked[name] is not None:
+            asked[name] = _color(name, asked[name])
+    if asked["section"] is not None:
+        asked["section"] = _section(asked["section"])
+        sliced = ("zoom", "color", "annotate", "title", "legend", "section", "background", "threads")
+        foreign = [name for name in usual if name not in sliced and options.get(name, usual[name]) != usual[name]]
+        if foreign:
+            raise UsageError(f"{foreign[0]} is of a view; leave it out for a section")
     for name in ("eye", "look_at", "up"):
         if asked[name] is not None:
             asked[name] = [float(at) for at in asked[name]]
@@ -420,13 +440,18 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
         raise UsageError(f"an option is wrong: {error}") from None
 
 
-def _over(color: NDArray[np.uint8], background: Sequence[int]) -> NDArray[np.uint8]:
-    """The picture before a background."""
-    behind = np.asarray(background, np.float32)
-    if behind.shape != (3,):
-        raise UsageError("a background has three numbers, red, green and blue, from 0 to 255")
-    alpha = color[..., 3:].astype(np.float32) / 255
-    mixed = np.empty_like(color)
-    mixed[..., :3] = np.rint(color[..., :3] * alpha + behind * (1 - alpha))
-    mixed[..., 3] = 255
-    return mixed
+def _color(name: str, value: Any) -> list[int]:
+    """Red, green and blue from 0 to 255."""
+    parts = np.asarray(value)
+    if parts.shape != (3,) or not ((parts >= 0) & (parts <= 255)).all():
+        raise UsageError(f"{name}={value!r} is not three numbers, red, green and blue, from 0 to 255")
+    return [int(part) for part in parts]
+
+
+def _section(value: Any) -> list[Any]:
+    """An axis and a place along it."""
+    try:
+        axis, place = value
+        return [str(axis), float(place)]
+    except (TypeError, ValueError):
+        raise UsageError(f"section={value!r} is not an axis and a place in mm, such as ('z', 40)") from None

@@ -93,6 +93,45 @@ def test_colours_and_magnification(model):
             model.render(16, **wrong)
 
 
+def pixels(path):
+    image = pytest.importorskip("PIL.Image")
+    with image.open(path) as png:
+        return np.asarray(png.convert("RGBA"))
+
+
+def test_titles_legends_and_sections_are_those_of_the_command(tmp_path, oct):
+    z, y, x = np.mgrid[:40, :44, :48]
+    organs = np.where((x - 24) ** 2 + (y - 22) ** 2 + (z - 20) ** 2 < 300, np.where(x < 22, 7, 9), 0).astype(np.uint8)
+    model = infobyte.build(organs, "organs.oct", labels="all", names={7: "liver", 9: "spleen"}, progress=False)
+    size, flags = (200, 160), ["--size", "200x160"]
+    for options, more in (
+        (dict(title=True), ["--title"]),
+        (dict(title="Two organs", background=(10, 20, 30)), ["--title=Two organs", "--background", "#0a141e"]),
+        (dict(legend=True, annotate=True, view="left"), ["--legend", "--annotate", "--view", "left"]),
+        (dict(section=("z", 18.5)), ["--section", "z=18.5"]),
+        (dict(section=("x", 20), title=True, legend=True, annotate=True, zoom=1.5, background=(255, 255, 255)),
+         ["--section", "x=20", "--title", "--legend", "--annotate", "--zoom", "1.5", "--background", "#ffffff"]),
+    ):  # fmt: skip
+        oct("render", "organs.oct", "-o", "want.png", *flags, *more)
+        assert np.array_equal(model.render(size, **options), pixels("want.png")), options
+    # What is read once does not need its file any more.
+    kept = infobyte.open("organs.oct", mmap=False)
+    wanted = model.render(96, section=("y", 22))
+    (tmp_path / "organs.oct").write_bytes(b"")
+    assert np.array_equal(kept.render(96, section=("y", 22)), wanted)
+
+
+@pytest.mark.parametrize(
+    "options",
+    [dict(section=("z", 1e3)), dict(section=("w", 3)), dict(section="z=3"), dict(section=("z", float("nan"))),
+     dict(section=("z", 12), view="left"), dict(section=("z", 12), lod=True), dict(section=("z", 12), layers=["ids"]),
+     dict(title=True, layers=["ids"]), dict(legend=True), dict(section=("z", 12), legend=True), dict(title=5)],
+)  # fmt: skip
+def test_titles_legends_and_sections_that_make_no_sense(model, options):
+    with pytest.raises(infobyte.UsageError):
+        model.render(64, **options)
+
+
 def test_turntables(model):
     frames = list(model.turntable(3, 32, view="left"))
     assert len(frames) == 3 and all(frame.shape == (32, 32, 4) for frame in frames)
@@ -207,6 +246,13 @@ def test_triangles_are_closed(ball, surface):
     assert len(model.to_mesh(2).faces) < len(mesh.faces) / 8
     with pytest.raises(infobyte.UsageError):
         model.to_mesh(7)
+    # In memory two threads make them, in a file one.
+    model.export("a.ply")
+    head, body = open("a.ply", "rb").read().split(b"end_header\n")
+    vertices = np.frombuffer(body, "<f4", 6 * len(mesh.vertices)).reshape(-1, 6)
+    assert np.array_equal(vertices, np.hstack([mesh.vertices, mesh.vertex_normals]))
+    faces = np.frombuffer(body, [("corners", "u1"), ("faces", "<u4", 3)], offset=vertices.nbytes)
+    assert np.array_equal(faces["faces"], mesh.faces)
     with pytest.raises(ZeroDivisionError):
         infobyte.build(ball_of(256), "b.oct", iso=0, progress=False).to_mesh(progress=lambda *_: 1 / 0)
 

@@ -69,6 +69,9 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
     /// Walks the rays `live` together; returns those that have to be traced alone.
     #[inline(always)]
     fn together<L: Lanes>(&mut self, l: L, beam: &Beam<L>, live: u64, depth: u32, unit: u32) -> u64 {
+        if !L::WALKS_TOGETHER {
+            return live;
+        }
         let levels = depth - unit;
         let top = top_edge(levels);
         let mut edge = top;

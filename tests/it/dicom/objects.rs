@@ -313,7 +313,7 @@ fn segments_are_named_by_codes_and_coloured_and_joined_where_labels_are_looked_f
     assert_eq!(told, [(2, "Liver", [255, 255, 255]), (5, "Right Kidney", [255, 0, 0])]);
     // The later segment has the slice that both hold.
     assert_eq!(labels.iter().map(|l| l.voxels).collect::<Vec<_>>(), [4, 8]);
-    assert!(warnings.contains("--keep-names takes those") && warnings.contains("4 voxel(s) are in several"));
+    assert!(warnings.contains("--keep-names uses those") && warnings.contains("4 voxel(s) are in several"));
     assert!(!fs::read(&model).unwrap().windows(4).any(|part| part == b"Real"));
     let (warnings, labels) = build(&["--keep-names", "--overlap", "first"]);
     let told: Vec<_> = labels.iter().map(|l| (l.name.as_str(), l.voxels)).collect();

