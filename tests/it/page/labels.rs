@@ -57,9 +57,9 @@ fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Optio
                 let u = std::array::from_fn(|a| {
                     (2.0 * (at[a] + 0.5 - f64::from(hit.cell[a])) - 1.0).clamp(-1.0, 1.0)
                 });
-                let [near, far] = [1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
+                let [at, near, far] = [1e-9, 1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
                 // Where two walls meet, either counts.
-                if near == far { near } else { [0.0; 3] }
+                if at == near && near == far { near } else { [0.0; 3] }
             }
         };
         let world = std::array::from_fn(|i| (0..3).map(|a| inverse.rows[a][i] * normal[a]).sum());
@@ -90,8 +90,7 @@ fn compare(name: &str, (model, models): (&Model, &[Model]), looks: &[Look], said
         }
         println!("{name}, camera {number}: {hits} hits, {other} other labels or boxes, {far} other normals");
         assert!(other <= MAX_OTHER, "{name}, camera {number}: {other} of {hits}");
-        // Where several walls meet and some labels are hidden, the page may take the direction of another one of them.
-        assert!(far <= 2 * MAX_OTHER, "{name}, camera {number}: {far} normals of {hits}");
+        assert!(far <= MAX_OTHER, "{name}, camera {number}: {far} normals of {hits}");
         assert_eq!(picture["picks"], 0, "{name}, camera {number}");
         all += hits;
     }
@@ -104,7 +103,7 @@ fn a_browser_meets_each_label_where_the_librarys_rays_meet_it_whatever_is_hidden
     let folder = tempfile::tempdir().unwrap();
     let mut inputs = vec![
         random_map(folder.path(), "few.nrrd", [30, 40, 22], 5, 6),
-        random_map(folder.path(), "many.nrrd", [24, 20, 18], 117, 2),
+        random_map(folder.path(), "many.nrrd", [24, 20, 18], 24, 2),
     ];
     inputs.extend(real_data("labels/totalseg-spine.nii.gz"));
     for input in &inputs {
