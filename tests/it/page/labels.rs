@@ -15,9 +15,9 @@ fn random_map(folder: &Path, name: &str, dims: [u32; 3], kinds: u32, block: u32)
 
 /// A model of all labels, its page, and the model of each label.
 fn labelled(folder: &Path, input: &Path, surface: &str) -> (Model, PathBuf, Vec<Model>) {
-    let each = folder.join(format!("each {surface}"));
+    let each = folder.join(format!("{surface} of {}", input.file_stem().unwrap().display()));
     let input = text(input);
-    let options = [&input, "--labels", "all", "--surface", surface, "--force", "--each", &text(&each)];
+    let options = [&input, "--labels", "all", "--surface", surface, "--each", &text(&each)];
     let (model, page) = paged(folder, surface, &options);
     let one = |path: PathBuf| Model::open(&path).unwrap();
     let mut models: Vec<Model> =
