@@ -122,7 +122,7 @@ impl WallCode {
 
     /// The same plane with its other side behind.
     fn turned(self) -> Self {
-        Self { code: normal::negated(self.code), offset: -self.offset, item: self.item }
+        Self { code: normal::negated(self.code), offset: self.offset.saturating_neg(), item: self.item }
     }
 }
 
