@@ -25,6 +25,8 @@ const GAUSSIAN: [f32; WINDOW / 2] = [0.945_959_45, 0.606_530_67, 0.249_352_2, 0.
 const FIRST: f32 = -3.5;
 /// How far from a rough wall samples count by their labels, in voxels.
 const BAND: f32 = 1.0;
+/// The part of a half-space's moment below which a label may be a thin sheet, of up to three voxels.
+const THIN: f32 = 0.85;
 /// Steps of Newton's method; the last changes less than 10^-6 voxel.
 const STEPS: usize = 3;
 
@@ -104,6 +106,76 @@ impl Window<'_> {
     }
 }
 
+/// A copy of a window's samples.
+pub(crate) struct Samples([[u16; WINDOW * WINDOW]; WINDOW]);
+
+impl Window<'_> {
+    /// A copy in which a label's samples keep it where they are connected to its first corner, by faces and within the
+    /// window; all others have `far`. `None` where there are none.
+    #[cold]
+    pub(crate) fn apart(&self, corners: &Corners, label: u16, far: u16) -> Option<Samples> {
+        let mut slices = [[0; WINDOW * WINDOW]; WINDOW];
+        for (to, from) in slices.iter_mut().zip(self.slices) {
+            let rows = from.get(self.first..)?.chunks(self.stride);
+            for (to, from) in to.as_chunks_mut::<WINDOW>().0.iter_mut().zip(rows) {
+                *to = *from.first_chunk()?;
+            }
+        }
+        let bits = |slice: &[u16; WINDOW * WINDOW]| {
+            slice.iter().enumerate().fold(0_u64, |bits, (i, of)| bits | u64::from(*of == label) << i)
+        };
+        let own = slices.each_ref().map(bits);
+        let [z, at] = corner_at(corners.iter().position(|corner| *corner == label)?);
+        let (mut near, mut before) = ([0_u64; WINDOW], [0; WINDOW]);
+        near[z] = 1 << at;
+        while near != before {
+            before = near;
+            for z in 0..WINDOW {
+                let [below, above] = [z.wrapping_sub(1), z + 1].map(|z| near.get(z).copied().unwrap_or(0));
+                near[z] |= (spread(near[z]) | below | above) & own[z];
+            }
+        }
+        for (slice, (near, own)) in slices.iter_mut().zip(near.iter().zip(own)) {
+            let is_far = |i: usize| (own & !near) >> i & 1 == 1;
+            slice.iter_mut().enumerate().filter(|(i, _)| is_far(*i)).for_each(|(_, of)| *of = far);
+        }
+        (near != own).then_some(Samples(slices))
+    }
+
+    /// A number that no sample has.
+    pub(crate) fn unused(&self) -> u16 {
+        let end = self.first + (WINDOW - 1) * (self.stride + 1) + 1;
+        let has = |number: &u16| self.slices.iter().any(|slice| slice[self.first..end].contains(number));
+        (0..=u16::MAX).rev().find(|number| !has(number)).unwrap_or(u16::MAX)
+    }
+}
+
+impl Samples {
+    pub(crate) fn window(&self) -> Window<'_> {
+        Window { slices: self.0.each_ref().map(|slice| &slice[..]), first: 0, stride: WINDOW }
+    }
+
+    pub(crate) fn corners(&self) -> Corners {
+        std::array::from_fn(|corner| {
+            let [z, at] = corner_at(corner);
+            self.0[z][at]
+        })
+    }
+}
+
+/// Where a corner's sample lies in a window: slice, and place within it.
+fn corner_at(corner: usize) -> [usize; 2] {
+    let [x, y, z] = [0, 1, 2].map(|a| WINDOW / 2 - 1 + (corner >> a & 1));
+    [z, y * WINDOW + x]
+}
+
+/// The samples of a slice, row by row, and their neighbours.
+fn spread(slice: u64) -> u64 {
+    const FIRST_OF_ROWS: u64 = 0x0101_0101_0101_0101;
+    let along = (slice & !(FIRST_OF_ROWS << 7)) << 1 | (slice & !FIRST_OF_ROWS) >> 1;
+    slice | along | slice << 8 | slice >> 8
+}
+
 /// Samples that are compared at once.
 const FOUR_ROWS: usize = 4 * WINDOW;
 
@@ -133,6 +205,8 @@ pub(crate) struct Fit {
     rows: Box<[Lanes; WINDOW * WINDOW]>,
     /// The sum of all samples for the place of a wall.
     whole: f32,
+    /// The moment of a half-space through the middle.
+    moment: f32,
 }
 
 type Lanes = [f32; 8];
@@ -170,8 +244,9 @@ impl Fit {
             let place = 4.5 - (y * y + z * z) * scale;
             *row = [1.0, y, z, place, 0.0, 0.0, 0.0, -scale].map(|factor| weight * factor);
         }
-        let mut fit = Self { of_row, rows, whole: 0.0 };
+        let mut fit = Self { of_row, rows, whole: 0.0, moment: 0.0 };
         fit.whole = fit.sums(Portable, &[u8::MAX; WINDOW * WINDOW]).place;
+        fit.moment = fit.sums(Portable, &[0xf0; WINDOW * WINDOW]).moment[0];
         fit
     }
 
@@ -193,7 +268,14 @@ impl Fit {
         other: Option<u16>,
     ) -> Option<Wall> {
         let [mut a, mut b] = window.members(isa, one, other);
-        let wall = self.wall(isa, &mut a, &mut b)?;
+        let (mut wall, is_thin) = self.wall(isa, &mut a, &mut b)?;
+        if is_thin
+            && let Some(other) = other
+            && let Some(near) = near(window, corners, [one, other])
+        {
+            [a, b] = near.window().members(isa, one, Some(other));
+            wall = isa.call(Near { fit: self, one: &mut a, other: &mut b })?;
+        }
         let gap = wall.gap(corners, one, other);
         if gap[0] < wall.along && wall.along < gap[1] {
             return Some(wall);
@@ -208,10 +290,11 @@ impl Fit {
         })
     }
 
-    /// The wall between two labels by the samples that have each. Samples of neither count for the label on whose side
-    /// of the rough wall they lie. `None` where the samples do not say a direction.
+    /// The wall between two labels by the samples that have each, and whether one of them seems to be a thin sheet.
+    /// Samples of neither count for the label on whose side of the rough wall they lie. `None` where the samples do not
+    /// say a direction.
     #[inline(always)]
-    fn wall(&self, isa: impl Isa, one: &mut Members, other: &mut Members) -> Option<Wall> {
+    fn wall(&self, isa: impl Isa, one: &mut Members, other: &mut Members) -> Option<(Wall, bool)> {
         let mut all = u8::MAX;
         for at in 0..WINDOW * WINDOW {
             all &= one[at] | other[at];
@@ -226,7 +309,11 @@ impl Fit {
         // All samples have either label, and the moment of all is 0.
         let toward = direction(first.moment)?;
         let share = 2.0 * first.place / self.whole - 1.0;
-        Some(Wall { normal: toward.map(|c| -c), along: SIGMA * place(share) })
+        let along = place(share);
+        let [x, y, z] = first.moment;
+        let half_space = self.moment * (1.0 - 0.5 * along * along);
+        let is_thin = x * x + y * y + z * z < THIN * THIN * half_space * half_space;
+        Some((Wall { normal: toward.map(|c| -c), along: SIGMA * along }, is_thin))
     }
 }
 
@@ -261,8 +348,34 @@ impl Kernel for Again<'_> {
                 other[row] = other[row] & !behind[row] | before[row];
             }
         }
-        fit.wall(isa, one, other)
+        fit.wall(isa, one, other).map(|(wall, _)| wall)
     }
+}
+
+/// The wall by the samples that are left.
+struct Near<'a> {
+    fit: &'a Fit,
+    one: &'a mut Members,
+    other: &'a mut Members,
+}
+
+impl Kernel for Near<'_> {
+    type Output = Option<Wall>;
+
+    #[inline(always)]
+    fn run(self, isa: impl Isa) -> Option<Wall> {
+        self.fit.wall(isa, self.one, self.other).map(|(wall, _)| wall)
+    }
+}
+
+/// The samples without those of two labels that are not connected to their corners: what lies beyond a thin sheet says
+/// nothing of this side.
+#[cold]
+fn near(window: &Window<'_>, corners: &Corners, labels: [u16; 2]) -> Option<Samples> {
+    let far = window.unused();
+    let first = window.apart(corners, labels[0], far);
+    let second = first.as_ref().map_or(*window, Samples::window).apart(corners, labels[1], far);
+    second.or(first)
 }
 
 /// Gives samples that have neither label the one on whose side they lie.
@@ -350,7 +463,8 @@ mod tests {
             let dot = |u: [f32; 3]| (0..3).map(|a| u[a] * direction[a]).sum::<f32>();
             let along = f32::from(i % 9) / 10.0 - 0.4;
             let [mut one, mut other] = members(|u| dot(u) - along);
-            let wall = fit.wall(Portable, &mut one, &mut other).unwrap();
+            let (wall, is_thin) = fit.wall(Portable, &mut one, &mut other).unwrap();
+            assert!(!is_thin, "{direction:?} {along}");
             squares += (wall.along - along).powi(2);
             turned += dot(wall.normal).min(1.0).acos();
         }

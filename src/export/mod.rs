@@ -447,7 +447,12 @@ impl Exporter<'_> {
             if z % SLICES_KEPT == 0 {
                 (self.give_back)();
             }
-            if work(slices.slice(z).ok_or(ExportStop::Damaged)?)?.is_none() {
+            let slice = slices.slice(z).ok_or(ExportStop::Damaged)?;
+            if z % SLICES_KEPT == 0 {
+                // The nodes of the next slices have been read.
+                (self.give_back)();
+            }
+            if work(slice)?.is_none() {
                 return Ok(None);
             }
         }

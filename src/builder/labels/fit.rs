@@ -1,5 +1,8 @@
 //! The planes of a cell between labels (SPEC 4.12): one for two labels, two for three, else octants.
 //!
+//! A label on both sides of a thin sheet of another counts as two: those of its samples that are connected around the
+//! cell are one of them.
+//!
 //! A plane part its corners strictly: `N . u` of a corner is odd, as the sizes of N sum up to 127, and offsets are even.
 //! So no sample is on a wall, and each has its own label. Where the fitted direction does not part the corners, it is
 //! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
@@ -74,6 +77,9 @@ pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corner
             if let Some(Parting { code, offset, .. }) = parting((isa, fit), window, corners, a, Some(b)) {
                 return Fitted::Plane(code, offset + i8::from(b > 0), [a, b]);
             }
+            if let Some(two) = sheet((isa, fit), window, corners, [a, b]) {
+                return two;
+            }
         }
         [a, b, c] => {
             if let Some(two) = isa.call(TwoPlanes { fit, window, corners, labels: [a, b, c] }) {
@@ -112,6 +118,33 @@ impl Kernel for TwoPlanes<'_> {
         }
         best.map(|(_, fitted)| fitted)
     }
+}
+
+/// Two planes of a cell with a thin sheet of one label, which has the other one on both sides; `None` where both sides
+/// are connected around the cell.
+#[cold]
+fn sheet(
+    (isa, fit): (impl Isa, &CellFit),
+    window: &Window<'_>,
+    corners: &Corners,
+    labels: [u16; 2],
+) -> Option<Fitted> {
+    let far = window.unused();
+    let [a, b] = labels;
+    [[a, b], [b, a]].into_iter().find_map(|[label, sheet]| {
+        let samples = window.apart(corners, label, far)?;
+        let two_sided = samples.corners();
+        if two_sided == *corners {
+            return None;
+        }
+        let (window, labels) = (samples.window(), [label, sheet, far]);
+        let fitted = isa.call(TwoPlanes { fit, window: &window, corners: &two_sided, labels })?;
+        // Both sides have the same label.
+        Some(match fitted {
+            Fitted::Item(code, item) => Fitted::Item(code, WallItem { labels: *corners, ..item }),
+            plane @ Fitted::Plane(..) => plane,
+        })
+    })
 }
 
 /// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.

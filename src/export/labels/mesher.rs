@@ -11,14 +11,16 @@ use std::io;
 use super::cell::{distinct, knots, sheets};
 use super::field::{Field, MARGIN};
 use super::parts::Parts;
-use super::place::Placing;
+use super::place::{Placing, Spot};
 use crate::cpu::{Isa, Kernel, dispatch};
-use crate::enclosed::Rows;
+use crate::enclosed::{Rows, SkinVoxel};
 use crate::export::cases::{EDGES, others};
 use crate::export::dual::{along, distance};
 use crate::export::patch::{corner_at, singles};
 use crate::export::write::{counted, unit};
+use crate::format::Walls;
 use crate::geom::Affine;
+use crate::load::ModelView;
 use crate::wall::Corners;
 
 /// One label in a cell: the number of its first vertex, and where its sheets are, if there are several.
@@ -67,6 +69,31 @@ impl Layer {
         let Some(share) = self.share(cell, label) else { return 0 };
         let sheets = share.sheets.and_then(|at| self.sheets.get(at as usize));
         share.first + sheets.map_or(0, |sheet_of| u32::from(sheet_of[edge]))
+    }
+}
+
+/// A slice of a model's cells between labels, row by row.
+pub(super) struct Stored<'a> {
+    pub(super) view: &'a ModelView<'a>,
+    pub(super) cells: &'a [SkinVoxel],
+    /// Coordinates of the first cell of the model's box.
+    pub(super) low: [u32; 3],
+    /// Columns and rows of the box, with [`MARGIN`] before it.
+    pub(super) width: u32,
+    pub(super) height: u32,
+    /// Parts of a table of labels, from 1 on, by number; 0 for none.
+    pub(super) part_of: &'a [u16],
+}
+
+impl Stored<'_> {
+    fn column(&self, coordinate: u32, axis: usize) -> Option<u32> {
+        #[expect(clippy::cast_possible_truncation, reason = "4")]
+        Some(coordinate.checked_sub(self.low[axis])? + MARGIN as u32)
+    }
+
+    fn corners(&self, walls: &Walls) -> Corners {
+        let part = |number: u16| self.part_of.get(usize::from(number)).copied().unwrap_or(0);
+        std::array::from_fn(|corner| part(walls.corner(corner)))
     }
 }
 
@@ -148,13 +175,26 @@ impl<'a> Mesher<'a> {
         // The first layer has its upper slice in the model's box.
         let Some(z) = field.taken().checked_sub(MARGIN) else { return Ok(()) };
         let z = counted(z as u64)?;
-        std::mem::swap(&mut self.below, &mut self.here);
-        self.here.clear();
-        self.knots.retain(|((_, cell, _), _), _| cell[2] + 1 >= z);
+        self.begin(z);
         if field.is_void() {
             return Ok(());
         }
-        dispatch(Step { mesher: self, field, z })
+        dispatch(Step { mesher: self, source: Source::Samples(field), z })
+    }
+
+    /// Takes the cells of the next slice of a model of cells between labels.
+    ///
+    /// # Errors
+    /// The disk's, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
+    pub(super) fn next_cells(&mut self, cells: &Stored<'_>, z: u32) -> io::Result<()> {
+        self.begin(z);
+        dispatch(Step { mesher: self, source: Source::Cells(cells), z })
+    }
+
+    fn begin(&mut self, z: u32) {
+        std::mem::swap(&mut self.below, &mut self.here);
+        self.here.clear();
+        self.knots.retain(|((_, cell, _), _), _| cell[2] + 1 >= z);
     }
 
     /// Makes the vertices of a row of cells.
@@ -174,7 +214,10 @@ impl<'a> Mesher<'a> {
                 for x in start..end {
                     let corners = std::array::from_fn(|i| rows[i >> 1][x - 1 + (i & 1)]);
                     if corners.iter().any(|label| *label != corners[0]) {
-                        self.cell(isa, field, [x, y, z as usize], corners)?;
+                        let (labels, count) = distinct(&corners);
+                        let spot = self.placing.place(isa, field, [x, y], &corners, &labels[..count]);
+                        let [x, y] = [x, y].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
+                        self.cell([x, y, z], corners, &spot)?;
                     }
                 }
             }
@@ -184,35 +227,55 @@ impl<'a> Mesher<'a> {
         Ok(())
     }
 
+    /// Makes the vertices of a layer of stored cells.
     #[inline(always)]
-    fn cell(
-        &mut self,
-        isa: impl Isa,
-        field: &Field,
-        [x, y, z]: [usize; 3],
-        corners: Corners,
-    ) -> io::Result<()> {
+    fn rows_of(&mut self, stored: &Stored<'_>, z: u32) -> io::Result<()> {
+        let mut rows = 1;
+        for cell in stored.cells {
+            let [Some(x), Some(y)] = [(cell.x, 0), (cell.y, 1)].map(|(c, a)| stored.column(c, a)) else {
+                continue;
+            };
+            let Some(walls) = stored.view.walls(cell.voxel.get()) else { continue };
+            while rows < y {
+                self.here.cells.end_row();
+                rows += 1;
+            }
+            let corners = stored.corners(&walls);
+            if corners.iter().any(|label| *label != corners[0]) {
+                let spot = self.placing.by_walls(&walls, &corners);
+                self.cell([x, y, z], corners, &spot)?;
+            }
+        }
+        while rows < stored.height {
+            self.here.cells.end_row();
+            rows += 1;
+        }
+        Ok(())
+    }
+
+    #[inline(always)]
+    fn cell(&mut self, cell: [u32; 3], corners: Corners, spot: &Spot) -> io::Result<()> {
         let (labels, count) = distinct(&corners);
-        let spot = self.placing.place(isa, field, [x, y], &corners, &labels[..count]);
-        let [column, row, z] = [x, y, z].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
-        let cell = [column, row, z];
         let at = self.mm(cell, spot.at);
         let begin = self.here.shares.len();
         for (label, normal) in labels[..count].iter().zip(spot.normals) {
-            let case = sheets(&corners, *label);
+            let case = sheets(&corners, *label).filter(|case| case.patches > 1);
             let part = usize::from(*label) - 1;
-            let first = self.parts.vertex(part, &[at, normal])?;
-            let mut sheets = None;
+            let mut share = Share { label: *label, first: 0, sheets: None, normal };
             if let Some(case) = case {
-                for _ in 1..case.patches {
-                    self.parts.vertex(part, &[at, normal])?;
+                let is_own = |corner: usize| corners[corner] == *label;
+                for patch in 0..case.patches {
+                    let side = spot.sheet.as_ref().and_then(|sheet| sheet.side(&case, patch, is_own));
+                    let point = side.map_or([at, normal], |(at, normal)| [self.mm(cell, at), normal]);
+                    let number = self.parts.vertex(part, &point)?;
+                    share.first = if patch == 0 { number } else { share.first };
                 }
-                if case.patches > 1 {
-                    sheets = u32::try_from(self.here.sheets.len()).ok();
-                    self.here.sheets.push(case.patch_of);
-                }
+                share.sheets = u32::try_from(self.here.sheets.len()).ok();
+                self.here.sheets.push(case.patch_of);
+            } else {
+                share.first = self.parts.vertex(part, &[at, normal])?;
             }
-            self.here.shares.push(Share { label: *label, first, sheets, normal });
+            self.here.shares.push(share);
         }
         let shares = [begin, self.here.shares.len()].map(|at| u32::try_from(at).unwrap_or(u32::MAX));
         self.here.cells.push(Cell { x: cell[0], corners, at, shares });
@@ -343,10 +406,16 @@ impl<'a> Mesher<'a> {
     }
 }
 
+/// Where a layer's cells come from.
+enum Source<'s> {
+    Samples(&'s Field),
+    Cells(&'s Stored<'s>),
+}
+
 /// Makes the vertices of a layer, then its polygons.
 struct Step<'s, 'a> {
     mesher: &'s mut Mesher<'a>,
-    field: &'s Field,
+    source: Source<'s>,
     z: u32,
 }
 
@@ -355,11 +424,19 @@ impl Kernel for Step<'_, '_> {
 
     #[inline(always)]
     fn run(self, isa: impl Isa) -> io::Result<()> {
-        let Self { mesher, field, z } = self;
+        let Self { mesher, source, z } = self;
         mesher.here.cells.end_row();
-        for y in 1..field.height() {
-            mesher.row(isa, field, y, z)?;
+        match source {
+            Source::Samples(field) => {
+                for y in 1..field.height() {
+                    mesher.row(isa, field, y, z)?;
+                }
+                mesher.join(field.height(), field.width(), z)
+            }
+            Source::Cells(stored) => {
+                mesher.rows_of(stored, z)?;
+                mesher.join(stored.height as usize, stored.width as usize, z)
+            }
         }
-        mesher.join(field.height(), field.width(), z)
     }
 }

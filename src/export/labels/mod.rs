@@ -1,12 +1,13 @@
 //! A model of labels as triangles: a closed part for each label, neighbours sharing the very same wall.
 //!
 //! ```text
-//!   skin of a slice --> labels of all its samples (field) --> a corner a cell (cell, fit, place)
+//!   skin of a slice --> labels of all its samples (field) --> a corner a cell (cell, place)
+//!   cells between labels -------------------------> a corner a cell by its walls (walls)
 //!     --> polygons of both labels of each edge (mesher) --> parts on disk (parts) --> files, part by part
 //! ```
 //!
-//! The model is swept twice: first to learn what each skin encloses. Memory: eight slices of the model's box, two layers
-//! of cells, and the buffers of the parts. Temporary disk: 24 bytes a vertex and 12 a triangle. STL takes
+//! A model of skins is swept twice: first to learn what each skin encloses. Memory: of skins eight slices of the model's
+//! box; two layers of cells, and the buffers of the parts. Temporary disk: 24 bytes a vertex and 12 a triangle. STL takes
 //! 12 bytes a vertex of the largest part in memory, too.
 
 mod cell;
@@ -14,6 +15,7 @@ mod field;
 mod mesher;
 mod parts;
 mod place;
+mod walls;
 
 use std::fs::File;
 use std::io;
@@ -32,7 +34,7 @@ use crate::progress::Progress;
 use crate::scratch;
 
 use field::{Field, MARGIN};
-use mesher::Mesher;
+use mesher::{Mesher, Stored};
 use parts::Parts;
 use place::Placing;
 
@@ -82,14 +84,28 @@ impl Exporter<'_> {
         let to_mm = self.affine.starting_at(std::array::from_fn(|a| f64::from(low[a]) - before[a]));
         let parts = Parts::new(scratch::unnamed(scratch)?, labels.len());
         let mut mesher = Mesher::new(to_mm, Placing::new(self.space, smooth), parts);
-        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
-        self.label_slices(bounds, fates, progress, &mut |slice| {
-            self.take(&mut field, slice, low, &part_of);
-            mesher.next(&field)
-        })?;
-        for _ in 0..MARGIN {
-            field.take(None, &part_of);
-            mesher.next(&field)?;
+        let sides = [0, 1].map(|a| end[a] - low[a]);
+        if walls {
+            #[expect(clippy::cast_possible_truncation, reason = "4")]
+            let [width, height] = sides.map(|side| side + MARGIN as u32);
+            let mut slices = 0..;
+            self.label_slices(bounds, fates, progress, &mut |slice| match (slice, slices.next()) {
+                (Slice::Cells(cells), Some(z)) => {
+                    let part_of = &part_of;
+                    mesher.next_cells(&Stored { view: self.view, cells, low, width, height, part_of }, z)
+                }
+                _ => Ok(()),
+            })?;
+        } else {
+            let mut field = Field::new(sides.map(|side| side as usize)).map_err(io::Error::from)?;
+            self.label_slices(bounds, fates, progress, &mut |slice| {
+                self.take(&mut field, slice, low, &part_of);
+                mesher.next(&field)
+            })?;
+            for _ in 0..MARGIN {
+                field.take(None, &part_of);
+                mesher.next(&field)?;
+            }
         }
         Ok(LabelMesh { parts: mesher.parts, labels: labels.to_vec(), normals: smooth > 0.0, unknown })
     }

@@ -79,6 +79,7 @@ impl Parts {
         }
         let number = counted(of.counts[0])?;
         of.counts[0] += 1;
+        of.vertices.open.reserve_exact(self.page - of.vertices.open.len());
         of.vertices.open.extend_from_slice(&bytes_of(*at));
         of.vertices.open.extend_from_slice(&bytes_of(*normal));
         turn(&mut of.vertices, self.page, &self.file, &mut self.pages)?;
@@ -90,6 +91,7 @@ impl Parts {
     pub(super) fn triangle(&mut self, part: usize, corners: [u32; 3]) -> io::Result<()> {
         let Some(of) = self.parts.get_mut(part) else { return Ok(()) };
         of.counts[1] += 1;
+        of.triangles.open.reserve_exact(self.page - of.triangles.open.len());
         let bytes: [u8; TRIANGLE] = bytemuck::cast(corners.map(u32::to_le_bytes));
         of.triangles.open.extend_from_slice(&bytes);
         turn(&mut of.triangles, self.page, &self.file, &mut self.pages)

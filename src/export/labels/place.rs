@@ -1,6 +1,7 @@
-//! Where the walls of a cell have their corner, and the normals of its labels there.
+//! Where the walls of a cell have their corner, and the normals of its labels there: by the samples around it.
 
 use super::field::Field;
+use super::walls::Sheet;
 use crate::cpu::Isa;
 use crate::export::patch::singles;
 use crate::export::write::unit;
@@ -21,6 +22,7 @@ const SLIGHT: f64 = 1.0 / 32.0;
 pub(super) struct Spot {
     pub(super) at: [f64; 3],
     pub(super) normals: [[f32; 3]; 8],
+    pub(super) sheet: Option<Sheet>,
 }
 
 /// How corners are placed.
@@ -52,7 +54,7 @@ impl<'a> Placing<'a> {
         corners: &Corners,
         labels: &[u16],
     ) -> Spot {
-        if self.most == 0.0 {
+        if self.is_blocky() {
             return Spot::default();
         }
         let with_none = corners.contains(&0);
@@ -61,8 +63,23 @@ impl<'a> Placing<'a> {
             ([one, other], false) => self.between(isa, field, at, corners, [*one, *other]),
             _ => self.among(isa, field, at, corners, labels),
         };
-        spot.at = spot.at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 });
+        spot.at = self.within(spot.at);
         spot
+    }
+
+    /// Are walls those between the samples' boxes?
+    pub(super) fn is_blocky(&self) -> bool {
+        self.most == 0.0
+    }
+
+    /// A corner that is moved no farther than it may be.
+    pub(super) fn within(&self, at: [f64; 3]) -> [f64; 3] {
+        at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 })
+    }
+
+    /// A normal in mm, by one in index space of any length.
+    pub(super) fn in_mm(&self, normal: [f64; 3]) -> [f32; 3] {
+        unit(singles(self.space.index_normal_to_world(normal)))
     }
 
     /// The wall between two labels.
@@ -89,28 +106,35 @@ impl<'a> Placing<'a> {
     #[inline(never)]
     fn among(&self, isa: impl Isa, field: &Field, at: [usize; 2], corners: &Corners, labels: &[u16]) -> Spot {
         let mut spot = Spot::default();
-        let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
-        (0..3).for_each(|a| matrix[a][a] = STAY);
-        for (i, label) in labels.iter().chain(corners.contains(&0).then_some(&0)).enumerate() {
-            let Some(wall) = self.fit.between(isa, &field.window(at), corners, *label, None) else {
-                continue;
-            };
-            let normal = wall.normal.map(f64::from);
-            for a in 0..3 {
-                (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);
-                right[a] += normal[a] * f64::from(wall.along);
-            }
-            if let Some(of_label) = spot.normals.get_mut(i).filter(|_| *label != 0) {
-                *of_label = self.normal(&wall);
-            }
-        }
-        spot.at = solved(&matrix, right);
+        let walls =
+            labels.iter().chain(corners.contains(&0).then_some(&0)).enumerate().filter_map(|(i, label)| {
+                let wall = self.fit.between(isa, &field.window(at), corners, *label, None)?;
+                if let Some(of_label) = spot.normals.get_mut(i).filter(|_| *label != 0) {
+                    *of_label = self.normal(&wall);
+                }
+                Some((wall.normal.map(f64::from), f64::from(wall.along)))
+            });
+        spot.at = nearest(walls);
         spot
     }
 
     fn normal(&self, wall: &Wall) -> [f32; 3] {
-        unit(singles(self.space.index_normal_to_world(wall.normal.map(f64::from))))
+        self.in_mm(wall.normal.map(f64::from))
     }
+}
+
+/// The point nearest to planes, each by its unit normal and its distance along it; near the middle where they do not
+/// say more.
+pub(super) fn nearest(planes: impl IntoIterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
+    let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    (0..3).for_each(|a| matrix[a][a] = STAY);
+    for (normal, along) in planes {
+        for a in 0..3 {
+            (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);
+            right[a] += normal[a] * along;
+        }
+    }
+    solved(&matrix, right)
 }
 
 /// The solution of three equations, by Cramer's rule.

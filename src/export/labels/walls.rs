@@ -1,0 +1,134 @@
+//! The corner of a cell between labels by its stored walls: on its plane, or nearest to both of its planes. On a thin
+//! sheet, which has one label on both sides, each side has a corner of its own.
+
+use super::cell::distinct;
+use super::place::{Placing, Spot, nearest};
+use crate::export::cases::{Case, ENDS};
+use crate::format::Walls;
+use crate::format::cell::{CORNERS, Plane};
+use crate::wall::Corners;
+
+/// The parts of a cell by the two planes that a point is in front of: behind the first, and on both sides of the second.
+const PARTS: [usize; 4] = [0, 1, 0, 2];
+
+/// A plane in voxels from the middle of its cell: the unit normal, and the distance along it.
+type InVoxels = ([f64; 3], f64);
+
+fn in_voxels(plane: &Plane) -> InVoxels {
+    let normal = plane.normal.map(f64::from);
+    let length = normal.iter().map(|n| n * n).sum::<f64>().sqrt();
+    // The cell's own coordinates are in half voxels.
+    (normal.map(|n| n / length), f64::from(plane.offset) / (2.0 * length))
+}
+
+fn foot((normal, along): InVoxels) -> [f64; 3] {
+    normal.map(|n| n * along)
+}
+
+/// The two sides of a thin sheet.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Sheet {
+    /// Where their corners are, in voxels from the middle, and their planes' normals in mm.
+    sides: [([f64; 3], [f32; 3]); 2],
+    /// The part in which each corner of the cell lies.
+    part_of: [usize; CORNERS],
+}
+
+impl Sheet {
+    /// The side on which a patch of a label lies: its corner, and the normal out of the label. `None` of a patch that
+    /// goes around the sheet's edge.
+    pub(super) fn side(
+        &self,
+        case: &Case,
+        patch: u8,
+        is_own: impl Fn(usize) -> bool,
+    ) -> Option<([f64; 3], [f32; 3])> {
+        let mut found = [None; 2];
+        for ([low, high], _) in ENDS.iter().zip(case.patch_of).filter(|(_, of)| *of == patch) {
+            let (own, other) = if is_own(*low) { (*low, *high) } else { (*high, *low) };
+            let (own, other) = (self.part_of[own], self.part_of[other]);
+            found[usize::from(own > 0 && other > 0)] = Some(own < other);
+        }
+        let (side, is_behind) = match found {
+            [Some(is_behind), None] => (0, is_behind),
+            [None, Some(is_behind)] => (1, is_behind),
+            _ => return None,
+        };
+        let (at, normal) = self.sides[side];
+        Some((at, if is_behind { normal } else { normal.map(|c| -c) }))
+    }
+}
+
+impl Placing<'_> {
+    /// Places the corner of a cell; `corners` have the parts of a table in the place of labels.
+    pub(super) fn by_walls(&self, walls: &Walls, corners: &Corners) -> Spot {
+        if self.is_blocky() {
+            return Spot::default();
+        }
+        let (labels, count) = distinct(corners);
+        let labels = &labels[..count];
+        let mut spot = match walls.planes() {
+            [plane] => self.on_plane(plane, labels[0] == label_of(walls, corners, [0, 0])),
+            [first, second] => {
+                let parts = [[0, 2], [1, 1], [3, 3]].map(|fronts| label_of(walls, corners, fronts));
+                if parts[1] == parts[2] {
+                    self.on_plane(first, labels[0] == parts[0])
+                } else {
+                    self.on_two([*first, *second].map(|plane| in_voxels(&plane)), parts, labels)
+                }
+            }
+            _ => self.in_octants(corners, labels),
+        };
+        spot.at = self.within(spot.at);
+        if let Some(sheet) = &mut spot.sheet {
+            sheet.part_of = std::array::from_fn(|corner| PARTS[walls.corner_fronts(corner)]);
+            sheet.sides = sheet.sides.map(|(at, normal)| (self.within(at), normal));
+        }
+        spot
+    }
+
+    fn on_plane(&self, plane: &Plane, is_behind: bool) -> Spot {
+        let plane = in_voxels(plane);
+        let out = self.in_mm(plane.0);
+        let turned = out.map(|c| -c);
+        let mut spot = Spot { at: foot(plane), ..Spot::default() };
+        [spot.normals[0], spot.normals[1]] = if is_behind { [out, turned] } else { [turned, out] };
+        spot
+    }
+
+    fn on_two(&self, planes: [InVoxels; 2], parts: [u16; 3], labels: &[u16]) -> Spot {
+        let mut spot = Spot { at: nearest(planes), ..Spot::default() };
+        let [(first, _), (second, _)] = planes;
+        for (label, normal) in labels.iter().zip(&mut spot.normals) {
+            let has = parts.map(|part| part == *label);
+            let by_first = if has[0] { 1.0 } else { -1.0 };
+            let by_second = f64::from(u8::from(has[1])) - f64::from(u8::from(has[2]));
+            *normal = self.in_mm(std::array::from_fn(|a| by_first * first[a] + by_second * second[a]));
+        }
+        if parts[0] == parts[1] || parts[0] == parts[2] {
+            let sides = planes.map(|plane| (foot(plane), self.in_mm(plane.0)));
+            spot.sheet = Some(Sheet { sides, part_of: [0; CORNERS] });
+        }
+        spot
+    }
+
+    /// In the middle, where octants meet.
+    fn in_octants(&self, corners: &Corners, labels: &[u16]) -> Spot {
+        let mut spot = Spot::default();
+        for (label, normal) in labels.iter().zip(&mut spot.normals) {
+            let mut out = [0.0; 3];
+            for corner in (0..CORNERS).filter(|corner| corners[*corner] == *label) {
+                (0..3).for_each(|a| out[a] += if corner >> a & 1 == 1 { -1.0 } else { 1.0 });
+            }
+            *normal = self.in_mm(out);
+        }
+        spot
+    }
+}
+
+/// The label of the corners that are in front of these planes, by either number.
+fn label_of(walls: &Walls, corners: &Corners, fronts: [usize; 2]) -> u16 {
+    (0..CORNERS)
+        .find(|corner| fronts.contains(&walls.corner_fronts(*corner)))
+        .map_or(0, |corner| corners[corner])
+}
