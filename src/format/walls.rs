@@ -183,22 +183,10 @@ impl Walls {
         self.planes().iter().enumerate().fold(0, |fronts, (i, plane)| fronts | front(plane) << i)
     }
 
-    /// Is there a corner behind the first plane, and in front of it on either side of a second one, and do the corners of
-    /// each face with one label lie in one part? So all parts have a label, and such faces no wall.
+    /// Is there a corner behind the first plane, and in front of it on either side of a second one? So all parts have a label.
     pub(crate) fn has_all_parts(&self) -> bool {
-        if self.count != 2 {
-            return true;
-        }
-        // Behind the first plane, and on either side of the second.
-        let parts: [usize; CORNERS] = std::array::from_fn(|corner| [0, 1, 0, 2][self.corner_fronts(corner)]);
-        let is_whole = |axis: usize, side: usize| {
-            let mut corners = (0..CORNERS).filter(|corner| corner >> axis & 1 == side);
-            let first = corners.next().unwrap_or_default();
-            let mut others = corners.map(|corner| (self.corner(corner), parts[corner]));
-            let label = self.corner(first);
-            others.clone().any(|(of, _)| of != label) || others.all(|(_, part)| part == parts[first])
-        };
-        (0..3).all(|part| parts.contains(&part)) && (0..3).all(|axis| is_whole(axis, 0) && is_whole(axis, 1))
+        let parts = (0..CORNERS).fold(0_u32, |parts, corner| parts | 1 << self.corner_fronts(corner));
+        self.count != 2 || (parts & 0b0101 != 0 && parts & 0b1010 == 0b1010)
     }
 
     /// The label of a point in the cell's own coordinates (-1..=1).

@@ -270,10 +270,14 @@ fn smooth_walls_lie_on_the_balls_that_were_sampled() {
     let map = Map::new([67; 3], label);
     let meshes = SURFACES.map(|surface| {
         map.build(&model, surface);
-        fs::read(exported(&model, "m.ply", None).0).unwrap()
+        Surfaces::read(&exported(&model, "m.ply", None).0)
     });
-    assert!(meshes[0] == meshes[1]);
-    let found = Surfaces::read(&folder.path().join("m.ply"));
+    let [found, other] = &meshes;
+    // By the walls that are stored, and by the samples: they differ by how finely planes are stored.
+    assert_eq!([found.corners.len(), found.triangles.len()], [other.corners.len(), other.triangles.len()]);
+    for (corner, other) in found.corners.iter().zip(&other.corners) {
+        assert!((0..3).all(|a| (corner[a] - other[a]).abs() < 0.02), "{corner:?} {other:?}");
+    }
     let (mut sum, mut count) = (0.0, 0.0);
     for corner in &found.corners {
         let p = corner.map(f64::from);

@@ -71,6 +71,48 @@ fn every_sample_keeps_its_label_at_any_budget_and_threads() {
     }
 }
 
+/// A shell of 1.2 voxels has both of its sides in every cell, as true as those of a ball, alone and around another label.
+#[test]
+fn thin_shells_have_both_of_their_sides() {
+    let (side, middle, radii) = (58_u32, [28.7, 29.2, 28.9], [24.0, 25.2]);
+    let distance = |p: [f64; 3]| (0..3).map(|a| (p[a] - middle[a]).powi(2)).sum::<f64>().sqrt();
+    for inner in [0_u16, 2] {
+        let label = |p: [u32; 3]| match distance(p.map(f64::from)) {
+            r if r <= radii[0] => inner,
+            r if r <= radii[1] => 1,
+            _ => 0,
+        };
+        let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), label);
+        let options = options(&LabelChoice::All, 64 << 20, 1);
+        built_alike(&volume, &options, 4 << 20, |model| {
+            check(model, [side; 3], label);
+            let (mut squares, mut two_sided) = (Vec::new(), 0);
+            for (at, walls) in walls_of(model) {
+                assert!(walls.planes().len() < 3, "{at:?}");
+                two_sided += usize::from(walls.planes().len() == 2);
+                for (i, plane) in walls.planes().iter().enumerate() {
+                    let normal = plane.normal.map(f64::from);
+                    let length = dot(normal, normal);
+                    let foot = normal.map(|n| n * f64::from(plane.offset) / length);
+                    let front = dot(walls.planes()[0].normal.map(f64::from), foot);
+                    if foot.iter().all(|c| c.abs() <= 1.0)
+                        && (i == 0 || front > f64::from(walls.planes()[0].offset))
+                    {
+                        let r = distance(std::array::from_fn(|a| f64::from(at[a]) - 0.5 + foot[a] / 2.0));
+                        squares.push((r - radii[0]).abs().min((r - radii[1]).abs()).powi(2));
+                    }
+                }
+            }
+            let rms = (squares.iter().sum::<f64>() / squares.len() as f64).sqrt();
+            assert!(
+                squares.len() > 15_000 && two_sided > 1_000 && rms < 0.09,
+                "{} {two_sided} {rms}",
+                squares.len()
+            );
+        });
+    }
+}
+
 /// Builds a model of each label, holds it against the whole, and counts cells with several walls.
 fn hold_each(input: &Path, extra: &[&str]) -> usize {
     let folder = tempfile::tempdir().unwrap();
