@@ -4,7 +4,7 @@
 
 const $ = id => document.getElementById(id);
 const main = document.querySelector('main'), canvas = $('canvas');
-const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 2, fine: null, moving: 0, error: null};
+const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 4, fine: null, moving: 0, error: null};
 
 function say(text, failed = false) {
     $('said').textContent = text;
@@ -102,9 +102,20 @@ function fit() {
 
 let asked = 0, written = 0;
 
+/** Puts the state into the address. */
+function write() {
+    clearTimeout(written);
+    written = setTimeout(() => {
+        try {
+            history.replaceState(null, '', `#${page.view}`);
+        } catch { /* a frame without an address */ }
+    }, 300);
+}
+
 /** A picture of what is seen now: coarse at once, fine when nothing moves. */
 function redraw() {
     page.fine = null;
+    write();
     if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
 }
 
@@ -143,6 +154,7 @@ function frame() {
     fit();
     const began = performance.now();
     page.drawing.quick(page.view, page.scale);
+    page.pictured ??= performance.now();
     const took = performance.now() - began;
     // Some 25 pictures a second: as many pixels as that allows.
     page.scale = Math.min(8, Math.max(1, page.scale * Math.sqrt(Math.min(4, Math.max(.25, took / 40)))));
@@ -171,8 +183,6 @@ function refine() {
     };
     delete main.dataset.drawn;
     step();
-    clearTimeout(written);
-    written = setTimeout(() => history.replaceState(null, '', `#${page.view}`), 100);
 }
 
 /** The name of a label, or its number. */
@@ -433,7 +443,7 @@ function begin() {
 }
 
 async function open() {
-    const began = performance.now();
+    page.began = performance.now();
     try {
         const head = JSON.parse($('head').textContent);
         const chunks = [...document.querySelectorAll('[data-part]')].map(part => {
@@ -442,7 +452,7 @@ async function open() {
             return bytes;
         });
         page.model = head.sections.length ? new Model(head, await sections(head, chunks)) : placed(head);
-        page.opened = performance.now() - began;
+        page.opened = performance.now() - page.began;
         page.view = new View(page.model);
         fit();
         page.view.named('front', aspect());

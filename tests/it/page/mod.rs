@@ -6,6 +6,8 @@
 
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
+mod driver;
+mod hands;
 mod labels;
 
 use crate::prelude::*;
@@ -133,19 +135,8 @@ fn shown(browser: &Path, page: &Path, looks: &[Look], what: &str) -> Value {
     fs::write(&tested, format!("{head}{body}")).unwrap();
     let profile = tempfile::tempdir().unwrap();
     let run = Command::new(browser)
-        .args([
-            "--headless=new",
-            "--no-sandbox",
-            "--disable-gpu-sandbox",
-            "--use-gl=angle",
-            "--use-angle=swiftshader",
-        ])
-        .args([
-            "--enable-unsafe-swiftshader",
-            "--virtual-time-budget=120000",
-            "--window-size=900,700",
-            "--dump-dom",
-        ])
+        .args(driver::ARGUMENTS)
+        .args(["--virtual-time-budget=120000", "--window-size=900,700", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(format!("file://{}", tested.canonicalize().unwrap().display()))
         .output()
