@@ -23,21 +23,13 @@ class Browser:
     """Chromium by its debugging protocol over pipes."""
 
     def __init__(self, arguments: list[str]):
-        self.profile = tempfile.TemporaryDirectory()
-        there, self.out = os.pipe()
-        self.back, here = os.pipe()
-
-        def pipes():
-            os.dup2(there, 3)
-            os.dup2(here, 4)
-
-        name = os.environ.get("INFOBYTE_BROWSER", "chromium")
-        command = [name, "--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--window-size=1000,700"]
+        self.profile = tempfile.TemporaryDirectory(ignore_cleanup_errors=True)
+        # It reads commands from file 3, and answers in file 4.
+        command = ["sh", "-c", 'exec "$0" "$@" 3<&0 4>&1 </dev/null >/dev/null 2>&1', os.environ.get("INFOBYTE_BROWSER", "chromium")]
+        command += ["--headless=new", "--no-sandbox", "--remote-debugging-pipe", "--window-size=1000,700"]
         command += [f"--user-data-dir={self.profile.name}", *arguments, "about:blank"]
-        quiet = subprocess.DEVNULL
-        self.process = subprocess.Popen(command, preexec_fn=pipes, close_fds=False, stdin=quiet, stdout=quiet, stderr=quiet)
-        os.close(there)
-        os.close(here)
+        self.process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        self.out, self.back = self.process.stdin.fileno(), self.process.stdout.fileno()
         self.number, self.rest, self.session = 0, b"", None
         page = next(t for t in self.call("Target.getTargets")["targetInfos"] if t["type"] == "page")
         self.session = self.call("Target.attachToTarget", targetId=page["targetId"], flatten=True)["sessionId"]
@@ -96,12 +88,8 @@ class Browser:
         return total
 
     def close(self):
-        try:
-            self.session = None
-            self.call("Browser.close")
-        except (OSError, RuntimeError):
-            pass
-        self.process.wait(20)
+        self.process.kill()
+        self.process.wait()
         self.profile.cleanup()
 
 

@@ -463,6 +463,24 @@ impl OpenScene {
         })
     }
 
+    /// Its own view, as pages write theirs; empty without one.
+    pub(super) fn start(&self) -> String {
+        let own = &self.scene.camera;
+        let text = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);
+        let perspective = if own.projection == Some(Projection::Perspective) { "&p=1" } else { "" };
+        match (own.eye, own.view) {
+            (Some([eye, look_at]), _) => {
+                let forward: [f64; 3] = std::array::from_fn(|a| look_at[a] - eye[a]);
+                let up = text(own.up.unwrap_or([0.0, 0.0, 1.0]));
+                let fov = own.fov_deg.unwrap_or(super::render::RenderRequest::FOV_DEG).to_radians();
+                let half = forward.iter().map(|c| c * c).sum::<f64>().sqrt() * (fov / 2.0).tan();
+                format!("f={}&u={up}&t={}&h={half}{perspective}", text(forward), text(look_at))
+            }
+            (None, Some(view)) => format!("v={}{perspective}", view.name()),
+            (None, None) => perspective.trim_start_matches('&').to_owned(),
+        }
+    }
+
     /// Its picture, by the request's camera or its own.
     pub(super) fn picture(&self, request: &SceneRequest) -> Result<Image, Error> {
         let image = self.with(|parts| {

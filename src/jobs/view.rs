@@ -17,7 +17,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
@@ -69,7 +69,6 @@ pub fn view(
     let entries = if is_folder { sheet::entries(input)? } else { vec![Entry::opened(Subject::open(input)?)] };
     let refused = |cause| Error::Port { port: request.port, cause };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
-    listener.set_nonblocking(true).map_err(refused)?;
     let port = listener.local_addr().map_err(refused)?.port();
     let server = Server {
         folder: is_folder.then_some(input),
@@ -81,26 +80,40 @@ pub fn view(
         secret: secret().map_err(refused)?,
     };
     ready(&format!("http://127.0.0.1:{port}/{}/", server.secret));
-    let clients = AtomicUsize::new(0);
-    let mut last = Instant::now();
+    let (clients, ended) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let last = Mutex::new(Instant::now());
+    let touch = || *last.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    let is_idle = |idle| {
+        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+        if clients.load(Ordering::Acquire) > 0 {
+            *last = Instant::now();
+        }
+        last.elapsed() > idle
+    };
     std::thread::scope(|scope| {
-        while !stopped() {
-            let client = match listener.accept() {
+        scope.spawn(|| {
+            while !ended.load(Ordering::Acquire) && !stopped() && !request.idle.is_some_and(is_idle) {
+                std::thread::sleep(BEAT);
+            }
+            ended.store(true, Ordering::Release);
+            // Wakes the one that waits for clients.
+            let _gone = TcpStream::connect((Ipv4Addr::LOCALHOST, port));
+        });
+        loop {
+            let found = listener.accept();
+            if ended.load(Ordering::Acquire) {
+                return Ok(());
+            }
+            let client = match found {
                 Ok((client, _)) => client,
-                Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
-                    if clients.load(Ordering::Acquire) > 0 {
-                        last = Instant::now();
-                    } else if request.idle.is_some_and(|idle| last.elapsed() > idle) {
-                        return Ok(());
-                    }
-                    std::thread::sleep(BEAT);
-                    continue;
-                }
                 // A client that went away before it was looked at.
                 Err(cause) if cause.kind() == io::ErrorKind::ConnectionAborted => continue,
-                Err(cause) => return Err(refused(cause)),
+                Err(cause) => {
+                    ended.store(true, Ordering::Release);
+                    return Err(refused(cause));
+                }
             };
-            last = Instant::now();
+            touch();
             if clients.fetch_add(1, Ordering::AcqRel) >= MAX_CLIENTS {
                 clients.fetch_sub(1, Ordering::AcqRel);
                 continue;
@@ -112,7 +125,6 @@ pub fn view(
                 clients.fetch_sub(1, Ordering::AcqRel);
             });
         }
-        Ok(())
     })
 }
 
@@ -203,7 +215,6 @@ impl Write for Client {
 
 impl Server<'_> {
     fn answer(&self, stream: TcpStream) -> Result<(), Refused> {
-        stream.set_nonblocking(false)?;
         let mut client = Client { stream, until: Instant::now() + PATIENCE };
         let found = self.read(&mut client).and_then(|asked| self.send(&mut client, &asked));
         if let Err(Refused::Status(status, why)) = found {

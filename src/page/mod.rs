@@ -68,8 +68,22 @@ pub(crate) enum Way {
 #[derive(Debug)]
 pub(crate) enum Shown<'a, D> {
     Model(&'a Model<D>, &'a GridSpace),
-    /// A scene, by pictures of a server: the least and greatest corner of what is in it, in LPS mm.
-    Scene([[f64; 3]; 2]),
+    /// A scene, by pictures of a server: the least and greatest corner of what is in it, in LPS mm, and its own view as
+    /// pages write theirs, empty for one from the front.
+    Scene([[f64; 3]; 2], String),
+}
+
+impl<D: AsRef<[u8]>> Shown<'_, D> {
+    /// Classes of the page, by which its scripts know what to prepare while the model comes in.
+    fn kind(&self, way: Way) -> &'static str {
+        let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
+        match (way, has_labels) {
+            (Way::Pictures, true) => "asks",
+            (Way::Pictures, false) => "asks plain",
+            (_, true) => "",
+            (_, false) => "plain",
+        }
+    }
 }
 
 /// The model's facts for the page's scripts, as JSON.
@@ -91,6 +105,8 @@ struct Head<'a> {
     value_scale: [f64; 2],
     /// Are the axes a patient's?
     patient: bool,
+    /// The view at the beginning; empty for one from the front.
+    start: &'a str,
     /// May the page ask for pictures?
     served: bool,
     /// The table of labels; those of voxels are places in it.
@@ -138,6 +154,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
             "STYLE" => out.write_all(style.as_bytes())?,
             "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
             "DATA" => write_data(shown, way, out)?,
+            "KIND" => out.write_all(shown.kind(way).as_bytes())?,
             "SCRIPT" => out.write_all(script.as_bytes())?,
             _ => {}
         }
@@ -149,8 +166,9 @@ pub(crate) fn write<D: AsRef<[u8]>>(
 fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Write) -> io::Result<()> {
     let mut head = match shown {
         Shown::Model(model, space) => Head::of(model, space),
-        Shown::Scene(box_mm) => {
-            Head { box_mm: *box_mm, affine: Affine::from_spacing([1.0; 3]).rows, ..Head::default() }
+        Shown::Scene(box_mm, start) => {
+            let affine = Affine::from_spacing([1.0; 3]).rows;
+            Head { box_mm: *box_mm, affine, start, ..Head::default() }
         }
     };
     head.served = way != Way::File;

@@ -197,7 +197,6 @@ function listParts() {
         element.textContent = text;
         return element;
     };
-    main.classList.toggle('plain', !view.labels.length);
     $('parts').hidden = !view.labels.length;
     $('parts').open = window.innerWidth > 600;
     $('find').hidden = view.labels.length <= 12;
@@ -417,20 +416,33 @@ function tools() {
     window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
     canvas.addEventListener('webglcontextlost', event => {
         event.preventDefault();
-        page.drawing = page.fine = null;
+        page.drawing = page.fine = page.ready = null;
         main.classList.remove('live');
         say('The graphics were lost for a moment; this is a picture.');
     });
     canvas.addEventListener('webglcontextrestored', begin);
 }
 
+const graphics = () => canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+
+/** Begins to compile the shader, by a pixel, while the model comes in. */
+function warm() {
+    const gl = main.classList.contains('asks') ? null : graphics();
+    if (!gl) return;
+    page.ready = compiled(gl, (main.classList.contains('plain') ? '' : LABELS) + SHADER);
+    gl.useProgram(page.ready.made);
+    gl.viewport(0, 0, 1, 1);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.flush();
+}
+
 /** Puts the model into the graphics and shows it. */
 function begin() {
     try {
         if (!page.model.texels) throw new Error('The model is too large for a page, or has too many labels; its pictures come from oct, without cuts and positions.');
-        const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+        const gl = graphics();
         if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
-        page.drawing = new Drawing(gl, page.model, SHADER);
+        page.drawing = new Drawing(gl, page.model, SHADER, page.ready);
     } catch (error) {
         if (!page.model.head.served) throw error;
         page.asks = true;
@@ -446,26 +458,29 @@ async function open() {
     page.began = performance.now();
     try {
         const head = JSON.parse($('head').textContent);
-        const chunks = [...document.querySelectorAll('[data-part]')].map(part => {
+        const parts = [...document.querySelectorAll('[data-part]')].map(part => () => {
             const bytes = decoded(part.textContent);
             part.remove();
             return bytes;
         });
-        page.model = head.sections.length ? new Model(head, await sections(head, chunks)) : placed(head);
+        page.model = head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
         page.opened = performance.now() - page.began;
         page.view = new View(page.model);
         fit();
         page.view.named('front', aspect());
-        if (location.hash.length > 1) page.view.read(location.hash.slice(1));
+        const state = location.hash.slice(1) || head.start;
+        if (state) page.view.read(state);
         pointers();
         tools();
-        showState(location.hash.length > 1 ? '' : 'front');
+        showState(state ? '' : 'front');
         begin();
     } catch (error) {
         main.classList.remove('live');
-        say(error instanceof Error ? error.message : 'The model cannot be shown.', true);
+        // What is not a sentence of these scripts is of damaged data.
+        say(error.name === 'Error' ? error.message : 'The data of this page are damaged, so this is a picture of the model.', true);
     }
     main.dataset.opened = page.error ? 'failed' : 'whole';
 }
 
-open();
+warm();
+document.addEventListener('DOMContentLoaded', open);

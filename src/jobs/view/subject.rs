@@ -91,7 +91,7 @@ impl Subject {
                 page::write(&Shown::Model(model, &space), &title, &picture, way, out)?;
             }
             What::Scene(scene) => {
-                let shown = Shown::<&[u8]>::Scene(scene.extent().map_err(failed)?);
+                let shown = Shown::<&[u8]>::Scene(scene.extent().map_err(failed)?, scene.start());
                 page::write(&shown, &title, &picture, Way::Pictures, out)?;
             }
         }
