@@ -115,6 +115,7 @@ function write() {
 /** A picture of what is seen now: coarse at once, fine when nothing moves. */
 function redraw() {
     page.fine = null;
+    delete main.dataset.drawn;
     write();
     if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
 }
@@ -181,7 +182,6 @@ function refine() {
         } while (performance.now() < until);
         setTimeout(step);
     };
-    delete main.dataset.drawn;
     step();
 }
 

@@ -4,14 +4,15 @@
 use super::driver::Driver;
 use super::*;
 
-const MIDDLE: [f64; 2] = [500.0, 350.0];
+const SIZE: [u32; 2] = [640, 440];
+const MIDDLE: [f64; 2] = [320.0, 220.0];
 
 /// A page of a head, and a browser that shows it.
 fn shown_head(folder: &Path) -> Option<(Driver, PathBuf)> {
     let browser = chromium()?;
     let (_, page) = paged(folder, "head", &["synthetic:head@48", "--surface", "cells"]);
     let mut driver = Driver::start(&browser);
-    driver.size([1000, 700], false);
+    driver.size(SIZE, false);
     driver.open(&page, "");
     Some((driver, page))
 }
@@ -68,7 +69,7 @@ fn a_model_follows_the_mouse_the_wheel_and_fingers() {
     for turn in [-240.0, 240.0] {
         page.reset();
         let half = page.number("page.view.half");
-        page.drag(MIDDLE, [120.0, -60.0], "right");
+        page.drag(MIDDLE, [80.0, -40.0], "right");
         let at = page.marked();
         page.wheel(at, turn);
         page.until(&format!("page.view.half !== {half}"));
@@ -107,7 +108,7 @@ fn places_distances_and_angles_are_those_of_the_model() {
     let folder = tempfile::tempdir().unwrap();
     let Some((mut page, _)) = shown_head(folder.path()) else { return };
     page.reset();
-    let places = [MIDDLE, [540.0, 320.0], [470.0, 300.0]];
+    let places = [MIDDLE, [345.0, 200.0], [300.0, 190.0]];
     let picks: Vec<[f64; 3]> = places
         .iter()
         .map(|at| {
@@ -120,7 +121,7 @@ fn places_distances_and_angles_are_those_of_the_model() {
     let said = page.said();
     let wanted = format!("x {:.2}, y {:.2}, z {:.2} mm", picks[0][0], picks[0][1], picks[0][2]);
     assert!(said.starts_with(&wanted), "{said}, not {wanted}");
-    page.click([20.0, 600.0]);
+    page.click([20.0, 300.0]);
     assert_eq!(page.said(), "Nothing is there.");
     let from = |a: usize, b: usize| [0, 1, 2].map(|i| picks[a][i] - picks[b][i]);
     let length = |v: [f64; 3]| dot(v, v).sqrt();
@@ -179,17 +180,16 @@ fn a_page_is_used_without_a_mouse_and_read_aloud() {
     };
     focus(&mut page, "named");
     page.key("ArrowDown");
-    page.key("ArrowDown");
     let state = page.state();
     assert!(state.starts_with("f=0,-1,0&"), "back: {state}");
     focus(&mut page, "cut");
     page.key("ArrowDown");
     focus(&mut page, "place");
-    (0..100).for_each(|_| page.key("ArrowRight"));
-    assert!(page.state().ends_with("&c=x,0.6"), "{}", page.state());
+    (0..10).for_each(|_| page.key("ArrowRight"));
+    assert!(page.state().ends_with("&c=x,0.51"), "{}", page.state());
     focus(&mut page, "flip");
     page.key("Enter");
-    assert!(page.state().ends_with("&c=x,0.6,1"), "{}", page.state());
+    assert!(page.state().ends_with("&c=x,0.51,1"), "{}", page.state());
     focus(&mut page, "help");
     page.key(" ");
     assert_eq!(page.ask("$('keys').hidden"), false);
@@ -233,7 +233,7 @@ fn a_page_is_used_without_a_mouse_and_read_aloud() {
 fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
     let folder = tempfile::tempdir().unwrap();
     let Some((mut page, path)) = shown_head(folder.path()) else { return };
-    for (size, is_phone) in [([390, 844], true), ([1600, 900], false), ([320, 480], true)] {
+    for (size, is_phone) in [([390, 844], true), ([1200, 500], false), ([320, 480], true)] {
         page.size(size, is_phone);
         page.until(&format!("canvas.clientWidth === {} && canvas.clientHeight === {}", size[0], size[1]));
         page.whole();
@@ -242,7 +242,7 @@ fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
         );
         assert_eq!(wide, true, "{size:?}");
     }
-    page.size([1000, 700], false);
+    page.size(SIZE, false);
     page.reset();
     ["2", "p", "c", "ArrowLeft", "b", "+"].iter().for_each(|key| page.key(key));
     let state = page.state();
@@ -324,8 +324,8 @@ fn a_page_works_in_the_frame_of_a_notebook() {
     );
     let inside = page.leave();
     page.back(outside);
-    page.drag([500.0, 300.0], [60.0, 20.0], "left");
-    page.wheel([500.0, 300.0], -200.0);
+    page.drag([320.0, 300.0], [60.0, 20.0], "left");
+    page.wheel([320.0, 300.0], -200.0);
     page.shot("notebook");
     page.leave();
     page.back(inside);

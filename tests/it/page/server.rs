@@ -239,7 +239,14 @@ fn hostile_requests_get_nothing_and_take_no_memory() {
     let (before, started) = (peak_of(&child), Instant::now());
     let count = 1000 * long();
     let answers: u32 = std::thread::scope(|scope| {
-        let threads: Vec<_> = (1..3).map(|seed| scope.spawn(|| besiege(&target, seed, count))).collect();
+        let threads: Vec<_> = (1..3)
+            .map(|seed| {
+                scope.spawn({
+                    let target = &target;
+                    move || besiege(target, seed, count)
+                })
+            })
+            .collect();
         threads.into_iter().map(|thread| thread.join().unwrap()).sum()
     });
     let after = peak_of(&child);
