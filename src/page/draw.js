@@ -162,7 +162,7 @@ class Drawing {
     }
 
     /**
-     * A picture with several rays a pixel, in tiles: a generator that gives way after each, since one call that takes
+     * A picture with several rays a pixel, in tiles: a generator that gives way after each draw, since one call that takes
      * seconds loses the context on some machines.
      */
     *fine(view, samples) {
@@ -187,10 +187,10 @@ class Drawing {
                 for (let i = 0; i < samples; i++) {
                     gl.uniform2f(program.places.jitter ?? null, ...(samples > 1 ? places[i] : [0, 0]));
                     gl.drawArrays(gl.TRIANGLES, 0, 3);
+                    yield;
                 }
                 gl.disable(gl.BLEND);
                 this.copyTile(x, y, w, h);
-                yield;
             }
         }
     }

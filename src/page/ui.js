@@ -166,20 +166,28 @@ function frame() {
     page.moving = setTimeout(refine, 160);
 }
 
-/** The fine picture, tile by tile, until something changes. */
+/** The fine picture, some draws at a time, until something changes: what waits for the graphics cannot be taken back. */
 function refine() {
     if (!page.drawing) return;
-    const mine = page.fine = page.drawing.fine(page.view, 8);
+    const {gl} = page.drawing, mine = page.fine = page.drawing.fine(page.view, 8);
+    let fence = null, began = 0, draws = 1;
     const step = () => {
         if (page.fine !== mine) return;
-        const until = performance.now() + 30;
-        do {
-            if (mine.next().done) {
-                page.fine = null;
-                main.dataset.drawn = 'fine';
-                return;
+        const now = performance.now();
+        if (!fence || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED) {
+            if (fence) gl.deleteSync(fence);
+            draws = Math.max(1, now - began < 20 ? 2 * draws : draws >> 1);
+            began = now;
+            for (let i = 0; i < draws; i++) {
+                if (mine.next().done) {
+                    page.fine = null;
+                    main.dataset.drawn = 'fine';
+                    return;
+                }
             }
-        } while (performance.now() < until);
+            fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+            gl.flush();
+        }
         setTimeout(step);
     };
     step();
@@ -290,7 +298,9 @@ function clearPoints() {
 
 function savePicture() {
     if (!page.drawing) return;
+    page.fine = null;
     for (const _ of page.drawing.fine(page.view, 8));
+    main.dataset.drawn = 'fine';
     canvas.toBlob(blob => {
         const link = document.createElement('a');
         link.href = URL.createObjectURL(blob);

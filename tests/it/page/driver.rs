@@ -52,6 +52,8 @@ impl Driver {
         for domain in ["Page", "Runtime", "Accessibility"] {
             driver.call(&format!("{domain}.enable"), serde_json::json!({}));
         }
+        // Small, since software draws it.
+        driver.size([320, 240], false);
         driver
     }
 
@@ -142,8 +144,13 @@ impl Driver {
         self.call("Page.navigate", serde_json::json!({ "url": address }));
     }
 
-    /// Waits for the page and its fine picture.
+    /// Waits for the page and its first picture.
     pub(super) fn whole(&mut self) {
+        self.until("typeof main === 'object' && !!page.pictured && main.classList.contains('live')");
+    }
+
+    /// Waits for the fine picture.
+    pub(super) fn fine(&mut self) {
         self.until("typeof main === 'object' && main.dataset.drawn === 'fine'");
     }
 

@@ -234,7 +234,7 @@ fn hostile_requests_get_nothing_and_take_no_memory() {
         )
     };
     // What a page asks for, as large as it may be.
-    let large = format!("picture?{}&x=&p=1", CAMERA.replace("w=64&s=48", "w=4096&s=2048"));
+    let large = format!("picture?{}&p=1", CAMERA.replace("w=64&s=48", "w=4096&s=2048"));
     assert_eq!((ask("").0, ask(&large).0, ask(&large.replace("2048", "2049")).0), (200, 200, 400));
     let (before, started) = (peak_of(&child), Instant::now());
     let count = 1000 * long();
@@ -296,7 +296,7 @@ fn scenes_and_folders_are_served_as_pages() {
     assert!(child.wait().unwrap().success());
     // A scene, of which all pictures come from the server.
     let scene = folder.path().join("two.toml");
-    fs::write(&scene, "[[model]]\nfile = \"m.oct\"\n[[model]]\nfile = \"m.oct\"\nmove = [40, 0, 0]\n")
+    fs::write(&scene, "[[model]]\nfile = \"m.oct\"\n[[model]]\nfile = \"m.oct\"\nmove = [40, 0, 0]\n[camera]\nview = \"top\"\n")
         .unwrap();
     let (mut child, address) = served(&scene, &["--idle", "2"]);
     let target = Target::of(&address);
