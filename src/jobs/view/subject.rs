@@ -23,7 +23,7 @@ const MAX_PIXELS: u32 = 1 << 23;
 
 /// What is looked at.
 enum What {
-    Model(Model),
+    Model(Box<Model>),
     Scene(OpenScene),
 }
 
@@ -43,7 +43,7 @@ impl Subject {
             What::Scene(OpenScene::open(path)?)
         } else {
             verify_unless_packed(path)?;
-            What::Model(open_model(path)?)
+            What::Model(Box::new(open_model(path)?))
         };
         Ok(Self { path: path.to_path_buf(), what })
     }
