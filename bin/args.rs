@@ -199,8 +199,8 @@ pub(crate) struct IntersectArgs {
 
 #[derive(Debug, Args)]
 pub(crate) struct ViewArgs {
-    /// The model (mapped or packed)
-    #[arg(value_name = "MODEL.oct")]
+    /// The model (mapped or packed), a scene, or a folder of models
+    #[arg(value_name = "MODEL.oct|SCENE.toml|FOLDER")]
     pub(crate) model: PathBuf,
     /// Port on this machine; a free one by default
     #[arg(long, value_name = "N", default_value_t = 0)]

@@ -105,10 +105,12 @@ pub enum UsageError {
     GradientOfTree { path: PathBuf },
     #[error("{}: is the input, {}; name another file with {OUTPUT}", shown(.path), if *.folder { "or part of it, and would be replaced by the model" } else { "and would be replaced" })]
     ReplacesInput { path: PathBuf, folder: bool },
-    #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid, or within a bound ({ERROR})", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
+    #[error("{}: has {}, more than a page in a browser holds ({}); build it on a coarser grid or within a bound ({ERROR}), or look at it with {VIEW}", shown(.path), Bytes(*.bytes), Bytes(page::MAX_BYTES))]
     PageTooLarge { path: PathBuf, bytes: u64 },
     #[error("{}: has {labels} labels, and a page holds {}; build it of fewer ({LABELS}), or look at it with {VIEW}", shown(.path), page::MAX_LABELS)]
     PageLabels { path: PathBuf, labels: usize },
+    #[error("{}: has no models; give a folder that holds files named .oct", shown(.path))]
+    NoModels { path: PathBuf },
     #[error("{}: is the model and would be replaced by a picture; name another file", shown(.path))]
     ReplacesModel { path: PathBuf },
     #[error("{}: two pictures would be written to it; name another file for one of them", shown(.path))]

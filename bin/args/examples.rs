@@ -54,6 +54,7 @@ pub(crate) const INTERSECT: &str = "Examples:
 
 pub(crate) const VIEW: &str = "Examples:
   oct view head.oct
+  oct view models/
   oct view head.oct --port 8080 --idle 600";
 
 pub(crate) const RENDER: &str = "Examples:

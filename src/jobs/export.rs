@@ -19,7 +19,7 @@ use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exported, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, ModelView, verify};
-use crate::page::{self, Way};
+use crate::page::{self, Shown, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::{Short, data, shown};
@@ -243,14 +243,14 @@ fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error
 }
 
 /// Pixels along a side of the picture that a page shows where it cannot draw the model.
-const STILL: u32 = 720;
+pub(super) const STILL: u32 = 720;
 
-/// The picture of a page, as a PNG.
+/// The picture of a page, as a PNG of so many pixels a side.
 ///
 /// # Errors
 /// [`RenderError`](crate::render::RenderError).
-pub(super) fn still(model: &Model, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
-    let request = RenderRequest { width: STILL, height: STILL, ..RenderRequest::default() };
+pub(super) fn still(model: &Model, side: u32, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
+    let request = RenderRequest { width: side, height: side, ..RenderRequest::default() };
     let (image, _) = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
     let mut png = Vec::new();
     image.write_png_to(&mut png).map_err(|_| Error::Internal)?;
@@ -274,13 +274,13 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
         return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());
     }
     let (dims, affine) = (model.dims(), model.affine());
-    let picture = still(&model, progress)?;
+    let picture = still(&model, STILL, progress)?;
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
     let space = GridSpace::new(dims, &affine)?;
     progress.stage("page", 1);
-    page::write(&model, &space, &title, &picture, Way::File, &mut BufWriter::new(out.file()))
-        .map_err(unwritable)?;
+    let what = Shown::Model(&model, &space);
+    page::write(&what, &title, &picture, Way::File, &mut BufWriter::new(out.file())).map_err(unwritable)?;
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
     let written = (Exported::default(), bytes, Vec::new());

@@ -421,7 +421,82 @@ pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> 
     let placed: Vec<Placed<'_, _>> =
         scene.models.iter().map(|placed| (placed, model, (&view, 0), path)).collect();
     let parts = parts(path, &placed)?;
-    let outputs = Outputs {
+    let look = look(path, &scene, &parts, request, &plain(path))?;
+    Ok(scene::paint(&parts, &look, &|_| {})?.image)
+}
+
+/// A scene held open, for pictures from many sides.
+pub(super) struct OpenScene {
+    path: PathBuf,
+    scene: Scene,
+    files: Files,
+}
+
+impl OpenScene {
+    pub(super) fn open(path: &Path) -> Result<Self, Error> {
+        let scene = read_scene(path)?;
+        let files = Files::open(path, &scene)?;
+        Ok(Self { path: path.to_path_buf(), scene, files })
+    }
+
+    fn with<T>(&self, job: impl FnOnce(&[Part<'_>]) -> Result<T, Error>) -> Result<T, Error> {
+        let files = &self.files;
+        let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
+        let models = self.scene.models.iter().zip(&files.of);
+        let placed: Vec<_> = models
+            .map(|(placed, file)| {
+                (placed, &files.models[*file], (&views[*file], *file), &*files.paths[*file])
+            })
+            .collect();
+        job(&parts(&self.path, &placed)?)
+    }
+
+    /// Least and greatest corner of all that is in it, in LPS mm.
+    pub(super) fn extent(&self) -> Result<[[f64; 3]; 2], Error> {
+        self.with(|parts| {
+            let reach = |axis: usize, sign: f64| {
+                let mut direction = [0.0; 3];
+                direction[axis] = sign;
+                sign * support(parts, direction)
+            };
+            Ok([-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))))
+        })
+    }
+
+    /// Its own view, as pages write theirs; empty without one.
+    pub(super) fn start(&self) -> String {
+        let own = &self.scene.camera;
+        let text = |v: [f64; 3]| format!("{},{},{}", v[0], v[1], v[2]);
+        let perspective = if own.projection == Some(Projection::Perspective) { "&p=1" } else { "" };
+        match (own.eye, own.view) {
+            (Some([eye, look_at]), _) => {
+                let forward: [f64; 3] = std::array::from_fn(|a| look_at[a] - eye[a]);
+                let up = text(own.up.unwrap_or([0.0, 0.0, 1.0]));
+                let fov = own.fov_deg.unwrap_or(super::render::RenderRequest::FOV_DEG).to_radians();
+                let half = forward.iter().map(|c| c * c).sum::<f64>().sqrt() * (fov / 2.0).tan();
+                format!("f={}&u={up}&t={}&h={half}{perspective}", text(forward), text(look_at))
+            }
+            (None, Some(view)) => format!("v={}{perspective}", view.name()),
+            (None, None) => perspective.trim_start_matches('&').to_owned(),
+        }
+    }
+
+    /// Its picture, by the request's camera or its own.
+    pub(super) fn picture(&self, request: &SceneRequest) -> Result<Image, Error> {
+        let image = self.with(|parts| {
+            let look = look(&self.path, &self.scene, parts, request, &plain(&self.path))?;
+            Ok(scene::paint(parts, &look, &|_| {})?.image)
+        })?;
+        for (model, path) in self.files.models.iter().zip(&self.files.paths) {
+            model.check_unchanged(path)?;
+        }
+        Ok(image)
+    }
+}
+
+/// One picture, and nothing around it.
+fn plain(path: &Path) -> Outputs<'_> {
+    Outputs {
         image: path,
         depth: None,
         normals: None,
@@ -429,9 +504,7 @@ pub(super) fn picture_of(path: &Path, model: &Model, request: &SceneRequest) -> 
         shots: Shots::One,
         title: None,
         legend: false,
-    };
-    let look = look(path, &scene, &parts, request, &outputs)?;
-    Ok(scene::paint(&parts, &look, &|_| {})?.image)
+    }
 }
 
 /// What the labels of a model let through; `None` of one without labels.

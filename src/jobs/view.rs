@@ -1,40 +1,43 @@
-//! `oct view`: a model in a browser of this machine, by the page that an export writes.
+//! `oct view`: a model, a scene or a folder of models in a browser of this machine, by the page that an export writes.
 //!
-//! A server of one model on 127.0.0.1 under a path that cannot be guessed. It answers GET and HEAD of two things: the
-//! page, and pictures of a camera, which the page asks for where there is no WebGL2 or the model is too large for a page.
-//! It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that leads here) and long or
-//! slow requests, and answers 16 at a time.
+//! A server on 127.0.0.1 under a path that cannot be guessed. It answers GET and HEAD: of pages, of a folder's contact
+//! sheet, and of pictures of a camera, which a page asks for where there is no WebGL2, of a scene, or of a model that is
+//! too large for a page. It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that
+//! leads here) and long or slow requests, answers 16 at a time, and makes one picture at a time.
+//!
+//! | file | what it holds |
+//! |---|---|
+//! | `subject` | a model or a scene: its page, its pictures |
+//! | `sheet` | the models of a folder, and their contact sheet |
+
+mod sheet;
+mod subject;
 
 use std::fs::File;
 use std::io::{self, BufWriter, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
-use std::path::{Path, PathBuf};
-use std::sync::atomic::{AtomicUsize, Ordering};
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
-use super::export::still;
-use super::opened::open_model;
-use super::render::{RenderRequest, render_view};
-use super::scene::{SceneRequest, picture_of};
-use super::verify::verify_unless_packed;
 use crate::error::Error;
-use crate::load::Model;
-use crate::page::{self, Way};
 use crate::platform::FileExt;
-use crate::render::{GridSpace, Projection, ViewPoint};
-use crate::scene::LabelRule;
 use crate::scratch::unnamed;
-use crate::text::data;
+
+use sheet::Entry;
+use subject::Subject;
 
 /// Longest request in bytes: browsers send some hundred.
 const MAX_REQUEST: usize = 8 << 10;
 /// Requests that are answered at a time.
 const MAX_CLIENTS: usize = 16;
-/// How long a client may take to ask, and to read what it asked for.
+/// How long a client may take to ask.
 const PATIENCE: Duration = Duration::from_secs(10);
-/// Pixels along a side of a picture.
-const MAX_SIDE: u32 = 4096;
+/// Bytes a second that a client has to take, beyond that.
+const LEAST_RATE: u64 = 1 << 20;
+/// Pixels along a side of the pictures of a contact sheet.
+const THUMBNAIL: u32 = 256;
 /// How often it is looked at whether to stop.
 const BEAT: Duration = Duration::from_millis(50);
 
@@ -47,13 +50,14 @@ pub struct ViewRequest {
     pub idle: Option<Duration>,
 }
 
-/// Serves the model at `input` until `stopped` says so, or for `idle` without a request; `ready` gets the address.
+/// Serves the model, the scene or the folder of models at `input` until `stopped` says so, or for `idle` without a request;
+/// `ready` gets the address.
 ///
-/// Memory: the model is mapped, its page lies in a scratch file in `scratch`, a picture takes its pixels. Cost: pages and
-/// pictures are made when they are asked for.
+/// Memory: models are mapped, a page lies in a scratch file in `scratch`, a picture takes its pixels. Cost: pages and
+/// pictures are made when they are asked for; of a folder only names are read before.
 ///
 /// # Errors
-/// The model is damaged or changes meanwhile; the port is taken ([`Error::Port`]).
+/// The model is damaged or changes meanwhile; the folder has none; the port is taken ([`Error::Port`]).
 pub fn view(
     input: &Path,
     request: ViewRequest,
@@ -61,41 +65,55 @@ pub fn view(
     ready: &dyn Fn(&str),
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), Error> {
-    verify_unless_packed(input)?;
-    let model = open_model(input)?;
+    let is_folder = input.is_dir();
+    let entries = if is_folder { sheet::entries(input)? } else { vec![Entry::opened(Subject::open(input)?)] };
     let refused = |cause| Error::Port { port: request.port, cause };
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
-    listener.set_nonblocking(true).map_err(refused)?;
     let port = listener.local_addr().map_err(refused)?.port();
     let server = Server {
-        input,
+        folder: is_folder.then_some(input),
+        entries,
         scratch,
-        model: &model,
         page: Mutex::new(None),
+        drawing: Mutex::new(()),
         port,
         secret: secret().map_err(refused)?,
     };
     ready(&format!("http://127.0.0.1:{port}/{}/", server.secret));
-    let clients = AtomicUsize::new(0);
-    let mut last = Instant::now();
+    let (clients, ended) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let last = Mutex::new(Instant::now());
+    let touch = || *last.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
+    let is_idle = |idle| {
+        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
+        if clients.load(Ordering::Acquire) > 0 {
+            *last = Instant::now();
+        }
+        last.elapsed() > idle
+    };
     std::thread::scope(|scope| {
-        while !stopped() {
-            let client = match listener.accept() {
+        scope.spawn(|| {
+            while !ended.load(Ordering::Acquire) && !stopped() && !request.idle.is_some_and(is_idle) {
+                std::thread::sleep(BEAT);
+            }
+            ended.store(true, Ordering::Release);
+            // Wakes the one that waits for clients.
+            let _gone = TcpStream::connect((Ipv4Addr::LOCALHOST, port));
+        });
+        loop {
+            let found = listener.accept();
+            if ended.load(Ordering::Acquire) {
+                return Ok(());
+            }
+            let client = match found {
                 Ok((client, _)) => client,
-                Err(cause) if cause.kind() == io::ErrorKind::WouldBlock => {
-                    if clients.load(Ordering::Acquire) > 0 {
-                        last = Instant::now();
-                    } else if request.idle.is_some_and(|idle| last.elapsed() > idle) {
-                        return Ok(());
-                    }
-                    std::thread::sleep(BEAT);
-                    continue;
-                }
                 // A client that went away before it was looked at.
                 Err(cause) if cause.kind() == io::ErrorKind::ConnectionAborted => continue,
-                Err(cause) => return Err(refused(cause)),
+                Err(cause) => {
+                    ended.store(true, Ordering::Release);
+                    return Err(refused(cause));
+                }
             };
-            last = Instant::now();
+            touch();
             if clients.fetch_add(1, Ordering::AcqRel) >= MAX_CLIENTS {
                 clients.fetch_sub(1, Ordering::AcqRel);
                 continue;
@@ -107,7 +125,6 @@ pub fn view(
                 clients.fetch_sub(1, Ordering::AcqRel);
             });
         }
-        Ok(())
     })
 }
 
@@ -120,10 +137,16 @@ fn secret() -> io::Result<String> {
 
 /// What is answered instead of content.
 enum Refused {
-    /// With this status, and a word why.
-    Status(u16, &'static str),
+    /// With this status, and a sentence why.
+    Status(u16, String),
     /// The connection failed.
     Gone,
+}
+
+impl Refused {
+    fn because(status: u16, why: impl ToString) -> Self {
+        Self::Status(status, why.to_string())
+    }
 }
 
 impl From<io::Error> for Refused {
@@ -133,11 +156,15 @@ impl From<io::Error> for Refused {
 }
 
 struct Server<'a> {
-    input: &'a Path,
+    /// The folder that a contact sheet is of.
+    folder: Option<&'a Path>,
+    /// Its models; one without a folder.
+    entries: Vec<Entry>,
     scratch: &'a Path,
-    model: &'a Model,
-    /// Once it has been made.
-    page: Mutex<Option<File>>,
+    /// The page that was asked for last, of the entry of this number.
+    page: Mutex<Option<(usize, File)>>,
+    /// Held while a picture is made.
+    drawing: Mutex<()>,
     port: u16,
     secret: String,
 }
@@ -149,36 +176,71 @@ struct Asked {
     what: String,
 }
 
+/// A client that takes its time, but no more than it is given.
+struct Client {
+    stream: TcpStream,
+    until: Instant,
+}
+
+impl Client {
+    fn left(&self) -> io::Result<Duration> {
+        let left = self.until.checked_duration_since(Instant::now()).filter(|left| !left.is_zero());
+        left.ok_or_else(|| io::ErrorKind::TimedOut.into())
+    }
+
+    /// The head of an answer of so many bytes, and the time to take it. Pages from elsewhere may not read it, and nothing
+    /// keeps it.
+    fn head(&mut self, status: u16, kind: &str, bytes: u64) -> io::Result<()> {
+        self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / LEAST_RATE);
+        let word = if status == 200 { "OK" } else { "refused" };
+        let head = format!(
+            "HTTP/1.1 {status} {word}\r\nContent-Type: {kind}\r\nContent-Length: {bytes}\r\nConnection: close\r\n\
+             Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
+             Cross-Origin-Resource-Policy: same-origin\r\n\r\n"
+        );
+        self.write_all(head.as_bytes())
+    }
+}
+
+impl Write for Client {
+    fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
+        self.stream.set_write_timeout(Some(self.left()?))?;
+        self.stream.write(bytes)
+    }
+
+    fn flush(&mut self) -> io::Result<()> {
+        Ok(())
+    }
+}
+
 impl Server<'_> {
-    fn answer(&self, mut client: TcpStream) -> Result<(), Refused> {
-        client.set_nonblocking(false)?;
-        client.set_write_timeout(Some(PATIENCE))?;
+    fn answer(&self, stream: TcpStream) -> Result<(), Refused> {
+        let mut client = Client { stream, until: Instant::now() + PATIENCE };
         let found = self.read(&mut client).and_then(|asked| self.send(&mut client, &asked));
         if let Err(Refused::Status(status, why)) = found {
-            head(&mut client, &format!("{status} {why}"), "text/plain", why.len() as u64)?;
+            client.head(status, "text/plain; charset=utf-8", why.len() as u64)?;
             client.write_all(why.as_bytes())?;
         }
         Ok(())
     }
 
     /// Reads a request, and checks who asks for what.
-    fn read(&self, client: &mut TcpStream) -> Result<Asked, Refused> {
-        let started = Instant::now();
+    fn read(&self, client: &mut Client) -> Result<Asked, Refused> {
         let mut bytes = Vec::new();
         while !bytes.ends_with(b"\r\n\r\n") {
-            let left = PATIENCE.checked_sub(started.elapsed()).filter(|left| !left.is_zero());
-            client.set_read_timeout(Some(left.ok_or(Refused::Status(408, "too slow"))?))?;
+            let left = client.left().map_err(|_| Refused::because(408, "too slow"))?;
+            client.stream.set_read_timeout(Some(left))?;
             let mut some = [0; 1024];
-            let count = client.read(&mut some)?;
+            let count = client.stream.read(&mut some)?;
             if count == 0 {
                 return Err(Refused::Gone);
             }
             bytes.extend_from_slice(some.get(..count).unwrap_or_default());
             if bytes.len() > MAX_REQUEST {
-                return Err(Refused::Status(431, "too long"));
+                return Err(Refused::because(431, "too long"));
             }
         }
-        let text = str::from_utf8(&bytes).map_err(|_| Refused::Status(400, "not text"))?;
+        let text = str::from_utf8(&bytes).map_err(|_| Refused::because(400, "not text"))?;
         let mut lines = text.split("\r\n");
         let mut words = lines.next().unwrap_or_default().split(' ');
         let (method, path) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -189,119 +251,71 @@ impl Server<'_> {
             .collect();
         let port = self.port;
         if ![format!("127.0.0.1:{port}"), format!("localhost:{port}")].iter().any(|host| hosts == [host]) {
-            return Err(Refused::Status(421, "another host"));
+            return Err(Refused::because(421, "another host"));
         }
         if !matches!(method, "GET" | "HEAD") {
-            return Err(Refused::Status(405, "only GET and HEAD"));
+            return Err(Refused::because(405, "only GET and HEAD"));
         }
         let what = path.strip_prefix('/').and_then(|path| path.strip_prefix(&self.secret)?.strip_prefix('/'));
-        let what = what.ok_or(Refused::Status(404, "not here"))?.to_owned();
+        let what = what.ok_or_else(|| Refused::because(404, "not here"))?.to_owned();
         Ok(Asked { is_head: method == "HEAD", what })
     }
 
-    fn send(&self, client: &mut TcpStream, asked: &Asked) -> Result<(), Refused> {
-        if asked.what.is_empty() {
-            let page = self.page()?;
-            let bytes = page.metadata()?.len();
-            head(client, "200 OK", "text/html; charset=utf-8", bytes)?;
-            let (mut at, mut part) = (0, vec![0; 64 << 10]);
-            while !asked.is_head && at < bytes {
-                let count = page.read_at(&mut part, at)?;
-                client.write_all(part.get(..count).filter(|part| !part.is_empty()).ok_or(Refused::Gone)?)?;
-                at += count as u64;
+    fn send(&self, client: &mut Client, asked: &Asked) -> Result<(), Refused> {
+        let nothing = || Refused::because(404, "not here");
+        let (number, what) = match self.folder {
+            None => (0, &*asked.what),
+            Some(folder) if asked.what.is_empty() => {
+                let sheet = sheet::page(folder, &self.entries);
+                client.head(200, "text/html; charset=utf-8", sheet.len() as u64)?;
+                return if asked.is_head { Ok(()) } else { Ok(client.write_all(sheet.as_bytes())?) };
             }
-            return Ok(());
-        }
-        let camera = asked.what.strip_prefix("picture?").ok_or(Refused::Status(404, "not here"))?;
-        let (request, hidden) = picture(camera).ok_or(Refused::Status(400, "not a camera"))?;
-        let model = self.model;
-        let made = if hidden.is_empty() {
-            let made = render_view(&model.view(), model.dims(), &model.affine(), &request);
-            made.map(|(image, _)| image).map_err(Error::from)
-        } else {
-            picture_of(self.input, model, &with_labels(&request, hidden))
+            Some(_) => {
+                let (number, what) = asked.what.split_once('/').ok_or_else(nothing)?;
+                (number.parse().map_err(|_| nothing())?, what)
+            }
         };
-        let image = made.map_err(|_| Refused::Status(400, "not a camera"))?;
-        if model.check_unchanged(self.input).is_err() {
-            return Err(Refused::Status(410, "the model was changed"));
+        let subject = self.entries.get(number).ok_or_else(nothing)?.subject()?;
+        if what.is_empty() {
+            return self.send_page(client, (number, subject), asked.is_head);
         }
-        let mut png = Vec::new();
-        image.write_png_to(&mut png)?;
-        head(client, "200 OK", "image/png", png.len() as u64)?;
-        if !asked.is_head {
-            client.write_all(&png)?;
+        let png = {
+            let _one = self.drawing.lock().unwrap_or_else(PoisonError::into_inner);
+            match what.strip_prefix("picture?") {
+                Some(camera) => subject.picture(camera)?,
+                None if what == "still" => subject.still(THUMBNAIL)?,
+                None => return Err(nothing()),
+            }
+        };
+        client.head(200, "image/png", png.len() as u64)?;
+        if asked.is_head { Ok(()) } else { Ok(client.write_all(&png)?) }
+    }
+
+    fn send_page(&self, client: &mut Client, of: (usize, &Subject), is_head: bool) -> Result<(), Refused> {
+        let page = self.page(of)?;
+        let bytes = page.metadata()?.len();
+        client.head(200, "text/html; charset=utf-8", bytes)?;
+        let (mut at, mut part) = (0, vec![0; 64 << 10]);
+        while !is_head && at < bytes {
+            let count = page.read_at(&mut part, at)?;
+            client.write_all(part.get(..count).filter(|part| !part.is_empty()).ok_or(Refused::Gone)?)?;
+            at += count as u64;
         }
         Ok(())
     }
 
-    /// The page in a scratch file.
-    fn page(&self) -> Result<File, Refused> {
+    /// The page of an entry in a scratch file.
+    fn page(&self, (number, subject): (usize, &Subject)) -> Result<File, Refused> {
         let mut page = self.page.lock().unwrap_or_else(PoisonError::into_inner);
-        if page.is_none() {
-            let file = unnamed(self.scratch)?;
-            let failed = |_| Refused::Status(500, "the model cannot be drawn");
-            let space = GridSpace::new(self.model.dims(), &self.model.affine()).map_err(failed)?;
-            let picture = still(self.model, &crate::progress::Silent)
-                .map_err(|_| Refused::Status(500, "no picture"))?;
-            let title = self.input.file_stem().map_or_else(String::new, |stem| data(&PathBuf::from(stem)));
-            let is_large = self.model.header().file_bytes > page::MAX_BYTES
-                || self.model.frame().labels.len() > page::MAX_LABELS;
-            let way = if is_large { Way::Pictures } else { Way::Served };
-            page::write(self.model, &space, &title, &picture, way, &mut BufWriter::new(&file))?;
-            *page = Some(file);
+        if let Some((_, file)) = page.as_ref().filter(|(of, _)| *of == number) {
+            return Ok(file.try_clone()?);
         }
-        Ok(page.as_ref().ok_or(Refused::Gone)?.try_clone()?)
-    }
-}
-
-/// The head of an answer. Pages from elsewhere may not read it, and nothing keeps it.
-fn head(client: &mut TcpStream, status: &str, kind: &str, bytes: u64) -> io::Result<()> {
-    write!(
-        client,
-        "HTTP/1.1 {status}\r\nContent-Type: {kind}\r\nContent-Length: {bytes}\r\nConnection: close\r\n\
-         Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
-         Cross-Origin-Resource-Policy: same-origin\r\n\r\n"
-    )
-}
-
-/// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: as the page writes its view, with
-/// width and height, and `x=5,7..20` for labels that are hidden; `None` for one that makes no sense.
-fn picture(text: &str) -> Option<(RenderRequest, Vec<LabelRule>)> {
-    let value = |name: &str| text.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
-    let point = |name| -> Option<[f64; 3]> {
-        let numbers: Vec<f64> = value(name)?.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
-        numbers.try_into().ok()
-    };
-    let side = |name| value(name)?.parse::<u32>().ok().filter(|side| (1..=MAX_SIDE).contains(side));
-    let (forward, up, target) = (point("f")?, point("u")?, point("t")?);
-    let half: f64 = value("h")?.parse().ok()?;
-    let (width, height) = (side("w")?, side("s")?);
-    let length = forward.iter().map(|c| c * c).sum::<f64>().sqrt();
-    let distance = half / (page::FOV_DEG / 2.0).to_radians().tan();
-    let eye = std::array::from_fn(|a| target[a] - distance * forward[a] / length);
-    let is_perspective = value("p") == Some("1");
-    let hide = |text: &str| Some(LabelRule { labels: text.parse().ok()?, opacity: 0.0 });
-    let hidden = value("x").map_or(Some(Vec::new()), |text| text.split(',').map(hide).collect())?;
-    let request = RenderRequest {
-        width,
-        height,
-        point: ViewPoint::Free { eye, look_at: target, up: Some(up) },
-        projection: if is_perspective { Projection::Perspective } else { Projection::Parallel },
-        fov_deg: page::FOV_DEG,
-        ..RenderRequest::default()
-    };
-    Some((request, hidden))
-}
-
-/// The same picture with some labels hidden.
-fn with_labels(request: &RenderRequest, labels: Vec<LabelRule>) -> SceneRequest {
-    SceneRequest {
-        size: Some([request.width, request.height]),
-        point: Some(request.point),
-        projection: Some(request.projection),
-        fov_deg: Some(request.fov_deg),
-        labels,
-        threads: request.threads,
-        ..SceneRequest::default()
+        let file = unnamed(self.scratch)?;
+        let mut out = BufWriter::new(&file);
+        subject.write_page(&mut out)?;
+        out.flush()?;
+        drop(out);
+        *page = Some((number, file.try_clone()?));
+        Ok(file)
     }
 }

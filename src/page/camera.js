@@ -191,6 +191,7 @@ class View {
             const numbers = (given.get(name) ?? '').split(',').map(Number);
             return numbers.length === 3 && numbers.every(c => Number.isFinite(c) && Math.abs(c) < 1e12) ? numbers : null;
         };
+        if (Object.hasOwn(VIEWS, given.get('v'))) this.named(given.get('v'));
         const [forward, up, target, half] = [list('f'), list('u'), list('t'), Number(given.get('h'))];
         if (forward && up) this.look(forward, up);
         if (target) this.target = target;

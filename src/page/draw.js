@@ -4,10 +4,28 @@
 
 const WIDTH = 4096;
 
+/** A program of a shader that is drawn over the whole picture; it is compiled meanwhile, until it is used. */
+function compiled(gl, text) {
+    const made = gl.createProgram();
+    const add = (kind, text) => {
+        const shader = gl.createShader(kind);
+        gl.shaderSource(shader, '#version 300 es\n' + text);
+        gl.compileShader(shader);
+        gl.attachShader(made, shader);
+        return shader;
+    };
+    add(gl.VERTEX_SHADER, 'void main(){gl_Position=vec4(gl_VertexID==1?3.:-1.,gl_VertexID==2?3.:-1.,0,1);}');
+    const fragment = add(gl.FRAGMENT_SHADER, text);
+    gl.linkProgram(made);
+    return {made, fragment};
+}
+
+const LABELS = '#define LABELS\n';
+
 class Drawing {
-    /** Puts a model into the textures of a context; throws where the machine cannot hold it. */
-    constructor(gl, model, shaders) {
-        Object.assign(this, {gl, model, shaders, programs: {}, textures: {}});
+    /** Puts a model into the textures of a context; throws where the machine cannot hold it. `ready` is its program. */
+    constructor(gl, model, shaders, ready) {
+        Object.assign(this, {gl, model, shaders, ready, programs: {}, textures: {}});
         const rows = gl.getParameter(gl.MAX_TEXTURE_SIZE);
         const s = model.sections, put = (name, bytes) => this.put(name, bytes, rows);
         put('nodes', model.texels);
@@ -37,36 +55,28 @@ class Drawing {
         gl.bindTexture(gl.TEXTURE_2D, this.textures[name]);
         for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
         gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, Math.min(texels, WIDTH), rows);
-        const whole = Math.floor(bytes.length / 16 / WIDTH);
-        const words = (from, count) => {
-            const part = new Uint8Array(16 * count);
-            part.set(bytes.subarray(16 * from, Math.min(bytes.length, 16 * (from + count))));
-            return new Uint32Array(part.buffer);
+        const whole = Math.floor(bytes.length / 16 / WIDTH), rest = texels - whole * WIDTH;
+        const send = (row, width, count, words) => {
+            gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, width, count, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
         };
-        // Parts of 16 MiB, so that no second copy of everything is held.
-        for (let row = 0; row < whole; row += 256) {
-            const count = Math.min(256, whole - row);
-            gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, WIDTH, count, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words(row * WIDTH, count * WIDTH));
+        // Parts of 1 MiB, so that no second copy of everything is held.
+        for (let row = 0; row < whole; row += 16) {
+            const count = Math.min(16, whole - row);
+            send(row, WIDTH, count, new Uint32Array(bytes.buffer, bytes.byteOffset + 16 * row * WIDTH, 4 * count * WIDTH));
         }
-        const rest = texels - whole * WIDTH;
-        if (rest > 0) gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, whole, rest, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words(whole * WIDTH, rest));
+        if (rest > 0) {
+            const last = new Uint8Array(16 * rest);
+            last.set(bytes.subarray(16 * whole * WIDTH));
+            send(whole, rest, 1, new Uint32Array(last.buffer));
+        }
     }
 
     program(numbers) {
         const name = numbers ? 'numbers' : 'picture';
         if (this.programs[name]) return this.programs[name];
-        const gl = this.gl, made = gl.createProgram();
-        const add = (kind, text) => {
-            const shader = gl.createShader(kind);
-            gl.shaderSource(shader, text);
-            gl.compileShader(shader);
-            gl.attachShader(made, shader);
-            return shader;
-        };
-        const head = '#version 300 es\n' + (numbers ? '#define NUMBERS\n' : '') + (this.model.labels ? '#define LABELS\n' : '');
-        add(gl.VERTEX_SHADER, '#version 300 es\nvoid main(){gl_Position=vec4(gl_VertexID==1?3.:-1.,gl_VertexID==2?3.:-1.,0,1);}');
-        const fragment = add(gl.FRAGMENT_SHADER, head + this.shaders);
-        gl.linkProgram(made);
+        const gl = this.gl, defines = (numbers ? '#define NUMBERS\n' : '') + (this.model.labels ? LABELS : '');
+        const {made, fragment} = !numbers && this.ready || compiled(gl, defines + this.shaders);
+        this.ready = numbers ? this.ready : null;
         if (!gl.getProgramParameter(made, gl.LINK_STATUS) && !gl.isContextLost()) {
             throw new Error(gl.getShaderInfoLog(fragment) || gl.getProgramInfoLog(made));
         }
@@ -152,7 +162,7 @@ class Drawing {
     }
 
     /**
-     * A picture with several rays a pixel, in tiles: a generator that gives way after each, since one call that takes
+     * A picture with several rays a pixel, in tiles: a generator that gives way after each draw, since one call that takes
      * seconds loses the context on some machines.
      */
     *fine(view, samples) {
@@ -177,10 +187,10 @@ class Drawing {
                 for (let i = 0; i < samples; i++) {
                     gl.uniform2f(program.places.jitter ?? null, ...(samples > 1 ? places[i] : [0, 0]));
                     gl.drawArrays(gl.TRIANGLES, 0, 3);
+                    yield;
                 }
                 gl.disable(gl.BLEND);
                 this.copyTile(x, y, w, h);
-                yield;
             }
         }
     }

@@ -9,51 +9,62 @@ function decoded(text) {
     return bytes;
 }
 
-/** What a zlib stream holds; throws where it is damaged or longer than stated. */
-async function inflated(parts, bytes) {
-    const stream = new Blob(parts).stream().pipeThrough(new DecompressionStream('deflate')).getReader();
-    const whole = new Uint8Array(bytes);
-    for (let at = 0; ;) {
+/** Bytes at most that are inflated at a time. */
+const PIECE = 1 << 18;
+
+/** The bytes of parts one after the other, up to so many at a time; a part is made when it is needed. */
+function reader(parts) {
+    let bytes = [], at = 0, number = 0;
+    return most => {
+        while (at === bytes.length) {
+            if (number === parts.length) throw new Error('the data of this page are cut short');
+            [bytes, at] = [parts[number++](), 0];
+        }
+        const some = bytes.subarray(at, at + most);
+        at += some.length;
+        return some;
+    };
+}
+
+/**
+ * The items of a section, of which `next` gives the zlib stream: bytes of the same place one after the other, each less
+ * the one before. Throws where the stream is damaged or longer than stated.
+ */
+async function inflated(next, {bytes, stored, planes}) {
+    let left = stored;
+    const pull = to => {
+        const some = left > 0 ? next(Math.min(left, PIECE)) : null;
+        if (!some) return to.close();
+        left -= some.length;
+        to.enqueue(some);
+    };
+    const stream = new ReadableStream({pull}, {highWaterMark: 0}).pipeThrough(new DecompressionStream('deflate')).getReader();
+    const whole = new Uint8Array(bytes), size = planes || 1;
+    for (let at = 0, to = 0, plane = 0, last = 0; ;) {
         const {done, value} = await stream.read();
         if (done && at < bytes) throw new Error('the data of this page are cut short');
         if (done) return whole;
         if (at + value.length > bytes) throw new Error('the data of this page are damaged');
-        whole.set(value, at);
+        if (!planes) whole.set(value, at);
         at += value.length;
+        for (let i = 0; planes && i < value.length; i++, to += size) {
+            if (to >= bytes) [to, last] = [++plane, 0];
+            whole[to] = last = last + value[i] & 255;
+        }
     }
 }
 
-/** Undoes what made items smaller: bytes of the same place one after the other, each less the one before. */
-function merged(bytes, size) {
-    const items = bytes.length / size, whole = size === 1 ? bytes : new Uint8Array(bytes.length);
-    for (let plane = 0; plane < size; plane++) {
-        let last = 0;
-        for (let i = 0, from = plane * items, to = plane; i < items; i++, from++, to += size) whole[to] = last = last + bytes[from] & 255;
-    }
-    return whole;
-}
-
-/** Sections by kind. `head.sections` says what is stored one after the other in `chunks`. */
-async function sections(head, chunks) {
-    const found = {};
-    let [chunk, at] = [0, 0];
-    for (const {kind, bytes, stored, planes} of head.sections) {
-        if (![bytes, stored, planes].every(n => Number.isSafeInteger(n) && n >= 0) || bytes > 2 ** 33 || bytes > 1100 * stored) {
+/** Sections by kind. `head.sections` says what is stored one after the other in `parts`. */
+async function sections(head, parts) {
+    const found = {}, next = reader(parts);
+    for (const section of head.sections) {
+        const {kind, bytes, stored, planes} = section;
+        if (![bytes, stored, planes].every(n => Number.isSafeInteger(n) && n >= 0) || bytes > 2 ** 33 || bytes > 1100 * stored || planes && bytes % planes) {
             throw new Error('the head of the model makes no sense');
         }
-        const parts = [];
-        for (let left = stored; left > 0;) {
-            if (chunk >= chunks.length) throw new Error('the data of this page are cut short');
-            const part = chunks[chunk].subarray(at, at + left);
-            parts.push(part);
-            left -= part.length;
-            at += part.length;
-            if (at === chunks[chunk].length) [chunk, at] = [chunk + 1, 0];
-        }
-        const content = await inflated(parts, bytes);
-        found[kind] = planes ? merged(content, planes) : content;
+        found[kind] = await inflated(next, section);
     }
     return found;
 }
 
-if (typeof module !== 'undefined') module.exports = {decoded, sections, merged};
+if (typeof module !== 'undefined') module.exports = {decoded, sections};

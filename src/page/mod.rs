@@ -64,8 +64,30 @@ pub(crate) enum Way {
     Pictures,
 }
 
+/// What a page shows.
+#[derive(Debug)]
+pub(crate) enum Shown<'a, D> {
+    Model(&'a Model<D>, &'a GridSpace),
+    /// A scene, by pictures of a server: the least and greatest corner of what is in it, in LPS mm, and its own view as
+    /// pages write theirs, empty for one from the front.
+    Scene([[f64; 3]; 2], String),
+}
+
+impl<D: AsRef<[u8]>> Shown<'_, D> {
+    /// Classes of the page, by which its scripts know what to prepare while the model comes in.
+    fn kind(&self, way: Way) -> &'static str {
+        let has_labels = matches!(self, Self::Model(model, _) if !model.frame().labels.is_empty());
+        match (way, has_labels) {
+            (Way::Pictures, true) => "asks",
+            (Way::Pictures, false) => "asks plain",
+            (_, true) => "",
+            (_, false) => "plain",
+        }
+    }
+}
+
 /// The model's facts for the page's scripts, as JSON.
-#[derive(Serialize)]
+#[derive(Default, Serialize)]
 struct Head<'a> {
     depth: u32,
     /// Boxes along x, y, z.
@@ -83,6 +105,8 @@ struct Head<'a> {
     value_scale: [f64; 2],
     /// Are the axes a patient's?
     patient: bool,
+    /// The view at the beginning; empty for one from the front.
+    start: &'a str,
     /// May the page ask for pictures?
     served: bool,
     /// The table of labels; those of voxels are places in it.
@@ -100,15 +124,14 @@ struct Part<'a> {
     voxels: u64,
 }
 
-/// Writes the page of a model; `picture` is a PNG of it, which is seen where scripts or WebGL2 are missing, and in print.
+/// Writes a page; `picture` is a PNG of what it shows, which is seen where scripts or WebGL2 are missing, and in print.
 ///
 /// Memory: some 200 KiB. Cost: `deflate` of all sections but those that are rebuilt, some 30 ns a byte.
 ///
 /// # Errors
 /// Those of `out`.
 pub(crate) fn write<D: AsRef<[u8]>>(
-    model: &Model<D>,
-    space: &GridSpace,
+    shown: &Shown<'_, D>,
     title: &str,
     picture: &[u8],
     way: Way,
@@ -130,7 +153,8 @@ pub(crate) fn write<D: AsRef<[u8]>>(
             "TITLE" => out.write_all(html(title).as_bytes())?,
             "STYLE" => out.write_all(style.as_bytes())?,
             "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
-            "DATA" => write_data(model, space, way, out)?,
+            "DATA" => write_data(shown, way, out)?,
+            "KIND" => out.write_all(shown.kind(way).as_bytes())?,
             "SCRIPT" => out.write_all(script.as_bytes())?,
             _ => {}
         }
@@ -139,46 +163,56 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     out.flush()
 }
 
-fn write_data<'a, D: AsRef<[u8]>>(
-    model: &'a Model<D>,
-    space: &GridSpace,
-    way: Way,
-    out: &mut dyn Write,
-) -> io::Result<()> {
-    let sections = if way == Way::Pictures { Vec::new() } else { data::write(model, out)? };
-    let (header, meta, view) = (model.header(), model.metadata(), model.view());
-    let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
-    let entry = |kind| model.frame().section(kind);
-    let reach = |axis: usize, sign: f64| {
-        let mut direction = [0.0; 3];
-        direction[axis] = sign;
-        sign * space.support(&view, direction)
+fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Write) -> io::Result<()> {
+    let mut head = match shown {
+        Shown::Model(model, space) => Head::of(model, space),
+        Shown::Scene(box_mm, start) => {
+            let affine = Affine::from_spacing([1.0; 3]).rows;
+            Head { box_mm: *box_mm, affine, start, ..Head::default() }
+        }
     };
-    let part = |label: &'a Label| Part {
-        number: label.number,
-        name: &label.name,
-        color: label.color,
-        voxels: label.voxels,
-    };
-    let head = Head {
-        depth: view.depth(),
-        dims: dims.to_array(),
-        nodes: header.nodes,
-        voxels: header.voxels,
-        leaves: entry(SectionKind::LeafNormals).map_or(0, |entry| entry.items),
-        cells: view.cells().is_some(),
-        affine: affine.rows,
-        box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
-        value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
-        value_scale: meta.value_scale,
-        patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
-        served: way != Way::File,
-        labels: model.frame().labels.iter().map(part).collect(),
-        sections,
-    };
+    head.served = way != Way::File;
+    if let (Shown::Model(model, _), Way::File | Way::Served) = (shown, way) {
+        head.sections = data::write(model, out)?;
+    }
     // The name of a label could end the element.
     let head = serde_json::to_string(&head).map_err(io::Error::other)?.replace('<', "\\u003c");
     write!(out, "<script type=\"application/json\" id=\"head\">{head}</script>")
+}
+
+impl<'a> Head<'a> {
+    /// What a model says of itself, without its sections.
+    fn of<D: AsRef<[u8]>>(model: &'a Model<D>, space: &GridSpace) -> Self {
+        let (header, meta, view) = (model.header(), model.metadata(), model.view());
+        let (dims, affine): (Dims, Affine) = (model.dims(), model.affine());
+        let entry = |kind| model.frame().section(kind);
+        let reach = |axis: usize, sign: f64| {
+            let mut direction = [0.0; 3];
+            direction[axis] = sign;
+            sign * space.support(&view, direction)
+        };
+        let part = |label: &'a Label| Part {
+            number: label.number,
+            name: &label.name,
+            color: label.color,
+            voxels: label.voxels,
+        };
+        Self {
+            depth: view.depth(),
+            dims: dims.to_array(),
+            nodes: header.nodes,
+            voxels: header.voxels,
+            leaves: entry(SectionKind::LeafNormals).map_or(0, |entry| entry.items),
+            cells: view.cells().is_some(),
+            affine: affine.rows,
+            box_mm: [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign))),
+            value_bytes: entry(SectionKind::Voxels(Channel::Value)).map_or(0, |entry| entry.item_bytes),
+            value_scale: meta.value_scale,
+            patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
+            labels: model.frame().labels.iter().map(part).collect(),
+            ..Self::default()
+        }
+    }
 }
 
 fn script() -> String {

@@ -4,7 +4,7 @@
 
 const $ = id => document.getElementById(id);
 const main = document.querySelector('main'), canvas = $('canvas');
-const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 2, fine: null, moving: 0, error: null};
+const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 4, fine: null, moving: 0, error: null};
 
 function say(text, failed = false) {
     $('said').textContent = text;
@@ -102,9 +102,21 @@ function fit() {
 
 let asked = 0, written = 0;
 
+/** Puts the state into the address. */
+function write() {
+    clearTimeout(written);
+    written = setTimeout(() => {
+        try {
+            history.replaceState(null, '', `#${page.view}`);
+        } catch { /* a frame without an address */ }
+    }, 300);
+}
+
 /** A picture of what is seen now: coarse at once, fine when nothing moves. */
 function redraw() {
     page.fine = null;
+    delete main.dataset.drawn;
+    write();
     if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
 }
 
@@ -143,6 +155,7 @@ function frame() {
     fit();
     const began = performance.now();
     page.drawing.quick(page.view, page.scale);
+    page.pictured ??= performance.now();
     const took = performance.now() - began;
     // Some 25 pictures a second: as many pixels as that allows.
     page.scale = Math.min(8, Math.max(1, page.scale * Math.sqrt(Math.min(4, Math.max(.25, took / 40)))));
@@ -153,26 +166,31 @@ function frame() {
     page.moving = setTimeout(refine, 160);
 }
 
-/** The fine picture, tile by tile, until something changes. */
+/** The fine picture, some draws at a time, until something changes: what waits for the graphics cannot be taken back. */
 function refine() {
     if (!page.drawing) return;
-    const mine = page.fine = page.drawing.fine(page.view, 8);
+    const {gl} = page.drawing, mine = page.fine = page.drawing.fine(page.view, 8);
+    let fence = null, began = 0, draws = 1;
     const step = () => {
         if (page.fine !== mine) return;
-        const until = performance.now() + 30;
-        do {
-            if (mine.next().done) {
-                page.fine = null;
-                main.dataset.drawn = 'fine';
-                return;
+        const now = performance.now();
+        if (!fence || gl.getSyncParameter(fence, gl.SYNC_STATUS) === gl.SIGNALED) {
+            if (fence) gl.deleteSync(fence);
+            draws = Math.max(1, now - began < 20 ? 2 * draws : draws >> 1);
+            began = now;
+            for (let i = 0; i < draws; i++) {
+                if (mine.next().done) {
+                    page.fine = null;
+                    main.dataset.drawn = 'fine';
+                    return;
+                }
             }
-        } while (performance.now() < until);
+            fence = gl.fenceSync(gl.SYNC_GPU_COMMANDS_COMPLETE, 0);
+            gl.flush();
+        }
         setTimeout(step);
     };
-    delete main.dataset.drawn;
     step();
-    clearTimeout(written);
-    written = setTimeout(() => history.replaceState(null, '', `#${page.view}`), 100);
 }
 
 /** The name of a label, or its number. */
@@ -187,7 +205,6 @@ function listParts() {
         element.textContent = text;
         return element;
     };
-    main.classList.toggle('plain', !view.labels.length);
     $('parts').hidden = !view.labels.length;
     $('parts').open = window.innerWidth > 600;
     $('find').hidden = view.labels.length <= 12;
@@ -281,7 +298,9 @@ function clearPoints() {
 
 function savePicture() {
     if (!page.drawing) return;
+    page.fine = null;
     for (const _ of page.drawing.fine(page.view, 8));
+    main.dataset.drawn = 'fine';
     canvas.toBlob(blob => {
         const link = document.createElement('a');
         link.href = URL.createObjectURL(blob);
@@ -407,20 +426,33 @@ function tools() {
     window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
     canvas.addEventListener('webglcontextlost', event => {
         event.preventDefault();
-        page.drawing = page.fine = null;
+        page.drawing = page.fine = page.ready = null;
         main.classList.remove('live');
         say('The graphics were lost for a moment; this is a picture.');
     });
     canvas.addEventListener('webglcontextrestored', begin);
 }
 
+const graphics = () => canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+
+/** Begins to compile the shader, by a pixel, while the model comes in. */
+function warm() {
+    const gl = main.classList.contains('asks') ? null : graphics();
+    if (!gl) return;
+    page.ready = compiled(gl, (main.classList.contains('plain') ? '' : LABELS) + SHADER);
+    gl.useProgram(page.ready.made);
+    gl.viewport(0, 0, 1, 1);
+    gl.drawArrays(gl.TRIANGLES, 0, 3);
+    gl.flush();
+}
+
 /** Puts the model into the graphics and shows it. */
 function begin() {
     try {
         if (!page.model.texels) throw new Error('The model is too large for a page, or has too many labels; its pictures come from oct, without cuts and positions.');
-        const gl = canvas.getContext('webgl2', {antialias: false, depth: false, alpha: false, preserveDrawingBuffer: true});
+        const gl = graphics();
         if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
-        page.drawing = new Drawing(gl, page.model, SHADER);
+        page.drawing = new Drawing(gl, page.model, SHADER, page.ready);
     } catch (error) {
         if (!page.model.head.served) throw error;
         page.asks = true;
@@ -433,29 +465,32 @@ function begin() {
 }
 
 async function open() {
-    const began = performance.now();
+    page.began = performance.now();
     try {
         const head = JSON.parse($('head').textContent);
-        const chunks = [...document.querySelectorAll('[data-part]')].map(part => {
+        const parts = [...document.querySelectorAll('[data-part]')].map(part => () => {
             const bytes = decoded(part.textContent);
             part.remove();
             return bytes;
         });
-        page.model = head.sections.length ? new Model(head, await sections(head, chunks)) : placed(head);
-        page.opened = performance.now() - began;
+        page.model = head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
+        page.opened = performance.now() - page.began;
         page.view = new View(page.model);
         fit();
         page.view.named('front', aspect());
-        if (location.hash.length > 1) page.view.read(location.hash.slice(1));
+        const state = location.hash.slice(1) || head.start;
+        if (state) page.view.read(state);
         pointers();
         tools();
-        showState(location.hash.length > 1 ? '' : 'front');
+        showState(state ? '' : 'front');
         begin();
     } catch (error) {
         main.classList.remove('live');
-        say(error instanceof Error ? error.message : 'The model cannot be shown.', true);
+        // What is not a sentence of these scripts is of damaged data.
+        say(error.name === 'Error' ? error.message : 'The data of this page are damaged, so this is a picture of the model.', true);
     }
     main.dataset.opened = page.error ? 'failed' : 'whole';
 }
 
-open();
+warm();
+document.addEventListener('DOMContentLoaded', open);

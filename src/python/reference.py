@@ -30,7 +30,8 @@ Python 3.11 and newer, Linux. Only numpy is needed; objects of other packages ar
 ```python
 import infobyte
 model = infobyte.build(array, "model.oct", iso=300, spacing=(1.25, 0.5, 0.5))   # z, y, x
-model                                     # a notebook shows it; otherwise:
+model                                     # a notebook shows a picture of it
+model.view()                              # and here the model itself, to be turned, cut and measured
 picture = model.render(512, view="iso")   # H x W x 4
 hits = model.first_hits(origins, directions)
 model.to_pyvista().plot()                 # or model.to_trimesh()

@@ -169,7 +169,7 @@ fn content_damage_behind_right_checksums_never_harms_a_walk() {
 }
 
 /// Makes all checksums right again, with the table of `sound`.
-fn forge_crcs(bad: &[u8], sound: &[u8]) -> Vec<u8> {
+pub(crate) fn forge_crcs(bad: &[u8], sound: &[u8]) -> Vec<u8> {
     let mut frame = Frame::read(sound).unwrap();
     let mut file = bad.to_vec();
     for e in &mut frame.sections {

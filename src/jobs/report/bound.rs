@@ -6,7 +6,7 @@ use super::rows::{Costs, Drawn, Experiment, Metric, Row};
 use crate::builder::{BuildOptions, Tolerance};
 use crate::error::Error;
 use crate::format::SurfaceKind;
-use crate::jobs::export::still;
+use crate::jobs::export::{STILL, still};
 use crate::progress::Silent;
 use crate::synthetic::AnalyticVolume;
 use crate::volume::VolumeSource;
@@ -54,7 +54,7 @@ impl Bench<'_> {
             let choice = if bound == 0.0 { "cells".to_owned() } else { format!("{bound}") };
             rows.push(Self::row(subject, choice, bound == 0.0, costs, errors));
             if bound == SHOWN {
-                pictures.push((subject.to_owned(), still(&built.model, &Silent)?));
+                pictures.push((subject.to_owned(), still(&built.model, STILL, &Silent)?));
             }
         }
         let reference = match body {

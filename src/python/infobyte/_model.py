@@ -79,6 +79,28 @@ class Mesh(NamedTuple):
         return mesh
 
 
+class View:
+    """A page in a frame, which a cell of a notebook shows; `html` is the page."""
+
+    __slots__ = ("html", "_title", "_height")
+
+    def __init__(self, html: str, title: str, height: int) -> None:
+        self.html, self._title, self._height = html, title, height
+
+    def __repr__(self) -> str:
+        return f"<infobyte.Model.view of {self._title}: {len(self.html)} bytes>"
+
+    def _repr_html_(self) -> str:
+        def attribute(text: str) -> str:
+            return text.replace("&", "&amp;").replace('"', "&quot;")
+
+        # Scripts of the page, but neither the notebook's page nor a network.
+        return (
+            f'<iframe title="{attribute(self._title)}" sandbox="allow-scripts allow-downloads" '
+            f'style="width:100%;height:{self._height}px;border:0" srcdoc="{attribute(self.html)}"></iframe>'
+        )
+
+
 class Model:
     """An open model. Every method may be called from several threads at a time.
 
@@ -234,6 +256,31 @@ class Model:
     def _repr_png_(self) -> bytes:
         """The model in a cell of a notebook."""
         return self.png(384, view="iso")
+
+    def view(self, height: int = 480) -> View:
+        """The model in a cell of a notebook, to be turned, cut, picked and measured there.
+
+        It is the page of `export('model.html')` in a frame `height` pixels high, which needs no server and no network; the
+        notebook keeps it, at about the size of the model's file. `display(model.view())` shows it within a cell, and
+        `model.view().html` is the page as text.
+
+        Raises `UsageError` for a model that a page does not hold, of more than 400 MiB or 255 labels; the command `oct view`
+        shows those.
+
+        >>> len(model.view(300).html) > 100_000
+        True
+        """
+        if not 50 <= height <= 10_000:
+            raise UsageError(f"height={height} makes no sense; choose 50 to 10000 pixels")
+        import tempfile
+
+        title = os.path.splitext(os.path.basename(self.path))[0]
+        with tempfile.TemporaryDirectory(prefix="infobyte-") as folder:
+            # The title is that of the file.
+            page = os.path.join(folder, f"{title}.html")
+            self.export(page, "html")
+            with open(page, encoding="utf-8") as file:
+                return View(file.read(), title, int(height))
 
     def turntable(
         self,

@@ -1,5 +1,6 @@
 """Open models: pictures, rays, voxels, triangles; and files that change under them."""
 
+import html.parser
 import os
 import pickle
 import subprocess
@@ -255,6 +256,38 @@ def test_triangles_are_closed(ball, surface):
     assert np.array_equal(faces["faces"], mesh.faces)
     with pytest.raises(ZeroDivisionError):
         infobyte.build(ball_of(256), "b.oct", iso=0, progress=False).to_mesh(progress=lambda *_: 1 / 0)
+
+
+def test_a_notebook_has_the_page_in_a_frame(ball):
+    model = infobyte.build(ball, 'a "quoted" & <b>.oct', iso=0, spacing=0.5, progress=False)
+    model.export("page.html")
+    frames = []
+
+    class Frames(html.parser.HTMLParser):
+        def handle_starttag(self, tag, attributes):
+            frames.append((tag, dict(attributes)))
+
+    view = model.view(300)
+    Frames().feed(view._repr_html_())
+    [(tag, frame)] = frames
+    assert tag == "iframe" and frame["title"] == 'a "quoted" & <b>' and "height:300px" in frame["style"]
+    # Neither the notebook's page nor its cookies, and no other page in its place.
+    assert frame["sandbox"] == "allow-scripts allow-downloads"
+    assert frame["srcdoc"] == view.html
+    with open("page.html", encoding="utf-8") as file:
+        written = file.read()
+    assert view.html.replace('a &quot;quoted&quot; &amp; &lt;b&gt;', "page") == written
+    assert "default-src 'none'" in view.html
+    for height in (0, 20_000):
+        with pytest.raises(infobyte.UsageError, match="height"):
+            model.view(height)
+
+
+def test_a_notebook_has_no_page_of_more_labels_than_it_holds():
+    labels = np.arange(8 * 8 * 8, dtype="u2").reshape(8, 8, 8)
+    model = infobyte.build(labels, "labels.oct", labels="all", progress=False)
+    with pytest.raises(infobyte.UsageError, match="oct view"):
+        model.view()
 
 
 def test_packing(model):

@@ -1,5 +1,6 @@
 //! Models of labels in a page: each label where the library's rays meet it, whatever else is hidden.
 
+use super::server::{answered, served};
 use super::*;
 use crate::labels::map;
 use infobyte::load::NodeView;

@@ -2,11 +2,17 @@
 //! that is damaged stops it. If this fails, a page shows another surface than the model's, or none.
 //!
 //! The browser is chromium, with software for graphics; without one these tests say that they are skipped, unless
-//! `INFOBYTE_BROWSER` names one (or says `required`).
+//! `INFOBYTE_BROWSER` names one (or says `required`). With a Firefox (which needs a display, such as that of Xvfb) the
+//! tests that compare pictures run in that; those of hands, damage and frames are of chromium only.
 
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
+mod broken;
+mod driver;
+mod firefox;
+mod hands;
 mod labels;
+mod server;
 
 use crate::prelude::*;
 use base64::Engine as _;
@@ -23,6 +29,16 @@ const SIDE: u32 = 256;
 
 /// Pixels of a picture that may differ, as 30 of 512 x 512: a browser's numbers have 24 bits, ours are exact.
 const MAX_OTHER: usize = 8;
+
+/// A chromium, for tests by its debugging protocol.
+fn chromium() -> Option<PathBuf> {
+    let found = browser();
+    if found.as_ref().is_some_and(|browser| browser.to_string_lossy().contains("firefox")) {
+        println!("skipped: it needs a chromium");
+        return None;
+    }
+    found
+}
 
 fn browser() -> Option<PathBuf> {
     let named = std::env::var_os("INFOBYTE_BROWSER").filter(|name| !name.is_empty() && name != "required");
@@ -125,29 +141,24 @@ fn shown(browser: &Path, page: &Path, looks: &[Look], what: &str) -> Value {
     let (_, rest) = rest.split_once("\">").unwrap();
     let cameras = serde_json::json!(looks.iter().map(Look::json).collect::<Vec<_>>());
     let test = include_str!("selftest.js");
+    let firefox = browser.to_string_lossy().contains("firefox").then(firefox::Ear::open);
+    let tell = firefox.as_ref().map_or(String::new(), firefox::Ear::address);
     let body = rest.replace(
         "</body>",
-        &format!("<script>const CAMERAS = {cameras}, SIDE = {SIDE}, WHAT = {what:?};</script>\n<script>{test}</script></body>"),
+        &format!("<script>const CAMERAS = {cameras}, SIDE = {SIDE}, WHAT = {what:?}, TELL = {tell:?};</script>\n<script>{test}</script></body>"),
     );
     let tested = page.with_extension("test.html");
     fs::write(&tested, format!("{head}{body}")).unwrap();
+    let address = format!("file://{}", tested.canonicalize().unwrap().display());
+    if let Some(ear) = firefox {
+        return ear.told_by(browser, &address);
+    }
     let profile = tempfile::tempdir().unwrap();
     let run = Command::new(browser)
-        .args([
-            "--headless=new",
-            "--no-sandbox",
-            "--disable-gpu-sandbox",
-            "--use-gl=angle",
-            "--use-angle=swiftshader",
-        ])
-        .args([
-            "--enable-unsafe-swiftshader",
-            "--virtual-time-budget=120000",
-            "--window-size=900,700",
-            "--dump-dom",
-        ])
+        .args(driver::ARGUMENTS)
+        .args(["--virtual-time-budget=120000", "--window-size=900,700", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
-        .arg(format!("file://{}", tested.canonicalize().unwrap().display()))
+        .arg(address)
         .output()
         .unwrap();
     let dom = String::from_utf8_lossy(&run.stdout);
@@ -309,79 +320,4 @@ fn a_page_may_run_its_own_script_and_load_nothing() {
     for outside in ["http:", "https:", "//cdn", "import(", "fetch(", "XMLHttpRequest", "innerHTML"] {
         assert!(!html.replace("http://www.w3.org/2000/svg", "").contains(outside), "{outside}");
     }
-}
-
-/// Sends bytes to a server, and gives the status and content of its answer; 0 where there is none.
-fn answered(port: u16, request: &str) -> (u16, Vec<u8>) {
-    let mut client = TcpStream::connect(("127.0.0.1", port)).unwrap();
-    let _ = client.write_all(request.as_bytes());
-    let _ = client.shutdown(Shutdown::Write);
-    let mut answer = Vec::new();
-    let _ = client.read_to_end(&mut answer);
-    let end = answer.windows(4).position(|four| four == b"\r\n\r\n").map_or(answer.len(), |at| at + 4);
-    let status =
-        str::from_utf8(&answer[..end]).unwrap().split(' ').nth(1).map_or(0, |code| code.parse().unwrap());
-    (status, answer.split_off(end))
-}
-
-/// Begins to serve a model; the address.
-fn served(model: &Path, more: &[&str]) -> (Child, String) {
-    let mut child = Command::new(binary())
-        .args(["view", &text(model), "--no-open"])
-        .args(more)
-        .stdout(Stdio::piped())
-        .stderr(Stdio::piped())
-        .spawn()
-        .unwrap();
-    let mut line = String::new();
-    BufReader::new(child.stdout.take().unwrap()).read_line(&mut line).unwrap();
-    (child, line.trim().to_owned())
-}
-
-#[test]
-fn a_server_gives_its_page_and_pictures_to_this_machine_and_nothing_to_others() {
-    let folder = tempfile::tempdir().unwrap();
-    let (_, page) = paged(folder.path(), "m", &["synthetic:head@48", "--surface", "cells"]);
-    let model = page.with_extension("oct");
-    let (mut child, address) = served(&model, &["--idle", "2"]);
-    let (host, path) = address.strip_prefix("http://").unwrap().split_once('/').unwrap();
-    let port: u16 = host.strip_prefix("127.0.0.1:").unwrap().parse().unwrap();
-    assert_eq!(path.len(), 33, "{address}");
-    let ask = |method: &str, what: &str, host: &str| {
-        answered(port, &format!("{method} {what} HTTP/1.1\r\nHost: {host}\r\n\r\n"))
-    };
-    let (status, served) = ask("GET", &format!("/{path}"), host);
-    let served = String::from_utf8(served).unwrap();
-    assert!(status == 200 && served.contains("img-src blob: data: 'self'") && served.contains("data-part"));
-    let camera = "f=0,1,0&u=0,0,1&t=23,23,23&h=40&w=64&s=48";
-    let (status, png) = ask("GET", &format!("/{path}picture?{camera}"), host);
-    assert!(status == 200 && png.starts_with(b"\x89PNG"));
-    let decoded = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
-    assert_eq!((decoded.info().width, decoded.info().height), (64, 48));
-    assert_eq!(ask("HEAD", &format!("/{path}"), &format!("localhost:{port}")), (200, vec![]));
-    let long = format!("/{path}{}", "a".repeat(9000));
-    for (method, what, host, wanted) in [
-        ("GET", format!("/{path}"), "evil.example", 421),
-        ("GET", "/".to_owned(), host, 404),
-        ("GET", format!("/{}/", "0".repeat(32)), host, 404),
-        ("GET", format!("/{path}../m.oct"), host, 404),
-        ("GET", format!("/{path}picture?f=0,1,0"), host, 400),
-        ("GET", format!("/{path}picture?{}", camera.replace("w=64", "w=99999")), host, 400),
-        ("GET", format!("/{path}picture?{}", camera.replace("f=0,1,0", "f=0,0,0")), host, 400),
-        ("POST", format!("/{path}"), host, 405),
-        ("GET", long, host, 431),
-    ] {
-        let (status, content) = ask(method, &what, host);
-        assert_eq!(status, wanted, "{method} {what} {host}");
-        assert!(content.len() < 100, "{method} {what}");
-    }
-    assert_eq!(answered(port, "GET / HTTP/1.1\r\n").0, 0);
-    assert_eq!(answered(port, "\u{1}\r\n\r\n").0, 421);
-    // Idle, it ends by itself; the port of another cannot be had.
-    let taken = std::net::TcpListener::bind("127.0.0.1:0").unwrap();
-    let run =
-        oct(&["view", &text(&model), "--no-open", "--port", &taken.local_addr().unwrap().port().to_string()]);
-    run.refused(5, &["cannot be used", "--port"]);
-    assert!(child.wait().unwrap().success());
-    oct(&["view", &text(&folder.path().join("none.oct"))]).refused(3, &["none.oct"]);
 }

@@ -1,6 +1,6 @@
 'use strict';
 // Runs in a page behind its own script: what is seen, picked and pressed, as JSON in an element at the end.
-/* global page, main, canvas, $, CAMERAS, SIDE, Model, View, frame, dot */
+/* global page, main, canvas, $, CAMERAS, SIDE, WHAT, TELL, Model, View, frame, dot */
 
 const wait = ms => new Promise(done => setTimeout(done, ms));
 
@@ -198,6 +198,8 @@ function damaged() {
     } catch (error) {
         result = {threw: String(error.stack ?? error)};
     }
+    // Where a browser does not print its page.
+    if (TELL) return void fetch(TELL, {method: 'POST', mode: 'no-cors', body: JSON.stringify(result)});
     const shown = document.createElement('pre');
     shown.id = 'result';
     shown.textContent = JSON.stringify(result);

@@ -1,0 +1,109 @@
+//! The models of a folder, and their contact sheet.
+
+use std::fs;
+use std::io;
+use std::path::{Path, PathBuf};
+use std::sync::OnceLock;
+
+use base64::Engine as _;
+use base64::engine::general_purpose::STANDARD;
+use sha2::{Digest, Sha256};
+
+use super::{Refused, Subject};
+use crate::budget::Bytes;
+use crate::error::{Error, UsageError};
+use crate::load::{LoadError, LoadFault};
+use crate::text::{data, html};
+
+/// Models of a contact sheet at most, and folders within one another.
+const MAX_ENTRIES: usize = 10_000;
+const MAX_DEPTH: usize = 16;
+
+const STYLE: &str = ":root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--tile:#dfe4ea}\
+@media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--tile:#272d35}}\
+*{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}\
+h1{font-size:20px;margin:0;padding:24px 28px 0;overflow-wrap:anywhere}p{margin:0;padding:2px 28px 0;color:var(--soft)}\
+ul{list-style:none;margin:0;display:grid;grid-template-columns:repeat(auto-fill,minmax(min(236px,100%),1fr));gap:16px;padding:16px 28px 28px}\
+a{display:block;background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;color:inherit;text-decoration:none}\
+a:hover,a:focus-visible{outline:2px solid #c2410c}img{display:block;width:100%;aspect-ratio:1;background:var(--tile);object-fit:contain}\
+span{display:block;padding:8px 12px 0;overflow-wrap:anywhere}small{display:block;padding:0 12px 10px;color:var(--soft)}";
+
+/// A file that may be looked at; it is opened when it is.
+pub(super) struct Entry {
+    /// Within the folder.
+    name: PathBuf,
+    path: PathBuf,
+    bytes: u64,
+    opened: OnceLock<Result<Subject, String>>,
+}
+
+impl Entry {
+    pub(super) fn opened(subject: Subject) -> Self {
+        Self { name: PathBuf::new(), path: PathBuf::new(), bytes: 0, opened: OnceLock::from(Ok(subject)) }
+    }
+
+    /// The model, if it can be used.
+    pub(super) fn subject(&self) -> Result<&Subject, Refused> {
+        let opened = self.opened.get_or_init(|| Subject::open(&self.path).map_err(|error| error.to_string()));
+        opened.as_ref().map_err(|why| Refused::because(500, why))
+    }
+}
+
+/// The models below a folder, by name. Links to folders are not followed.
+///
+/// # Errors
+/// The folder cannot be read, or has no model.
+pub(super) fn entries(folder: &Path) -> Result<Vec<Entry>, Error> {
+    let mut found = Vec::new();
+    walk(folder, Path::new(""), MAX_DEPTH, &mut found)
+        .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: folder.to_path_buf(), cause }))?;
+    if found.is_empty() {
+        return Err(UsageError::NoModels { path: folder.to_path_buf() }.into());
+    }
+    found.sort_by(|a, b| a.name.cmp(&b.name));
+    Ok(found)
+}
+
+fn walk(folder: &Path, within: &Path, depth: usize, found: &mut Vec<Entry>) -> io::Result<()> {
+    for entry in fs::read_dir(folder.join(within))? {
+        let entry = entry?;
+        let (name, kind) = (within.join(entry.file_name()), entry.file_type()?);
+        if kind.is_dir() && depth > 0 {
+            // What cannot be read is left out.
+            let _unreadable = walk(folder, &name, depth - 1, found);
+        } else if name.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("oct")) && !kind.is_dir()
+        {
+            if found.len() >= MAX_ENTRIES {
+                break;
+            }
+            let path = entry.path();
+            let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
+            found.push(Entry { name, path, bytes, opened: OnceLock::new() });
+        }
+    }
+    Ok(())
+}
+
+/// The contact sheet: pictures of all models, which lead to their pages.
+pub(super) fn page(folder: &Path, entries: &[Entry]) -> String {
+    let title = folder.canonicalize().unwrap_or_else(|_| folder.to_path_buf());
+    let title = html(&data(Path::new(title.file_name().unwrap_or(title.as_os_str()))));
+    let hash = STANDARD.encode(Sha256::digest(STYLE));
+    let cards: String = (0..)
+        .zip(entries)
+        .map(|(number, entry): (usize, &Entry)| {
+            format!(
+                "<li><a href=\"{number}/\"><img src=\"{number}/still\" alt=\"no picture\" loading=\"lazy\"><span>{}</span><small>{}</small></a></li>\n",
+                html(&data(&entry.name)),
+                Bytes(entry.bytes)
+            )
+        })
+        .collect();
+    format!(
+        "<!DOCTYPE html>\n<html lang=\"en\"><head><meta charset=\"utf-8\">\
+         <meta http-equiv=\"Content-Security-Policy\" content=\"default-src 'none'; img-src 'self'; style-src 'sha256-{hash}'; base-uri 'none'; form-action 'none'\">\
+         <meta name=\"viewport\" content=\"width=device-width, initial-scale=1\"><meta name=\"referrer\" content=\"no-referrer\">\
+         <title>{title}</title><style>{STYLE}</style></head>\n<body><h1>{title}</h1><p>{} models</p>\n<ul>\n{cards}</ul></body></html>\n",
+        entries.len()
+    )
+}

@@ -1,0 +1,160 @@
+//! A model or a scene that is looked at: its page, and pictures of it.
+
+use std::io::Write;
+use std::path::{Path, PathBuf};
+
+use super::Refused;
+use crate::error::Error;
+use crate::jobs::export::{STILL, still};
+use crate::jobs::opened::open_model;
+use crate::jobs::render::{RenderRequest, render_view};
+use crate::jobs::scene::{OpenScene, SceneRequest, is_scene, picture_of};
+use crate::jobs::verify::verify_unless_packed;
+use crate::load::Model;
+use crate::page::{self, Shown, Way};
+use crate::progress::Silent;
+use crate::render::{GridSpace, Image, Projection, ViewPoint};
+use crate::scene::LabelRule;
+use crate::text::data;
+
+/// Pixels along a side of a picture, and in all: those of the largest screens.
+const MAX_SIDE: u32 = 4096;
+const MAX_PIXELS: u32 = 1 << 23;
+
+/// What is looked at.
+enum What {
+    Model(Box<Model>),
+    Scene(OpenScene),
+}
+
+/// A model or a scene, open.
+pub(super) struct Subject {
+    path: PathBuf,
+    what: What,
+}
+
+impl Subject {
+    /// Opens a model or a scene, and checks a model's every byte.
+    ///
+    /// # Errors
+    /// It is not what its name says, or damaged.
+    pub(super) fn open(path: &Path) -> Result<Self, Error> {
+        let what = if is_scene(path) {
+            What::Scene(OpenScene::open(path)?)
+        } else {
+            verify_unless_packed(path)?;
+            What::Model(Box::new(open_model(path)?))
+        };
+        Ok(Self { path: path.to_path_buf(), what })
+    }
+
+    /// The picture of a camera as [`picture`] reads it, as a PNG.
+    pub(super) fn picture(&self, camera: &str) -> Result<Vec<u8>, Refused> {
+        let wrong = || Refused::because(400, "not a camera");
+        let (request, hidden) = picture(camera).ok_or_else(wrong)?;
+        let image = match &self.what {
+            What::Scene(scene) => scene.picture(&as_scene(&request, Vec::new())),
+            What::Model(model) if hidden.is_empty() => {
+                let made = render_view(&model.view(), model.dims(), &model.affine(), &request);
+                made.map(|(image, _)| image).map_err(Error::from)
+            }
+            What::Model(model) => picture_of(&self.path, model, &as_scene(&request, hidden)),
+        };
+        self.check_unchanged()?;
+        png(&image.map_err(|_| wrong())?)
+    }
+
+    /// A picture of so many pixels a side, as a PNG.
+    pub(super) fn still(&self, side: u32) -> Result<Vec<u8>, Refused> {
+        let failed = |error: Error| Refused::because(500, error);
+        match &self.what {
+            What::Model(model) => still(model, side, &Silent).map_err(failed),
+            What::Scene(scene) => {
+                let request = SceneRequest { size: Some([side; 2]), threads: 1, ..SceneRequest::default() };
+                png(&scene.picture(&request).map_err(failed)?)
+            }
+        }
+    }
+
+    /// Writes its page.
+    pub(super) fn write_page(&self, out: &mut dyn Write) -> Result<(), Refused> {
+        let failed = |error: Error| Refused::because(500, error);
+        let picture = self.still(STILL)?;
+        let title = self.path.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
+        match &self.what {
+            What::Model(model) => {
+                let space =
+                    GridSpace::new(model.dims(), &model.affine()).map_err(|error| failed(error.into()))?;
+                let is_large = model.header().file_bytes > page::MAX_BYTES
+                    || model.frame().labels.len() > page::MAX_LABELS;
+                let way = if is_large { Way::Pictures } else { Way::Served };
+                page::write(&Shown::Model(model, &space), &title, &picture, way, out)?;
+            }
+            What::Scene(scene) => {
+                let shown = Shown::<&[u8]>::Scene(scene.extent().map_err(failed)?, scene.start());
+                page::write(&shown, &title, &picture, Way::Pictures, out)?;
+            }
+        }
+        self.check_unchanged()
+    }
+
+    fn check_unchanged(&self) -> Result<(), Refused> {
+        let changed = |error| Refused::because(410, Error::from(error));
+        match &self.what {
+            What::Model(model) => model.check_unchanged(&self.path).map_err(changed),
+            // A scene looks after its own files.
+            What::Scene(_) => Ok(()),
+        }
+    }
+}
+
+fn png(image: &Image) -> Result<Vec<u8>, Refused> {
+    let mut png = Vec::new();
+    image.write_png_to(&mut png)?;
+    Ok(png)
+}
+
+/// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: as the page writes its view, with
+/// width and height, and `x=5,7..20` for labels that are hidden; `None` for one that makes no sense.
+fn picture(text: &str) -> Option<(RenderRequest, Vec<LabelRule>)> {
+    let value = |name: &str| text.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
+    let point = |name| -> Option<[f64; 3]> {
+        let numbers: Vec<f64> = value(name)?.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
+        numbers.try_into().ok()
+    };
+    let side = |name| value(name)?.parse::<u32>().ok().filter(|side| (1..=MAX_SIDE).contains(side));
+    let (forward, up, target) = (point("f")?, point("u")?, point("t")?);
+    let half: f64 = value("h")?.parse().ok()?;
+    let (width, height) = (side("w")?, side("s")?);
+    if width * height > MAX_PIXELS {
+        return None;
+    }
+    let length = forward.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let distance = half / (page::FOV_DEG / 2.0).to_radians().tan();
+    let eye = std::array::from_fn(|a| target[a] - distance * forward[a] / length);
+    let is_perspective = value("p") == Some("1");
+    let hide = |text: &str| Some(LabelRule { labels: text.parse().ok()?, opacity: 0.0 });
+    let hidden = value("x").map_or(Some(Vec::new()), |text| text.split(',').map(hide).collect())?;
+    let request = RenderRequest {
+        width,
+        height,
+        point: ViewPoint::Free { eye, look_at: target, up: Some(up) },
+        projection: if is_perspective { Projection::Perspective } else { Projection::Parallel },
+        fov_deg: page::FOV_DEG,
+        ..RenderRequest::default()
+    };
+    Some((request, hidden))
+}
+
+/// The same picture of a scene, or with some labels hidden.
+fn as_scene(request: &RenderRequest, labels: Vec<LabelRule>) -> SceneRequest {
+    SceneRequest {
+        size: Some([request.width, request.height]),
+        point: Some(request.point),
+        projection: Some(request.projection),
+        fov_deg: Some(request.fov_deg),
+        labels,
+        threads: request.threads,
+        ..SceneRequest::default()
+    }
+}
