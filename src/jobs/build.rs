@@ -260,19 +260,23 @@ impl BuildJob<'_> {
     /// # Errors
     /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
-        let Built { report, cleaned, warnings, hints } = match subject {
+        let is_solid = !matches!(subject, Subject::Volume(_));
+        let Built { report, cleaned, warnings, mut hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
         };
         // Otherwise the report of the model runs with the last stage's code still resident.
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
+        let info = read_info(self.output)?;
+        let size = is_solid.then(|| Hint::of_size(info.dims, info.spacing_mm)).flatten();
+        hints.extend(size.map(|hint| hint.to_string()));
         Ok(BuildSummary {
             input,
             output: self.output.to_path_buf(),
             memory_bytes: self.options.memory.bytes(),
             report,
-            info: read_info(self.output)?,
+            info,
             each: Vec::new(),
             cleaning: (!self.clean.is_empty()).then(|| (self.clean.operations(), cleaned)),
             warnings,

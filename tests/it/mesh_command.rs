@@ -106,6 +106,18 @@ fn without_a_grid_512_voxels_lie_along_the_longest_side() {
 }
 
 #[test]
+fn a_body_of_an_unlikely_size_has_a_hint_at_its_unit() {
+    let (_folder, mesh, model) = put("ball.stl", &Body::sphere([0.0; 3], 0.08, 3).stl());
+    let hints = |more: &[&str]| {
+        let line = [&["build", &mesh, "-o", &model, "--grid", "40", "--json"], more].concat();
+        oct(&line).json()["hints"].clone()
+    };
+    let said = hints(&[]).to_string();
+    assert!(said.contains("longest side is 0.1") && said.contains("--unit"), "{said}");
+    assert_eq!(hints(&["--unit", "m"]), serde_json::json!([]));
+}
+
+#[test]
 fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
     // Two MiB more where the code is not optimised.
     let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };
