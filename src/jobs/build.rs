@@ -269,7 +269,9 @@ impl BuildJob<'_> {
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         let info = read_info(self.output)?;
-        let size = is_solid.then(|| Hint::of_size(info.dims, info.spacing_mm)).flatten();
+        let size = is_solid
+            .then(|| Hint::of_size(info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm))
+            .flatten();
         hints.extend(size.map(|hint| hint.to_string()));
         Ok(BuildSummary {
             input,
