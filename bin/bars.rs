@@ -1,15 +1,56 @@
 //! Progress bars on a terminal; nothing when piped, quiet or JSON.
 
+use std::fmt;
 use std::io::{IsTerminal, Write};
 use std::sync::{Mutex, Once, PoisonError};
+use std::time::Duration;
 
-use indicatif::{MultiProgress, ProgressBar, ProgressStyle};
+use indicatif::{MultiProgress, ProgressBar, ProgressState, ProgressStyle};
 use infobyte::jobs::batch::{Cause, Item, NOTICE, Status, Watcher};
 use infobyte::progress::Progress;
 use infobyte::text::shown;
 
 fn style(template: &str) -> ProgressStyle {
     ProgressStyle::with_template(template).unwrap_or_else(|_| ProgressStyle::default_bar())
+}
+
+/// Time that the stages after one take, as a part of its own: of a head of 512^3 samples.
+const AFTER: [(&str, f64); 3] = [("histogram", 2.0), ("scan", 0.15), ("export", 0.2)];
+/// Before that nothing is said.
+const LEAST: Duration = Duration::from_secs(1);
+
+/// Says how long the job still takes.
+#[derive(Clone, Copy)]
+struct Pace {
+    is_picture: bool,
+    after: f64,
+}
+
+impl Pace {
+    fn new(stage: &str) -> Self {
+        let after = AFTER.iter().find(|(name, _)| *name == stage).map_or(0.0, |(_, after)| *after);
+        Self { is_picture: stage == "render", after }
+    }
+
+    /// Seconds to the end of the job; `None` before there is a pace. `part` of the stage is done.
+    fn left_s(self, part: f64, elapsed: Duration) -> Option<f64> {
+        let part = part.clamp(0.0, 1.0);
+        // Rows of a picture are those of a disc: the first and the last show little.
+        let beyond = 1.0 - 2.0 * part;
+        let disc = (beyond.acos() - 2.0 * beyond * (part * (1.0 - part)).sqrt()) / std::f64::consts::PI;
+        let part = if self.is_picture { disc } else { part };
+        let of_stage = elapsed.as_secs_f64() * (1.0 - part) / part;
+        (part > 0.0 && elapsed >= LEAST).then_some(of_stage + self.after * (elapsed.as_secs_f64() + of_stage))
+    }
+
+    fn write(self, state: &ProgressState, out: &mut dyn fmt::Write) {
+        // A bar that cannot be written is drawn again.
+        let _drawn = match self.left_s(state.fraction().into(), state.elapsed()) {
+            Some(s) if s >= 100.0 => write!(out, "{:.0} min left", s / 60.0),
+            Some(s) => write!(out, "{s:.0} s left"),
+            None => Ok(()),
+        };
+    }
 }
 
 /// One bar, restarted for each stage.
@@ -40,7 +81,10 @@ impl Progress for Bars {
         self.with(|bar| {
             bar.finish_and_clear();
             *bar = ProgressBar::new(total);
-            bar.set_style(style("{msg:10} [{bar:40}] {percent:>3} % {eta:>5} left"));
+            let pace = Pace::new(name);
+            let left = move |state: &ProgressState, out: &mut dyn fmt::Write| pace.write(state, out);
+            let paced = style("{msg:10} [{bar:40}] {percent:>3} % {left}").with_key("left", left);
+            bar.set_style(paced);
             bar.set_message(name);
         });
     }
@@ -159,5 +203,25 @@ impl Watcher for BatchBars {
 
     fn advance(&self) {
         self.whole.inc(1);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_left_has_the_stages_that_follow_and_rows_of_a_picture_weigh_as_those_of_a_disc() {
+        let left = |stage: &str, part: f64, s: u64| Pace::new(stage).left_s(part, Duration::from_secs(s));
+        assert_eq!(left("sight", 0.25, 2), Some(6.0));
+        // A scan of 8 seconds, and what follows it.
+        assert!((left("scan", 0.25, 2).unwrap() - 7.2).abs() < 1e-9);
+        // Of a disc a quarter of the rows is a fifth of the area.
+        assert!((left("render", 0.5, 2).unwrap() - 2.0).abs() < 1e-9);
+        assert!((left("render", 0.25, 2).unwrap() - 2.0 * 0.804_5 / 0.195_5).abs() < 0.01);
+        assert_eq!(
+            (left("render", 1.0, 2), left("render", 0.0, 2), left("scan", 0.5, 0)),
+            (Some(0.0), None, None)
+        );
     }
 }

@@ -33,7 +33,7 @@ with open(sys.argv[1], "w") as f:
     f.writelines("4 {} {} {} {}\n".format(*side) for side in sides)
 PY
 fi
-"$oct" build "$mesh" -o polygons.oct --grid 1024 --memory 8MiB --quiet
+"$oct" build "$mesh" -o polygons.oct --grid 1024 --memory 16MiB --quiet
 "$oct" render polygons.oct -o figure-06-polygons.png --view iso --size "${side}x$side" >/dev/null
 
 # Figure 7: operations on solids at 256^3.

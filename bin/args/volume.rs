@@ -539,7 +539,8 @@ const MESHES: &str = "Meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees of solids
 #[derive(Debug, Args)]
 #[command(next_help_heading = MESHES)]
 pub(crate) struct GridArgs {
-    /// Voxels along the longest side of the grid, margins included; at least one voxel lies between the margins
+    /// Voxels along the longest side of the grid, margins included; by default 512, 1024 for meshes of more than 64 MiB, or
+    /// fewer as the memory needs. At least one voxel lies between the margins
     #[arg(long, value_name = "N", allow_negative_numbers = true, value_parser = parse::grid_side, conflicts_with = "voxel")]
     pub(crate) grid: Option<u32>,
     /// Edge of a voxel in mm
@@ -592,7 +593,8 @@ impl GridArgs {
             }
             (_, Some(edge_mm), None) => Some(GridChoice::Voxel { edge_mm, margin }),
             (Some(voxels), ..) => Some(GridChoice::Side { voxels, margin }),
-            _ => None,
+            // The margin is of the usual grid.
+            _ => self.margin.map(|_| GridChoice::Side { voxels: 512, margin }),
         }
     }
 

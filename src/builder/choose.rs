@@ -92,12 +92,12 @@ impl Chooser<'_> {
             Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
             Threshold::Chosen(selection) => selection,
             Threshold::Otsu => {
-                self.progress.stage("histogram", 1);
+                let passes = 1 + u64::from(histogram::needs_extremes(T::TYPE));
+                self.progress.stage("histogram", passes * self.source.info().dims.voxels());
                 let (threads, _memory) = self.reserve_histogram()?;
                 let Some(split) = histogram::otsu::<T>(self.source, threads, self.progress)? else {
                     return Err(self.empty::<T>(Criterion::Split));
                 };
-                self.progress.advance(1);
                 let by_otsu;
                 (by_otsu, note) = self.of_split::<T>(split);
                 by_otsu

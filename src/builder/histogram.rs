@@ -590,6 +590,7 @@ fn for_each_part<T: Ordered, L>(
             let part = Part { columns: columns.clone(), lines: lines.clone() };
             source.read_rows(z, lines, columns, bytemuck::cast_slice_mut(samples))?;
             work(&mut local, &part, samples);
+            progress.advance(samples.len() as u64);
         }
         join(local);
         Ok(())

@@ -239,11 +239,8 @@ impl<'a, 't> Front<'a, 't> {
             (Some((dims, affine, spacing_mm)), None) => {
                 LatticeGrid::of_volume(dims, affine, spacing_mm).map_err(|fault| self.wrong(fault))
             }
-            (None, None) => {
-                let path = self.name.to_path_buf();
-                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into())
-            }
-            (None, Some(choice)) => {
+            (None, choice) => {
+                let choice = choice.unwrap_or(GridChoice::USUAL);
                 let bounds = match choice {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
                     _ => self.bounds()?,

@@ -336,10 +336,8 @@ pub(crate) enum Misuse {
     SingleVolume { wanted: usize },
     #[error("there is no volume {wanted} among the {found} that were found; {SCAN} lists them")]
     NoSuchVolume { wanted: usize, found: usize },
-    #[error(
-        "is a mesh or a tree of solids; say how fine its grid is with {GRID} N (voxels along its longest side) or {VOXEL} MM"
-    )]
-    NoGrid,
+    #[error("is a volume, which has a grid of its own")]
+    OwnGrid,
     #[error(
         "a tree of solids (.csg) is built by itself; join several by union() {{ ... }} in one file, and meshes by import()"
     )]

@@ -6,6 +6,7 @@
 //!                                +-- tree:   parse, place, lay --------+
 //! ```
 
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -37,10 +38,14 @@ use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 
+/// Bytes of mesh files beyond which a grid of 512 voxels would lose what they show: some million triangles.
+const LARGE_MESH: u64 = 64 << 20;
+
 /// How a mesh or a tree of solids is put on a grid.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct GridOptions {
-    /// How fine the grid is; with a volume in a tree it is that of the volume.
+    /// How fine the grid is; with a volume in a tree it is that of the volume. If it is not given, 512 voxels along the
+    /// longest side; for meshes of more than 64 MiB 1024; fewer where the memory is too small.
     pub grid: Option<GridChoice>,
     /// Length of one unit of the files, in millimetres.
     pub unit_mm: f64,
@@ -65,8 +70,25 @@ impl Default for GridOptions {
 impl GridOptions {
     /// The options of a mesh, if the grid is given.
     pub fn mesh(&self) -> Option<MeshOptions> {
-        let Self { grid, unit_mm, fill, keep_thin, follow_links, .. } = *self;
-        grid.map(|grid| MeshOptions { grid, unit_mm, fill, keep_thin, follow_links })
+        self.grid.map(|grid| self.mesh_on(grid))
+    }
+
+    fn mesh_on(&self, grid: GridChoice) -> MeshOptions {
+        let Self { unit_mm, fill, keep_thin, follow_links, .. } = *self;
+        MeshOptions { grid, unit_mm, fill, keep_thin, follow_links }
+    }
+
+    /// The same; if it is not given, by the size of the files, and coarser where the memory needs it.
+    fn mesh_or_usual(&self, files: &[PathBuf], options: &BuildOptions) -> MeshOptions {
+        if let Some(mesh) = self.mesh() {
+            return mesh;
+        }
+        let bytes: u64 = files.iter().filter_map(|path| fs::metadata(path).ok()).map(|file| file.len()).sum();
+        let left = Budget::of(options.memory).left_bytes();
+        let side = |voxels| self.mesh_on(GridChoice::Side { voxels, margin: 1 });
+        let first = if bytes > LARGE_MESH { 1024 } else { 512 };
+        let fits = |mesh: &MeshOptions| least_share(mesh, options) <= left;
+        [first, 512, 256].map(side).into_iter().find(fits).unwrap_or_else(|| side(128))
     }
 
     /// What is said of a tree.
@@ -228,31 +250,35 @@ impl BuildJob<'_> {
                 let unrolling = volume.preparation().memory_bytes;
                 self.clean.smallest_share(&**volume, self.options).max(unrolling)
             }
-            Subject::Mesh(_) | Subject::Tree(_) => {
-                self.grid.mesh().map_or(0, |mesh| least_share(&mesh, self.options))
-            }
+            Subject::Mesh(files) => least_share(&self.grid.mesh_or_usual(files, self.options), self.options),
+            Subject::Tree(_) => least_share(&self.grid.mesh_or_usual(&[], self.options), self.options),
         }
     }
 
     /// Builds the model of a reshaped subject; `started` is when the work on it began.
     ///
     /// # Errors
-    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`]; of a mesh without a
-    /// grid a sentence that says what to add.
+    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
-        let Built { report, cleaned, warnings, hints } = match subject {
+        let is_solid = !matches!(subject, Subject::Volume(_));
+        let Built { report, cleaned, warnings, mut hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
         };
         // Otherwise the report of the model runs with the last stage's code still resident.
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
+        let info = read_info(self.output)?;
+        let size = is_solid
+            .then(|| Hint::of_size(info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm))
+            .flatten();
+        hints.extend(size.map(|hint| hint.to_string()));
         Ok(BuildSummary {
             input,
             output: self.output.to_path_buf(),
             memory_bytes: self.options.memory.bytes(),
             report,
-            info: read_info(self.output)?,
+            info,
             each: Vec::new(),
             cleaning: (!self.clean.is_empty()).then(|| (self.clean.operations(), cleaned)),
             warnings,
@@ -331,16 +357,13 @@ impl BuildJob<'_> {
             Subject::Tree(path) => self.tree(path, then),
             Subject::Volume(volume) => {
                 let path = PathBuf::from(&volume.info().description.name);
-                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into())
+                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::OwnGrid }).into())
             }
         }
     }
 
     fn mesh<T>(&self, inputs: &[PathBuf], then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
-        let Some(mesh) = self.grid.mesh() else {
-            let path = inputs.first().cloned().unwrap_or_default();
-            return Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::NoGrid }).into());
-        };
+        let mesh = self.grid.mesh_or_usual(inputs, self.options);
         let skin = BuildOptions {
             surface: SurfaceKind::Skin,
             channels: usual_channels(SurfaceKind::Skin),

@@ -1,10 +1,11 @@
 //! What may be wanted besides, or instead: said once, after the work is done.
 
 use std::fmt;
+use std::ops::RangeInclusive;
 
 use crate::clean::Preset;
 use crate::text::Short;
-use crate::text::names::{PRESET, SURFACE};
+use crate::text::names::{PRESET, SURFACE, UNIT};
 
 /// Something to know of a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +24,23 @@ pub(super) enum Hint {
         /// How many times the shortest.
         times: f64,
     },
+    /// A mesh or a tree is smaller than a millimetre, or larger than a house.
+    Size {
+        /// The longest side of its grid.
+        longest_mm: f64,
+    },
+}
+
+/// Longest sides that bodies have whose unit is right, in millimetres.
+const LIKELY_MM: RangeInclusive<f64> = 1.0..=1e5;
+
+impl Hint {
+    /// Of a mesh or a tree on a grid of such a size.
+    pub(super) fn of_size(dims: [u32; 3], spacing_mm: [f64; 3]) -> Option<Self> {
+        let longest_mm =
+            dims.iter().zip(spacing_mm).map(|(n, step)| f64::from(*n) * step).fold(0.0, f64::max);
+        (!LIKELY_MM.contains(&longest_mm)).then_some(Self::Size { longest_mm })
+    }
 }
 
 impl fmt::Display for Hint {
@@ -43,6 +61,11 @@ impl fmt::Display for Hint {
                     ["x", "y", "z"].get(*axis).unwrap_or(&"z")
                 )
             }
+            Self::Size { longest_mm } => write!(
+                f,
+                "the longest side is {} mm; if that is wrong, say with `{UNIT}` what one unit of the file is",
+                Short(*longest_mm)
+            ),
         }
     }
 }

@@ -52,6 +52,11 @@ pub enum GridChoice {
     },
 }
 
+impl GridChoice {
+    /// Where nothing is said: fine enough that a picture of usual size shows no steps.
+    pub(crate) const USUAL: Self = Self::Side { voxels: 512, margin: 1 };
+}
+
 /// Lowest and highest coordinates, in units of the file.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Bounds {

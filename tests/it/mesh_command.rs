@@ -47,7 +47,6 @@ fn flags_that_do_not_fit_are_refused_by_name() {
         args.extend(more);
         oct(&args)
     };
-    build(&[]).refused(2, &["is a mesh", "--grid N", "--voxel MM"]);
     build(&["--grid", "64", "--iso", "3"]).refused(2, &["--iso is for volumes"]);
     build(&["--grid", "64", "--keep-largest", "1"]).refused(2, &["--keep-largest is for volumes"]);
     build(&["--voxel", "1", "--dims", "9x9x9"]).refused(2, &["--dims of a mesh needs --voxel and --origin"]);
@@ -92,6 +91,30 @@ fn the_grid_in_full_moves_and_scales_nothing() {
     assert_eq!(json["dims"], serde_json::json!([40, 50, 60]));
     // 20 voxels a side.
     assert_eq!(json["skin_voxels"], 20 * 20 * 20 - 18 * 18 * 18);
+}
+
+#[test]
+fn without_a_grid_512_voxels_lie_along_the_longest_side() {
+    let (_folder, mesh, model) = put("plate.stl", &Body::cuboid([2.0, 2.0, 4.8], [12.0, 12.0, 5.2]).stl());
+    let json = oct(&["build", &mesh, "-o", &model, "--json"]).json();
+    assert_eq!(json["dims"], serde_json::json!([512, 512, 23]));
+    let json = oct(&["build", &mesh, "-o", &model, "--margin", "6", "--json"]).json();
+    assert_eq!(json["dims"], serde_json::json!([512, 512, 32]));
+    let (_folder, tree, model) = put("a.csg", b"cube(size = [10, 10, 0.4]);");
+    let json = oct(&["build", &tree, "-o", &model, "--json"]).json();
+    assert_eq!(json["dims"], serde_json::json!([512, 512, 23]));
+}
+
+#[test]
+fn a_body_of_an_unlikely_size_has_a_hint_at_its_unit() {
+    let (_folder, mesh, model) = put("ball.stl", &Body::sphere([0.0; 3], 0.08, 3).stl());
+    let hints = |more: &[&str]| {
+        let line = [&["build", &mesh, "-o", &model, "--grid", "40", "--json"], more].concat();
+        oct(&line).json()["hints"].clone()
+    };
+    let said = hints(&[]).to_string();
+    assert!(said.contains("longest side is 0.1") && said.contains("--unit"), "{said}");
+    assert_eq!(hints(&["--unit", "m"]), serde_json::json!([]));
 }
 
 #[test]

@@ -30,8 +30,8 @@ const HEAD: &str = r#"<!doctype html>
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--bad:#ff8a80;--note:#e0b35a;--tile:linear-gradient(#323943,#1b2027)}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}
 header{padding:24px 28px 12px}h1{font-size:20px;margin:0 0 4px}h2{font-size:15px;margin:20px 28px 8px}p.sum{margin:0;color:var(--soft)}body>.in{margin:10px 28px 0;color:var(--note)}a{color:inherit}
-.bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;gap:8px;border-bottom:1px solid var(--line)}
-.bar input[type=search]{flex:1;min-width:0;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
+.bar{position:sticky;top:0;z-index:1;background:var(--ground);padding:8px 28px;display:flex;flex-wrap:wrap;gap:8px;border-bottom:1px solid var(--line)}
+.bar input[type=search]{flex:1 1 14em;min-width:0;max-width:26em;padding:6px 10px;border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}
 .bar select{border:1px solid var(--line);border-radius:6px;background:var(--card);color:inherit;font:inherit}.bar label{display:flex;align-items:center;gap:5px;color:var(--soft)}
 main{display:grid;grid-template-columns:repeat(auto-fill,minmax(236px,1fr));gap:16px;padding:16px 28px 28px}
 article{background:var(--card);border:1px solid var(--line);border-radius:10px;overflow:hidden;display:flex;flex-direction:column;content-visibility:auto;contain-intrinsic-size:auto 480px}main.list article{contain-intrinsic-size:auto 120px}
@@ -41,7 +41,8 @@ main{align-items:start}main.list{grid-template-columns:repeat(auto-fill,minmax(m
 dl{display:grid;grid-template-columns:auto 1fr;gap:0 10px;margin:0;font-size:12.5px;font-variant-numeric:tabular-nums}dt{color:var(--soft)}dd{margin:0;text-align:right}
 .why{color:var(--bad);margin:6px 0 0;font-size:12.5px}ul{margin:8px 0 0;padding:0;list-style:none;font-size:12px;color:var(--note)}li+li{margin-top:3px}
 table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 14px 3px 0;border-top:1px solid var(--line);color:var(--soft)}
-@media print{.bar{display:none}article{break-inside:avoid;content-visibility:visible}main{grid-template-columns:repeat(4,1fr)}.shot{print-color-adjust:exact}}
+@page{margin:12mm}@media print{body{background:none}.bar{display:none}header,main{padding:0 0 8px}article{break-inside:avoid;content-visibility:visible}main:not(.list){grid-template-columns:repeat(5,1fr);gap:8px}.shot{print-color-adjust:exact}
+.text{padding:5px 6px}.text h3{font-size:10px}.text .in,.why,dl,ul{font-size:8px}dl{gap:0 5px}}
 </style></head><body>
 "#;
 

@@ -18,7 +18,7 @@ const HEAD: &str = r#"<!doctype html>
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#9aa4b1;--line:#323943;--best:#1f2c22;
 --c0:#6cb2ee;--c1:#f0a06a;--c2:#78cf95;--c3:#c79be8;--c4:#ff8f95;--c5:#d9c86a;--c6:#6fd0d0}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:15px/1.5 system-ui,sans-serif}
-header,main{max-width:1080px;margin:0 auto;padding:0 24px}header{padding-top:28px}h1{font-size:24px;margin:0 0 6px}
+header,main{max-width:1240px;margin:0 auto;padding:0 24px}header{padding-top:28px}h1{font-size:24px;margin:0 0 6px}
 h2{font-size:18px;margin:0 0 4px}p{margin:0 0 12px;color:var(--soft);max-width:75ch}code{font:13px/1.4 ui-monospace,monospace;background:var(--card);border:1px solid var(--line);border-radius:5px;padding:1px 5px;overflow-wrap:anywhere}
 section{background:var(--card);border:1px solid var(--line);border-radius:12px;padding:20px 22px;margin:18px 0}
 dl{display:grid;grid-template-columns:max-content 1fr;gap:2px 14px;margin:10px 0 0;font-size:14px}dt{color:var(--soft)}dd{margin:0}
@@ -32,7 +32,9 @@ svg{display:block;width:100%;max-width:820px;height:auto;margin:4px 0 8px}.grid{
 .wide{overflow-x:auto}.wide>svg{min-width:540px}table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;width:100%}
 th{text-align:right;vertical-align:bottom;font-weight:600;color:var(--soft);padding:4px 6px;border-bottom:1px solid var(--line)}
 td{text-align:right;padding:3px 6px;border-bottom:1px solid var(--line);white-space:nowrap}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}
-tr.on td{background:var(--best)}td b{font-weight:650}footer{max-width:1080px;margin:0 auto;padding:0 24px 32px;color:var(--soft);font-size:13px}
+@media(max-width:600px){header,main{padding:0 10px}section{padding:16px 12px}}@media print,(max-width:1200px){td:first-child{white-space:normal;overflow-wrap:anywhere;min-width:110px}}
+@media print{.wide{overflow:visible}table{font-size:9px}th,td{padding:2px 3px}}
+tr.on td{background:var(--best)}td b{font-weight:650}footer{max-width:1240px;margin:0 auto;padding:0 24px 32px;color:var(--soft);font-size:13px}
 </style></head><body>
 "#;
 

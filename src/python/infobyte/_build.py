@@ -85,7 +85,7 @@ def build(
     - what has `shape`, `dtype` and slices, such as arrays of dask, zarr and h5py, or an iterator of slices or slabs:
       written to a scratch file first, slab by slab, or held in memory where half of `memory` suffices;
     - an image of SimpleITK, ITK or nibabel, an array of xarray, a grid of pyvista, with its place;
-    - a mesh of trimesh, pyvista or Open3D, in mm; needs `grid` or `voxel`.
+    - a mesh of trimesh, pyvista or Open3D, in mm; `grid` or `voxel` says how fine.
 
     What is inside
     - `iso`: values of it and more, in physical units; `range`: values from the first to the second, both included;

@@ -26,6 +26,10 @@ pub(crate) const NEAR_WALL: f64 = 1.0 / 4096.0;
 const NEAR_BY_DEPTH: f64 = 1e-3;
 /// A step that leads into the cell that was hit, in cells.
 const AHEAD: f64 = 1e-4;
+/// How far a mean normal that looks away is turned back to the side that is seen: just beyond the edge of what is.
+const SEEN: f64 = 1.05;
+/// Cosine between a line of sight and a normal that looks away up to which the surface is taken for one seen from outside.
+const GRAZING: f64 = 0.35;
 
 /// A pixel's hit in 16 bytes.
 #[derive(Clone, Copy)]
@@ -250,16 +254,19 @@ impl<'a> Normals<'a> {
         line: impl Fn() -> Line,
         own: [f64; 3],
     ) -> [f64; 3] {
-        match (self.smoothing, seen.kind) {
-            (Smoothing::Stored, _) | (_, HitKind::Node) => own,
+        let smooth = match (self.smoothing, seen.kind) {
+            (Smoothing::Stored, _) | (_, HitKind::Node) => return own,
             (_, HitKind::Larger(edge)) => {
-                larger::blended(self.view, &mut around.larger, self.at(seen, line), edge.log2(), own)
+                larger::blended(self.view, &mut around.larger, self.at(seen, &line), edge.log2(), own)
             }
             _ => {
-                let at = self.at(seen, line);
+                let at = self.at(seen, &line);
                 smooth::smooth((self.view, cells.items()), around, seen.box_number, at, own)
             }
-        }
+        };
+        let (direction, spacing) =
+            (self.space.world_to_grid().apply_vector(line().1), self.space.spacing_mm());
+        not_away(own, smooth, direction, spacing)
     }
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
@@ -436,8 +443,50 @@ impl<'a> Normals<'a> {
     }
 }
 
+/// A mean of normals in cells, drawn back to the edge of what a line of sight sees where it looks away.
+///
+/// Near silhouettes the mean of the cells around may look away from the eye though their surface is seen. Light falls on both
+/// sides of a surface, so that it would come from the opposite side there: dark dots on bright ridges, bright ones on dark.
+/// What looks away by more is seen from within.
+fn not_away(own: [f64; 3], mean: [f64; 3], sight: [f64; 3], spacing: [f64; 3]) -> [f64; 3] {
+    let away = dot(mean, sight);
+    if away <= 0.0 {
+        return mean;
+    }
+    // The sight as a normal, and the squares of lengths in mm.
+    let normal: [f64; 3] = std::array::from_fn(|a| sight[a] * spacing[a] * spacing[a]);
+    let of_sight = dot(sight, normal);
+    let of_mean = (0..3).fold(0.0, |sum, a| sum + (mean[a] / spacing[a]) * (mean[a] / spacing[a]));
+    if dot(own, sight) >= 0.0 && away * away > GRAZING * GRAZING * of_sight * of_mean {
+        return mean;
+    }
+    let share = SEEN * away / of_sight;
+    [0, 1, 2].map(|a| mean[a] - share * normal[a])
+}
+
 /// Unit vector against a line of sight.
 pub(in crate::render) fn towards_eye((_, sight): Line) -> [f64; 3] {
     let length = dot(sight, sight).sqrt();
     sight.map(|c| -c / length)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_mean_that_looks_away_is_drawn_back_to_the_side_that_is_seen() {
+        // Down the z axis through cells of 1 x 1 x 4 mm.
+        let (sight, spacing) = ([0.1, 0.0, -1.0], [1.0, 1.0, 4.0]);
+        let towards = [0.3, 0.1, 1.0];
+        assert_eq!(not_away(towards, towards, sight, spacing), towards);
+        // A ridge that faces up keeps its slope, and is seen from the side that is seen.
+        let drawn = not_away(towards, [0.0, 1.0, -0.3], sight, spacing);
+        assert!(dot(drawn, sight) < 0.0 && dot(drawn, sight) > -0.1 && drawn[1] == 1.0, "{drawn:?}");
+        // Of a surface that is seen from within both look away.
+        let within = [0.0, 0.2, -1.0];
+        assert_eq!(not_away(within, within, sight, spacing), within);
+        let grazing = not_away([0.0, 1.0, -0.1], [0.0, 1.0, -0.1], sight, spacing);
+        assert!(dot(grazing, sight) < 0.0, "{grazing:?}");
+    }
 }
