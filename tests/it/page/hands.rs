@@ -290,13 +290,6 @@ fn a_page_comes_back_when_the_graphics_were_lost() {
     page.until("main.classList.contains('live') && !!page.drawing");
     page.whole();
     assert_eq!((page.state(), page.number(drawn)), (state, before));
-    // The process of the graphics dies, as of a driver that fails.
-    let session = page.leave();
-    page.call("Browser.crashGpuProcess", serde_json::json!({}));
-    page.back(session);
-    page.until("main.classList.contains('live') && !!page.drawing && !page.drawing.gl.isContextLost()");
-    page.whole();
-    assert_eq!(page.number(drawn), before);
 }
 
 #[test]
