@@ -296,36 +296,3 @@ fn a_page_comes_back_when_the_graphics_were_lost() {
     page.whole();
     assert_eq!((page.state(), page.number(drawn)), (state, before));
 }
-
-#[test]
-fn a_page_works_in_the_frame_of_a_notebook() {
-    let folder = tempfile::tempdir().unwrap();
-    let Some((mut page, path)) = shown_head(folder.path()) else { return };
-    // As `Model.view` of the Python package writes it.
-    let html = fs::read_to_string(&path).unwrap().replace('&', "&amp;").replace('"', "&quot;");
-    let frame = format!(
-        "<!DOCTYPE html><p>A cell</p><iframe title=\"m\" sandbox=\"allow-scripts allow-downloads\" \
-         style=\"width:100%;height:480px;border:0\" srcdoc=\"{html}\"></iframe>"
-    );
-    let notebook = folder.path().join("notebook.html");
-    fs::write(&notebook, frame).unwrap();
-    page.visit(&format!("file://{}", notebook.display()));
-    let outside = page.into_frame();
-    page.whole();
-    let state = page.state();
-    // Nothing of the notebook is within reach, nor is an address.
-    assert_eq!(
-        page.ask("(() => { try { return parent.document.title; } catch { return 'closed'; } })()"),
-        "closed"
-    );
-    let inside = page.leave();
-    page.back(outside);
-    page.drag([320.0, 300.0], [60.0, 20.0], "left");
-    page.wheel([320.0, 300.0], -200.0);
-    page.shot("notebook");
-    page.leave();
-    page.back(inside);
-    page.until(&format!("page.view.toString() !== '{state}'"));
-    page.whole();
-    assert_eq!((page.ask("page.error"), page.ask("document.URL")), (Value::Null, "about:srcdoc".into()));
-}
