@@ -80,32 +80,6 @@ impl Driver {
         }
     }
 
-    /// Leaves the page, so that calls are for the browser; gives what [`back`](Self::back) takes.
-    pub(super) fn leave(&mut self) -> Option<String> {
-        self.session.take()
-    }
-
-    pub(super) fn back(&mut self, session: Option<String>) {
-        self.session = session;
-    }
-
-    /// Goes into the frame of the page; gives what [`back`](Self::back) takes.
-    pub(super) fn into_frame(&mut self) -> Option<String> {
-        let page = self.leave();
-        for _ in 0..MAX_LOOKS {
-            let targets = self.call("Target.getTargets", serde_json::json!({}));
-            let frame = targets["targetInfos"].as_array().unwrap().iter().find(|one| one["type"] == "iframe");
-            if let Some(frame) = frame {
-                let of = serde_json::json!({ "targetId": frame["targetId"], "flatten": true });
-                let session = self.call("Target.attachToTarget", of);
-                self.session = Some(session["sessionId"].as_str().unwrap().to_owned());
-                return page;
-            }
-            std::thread::sleep(Duration::from_millis(50));
-        }
-        panic!("the page has no frame");
-    }
-
     /// What an expression is in the page, which knows nothing of it.
     pub(super) fn ask(&mut self, expression: &str) -> Value {
         let asked =
