@@ -250,7 +250,8 @@ fn content_decides_what_is_built_and_names_count_where_it_is_silent() {
     let (_folder, mesh, model) = put("part.dat", &ball().stl());
     oct(&["build", &mesh, "-o", &model, "--grid", "40", "--json"]).json();
     oct(&["build", &mesh, "-o", &model, "--grid", "40", "--iso", "3"]).refused(2, &["--iso is for volumes"]);
-    oct(&["build", &mesh, "-o", &model]).refused(2, &["part.dat", "is a mesh or a tree", "--grid N"]);
+    let json = oct(&["build", &mesh, "-o", &model, "--json"]).json();
+    assert_eq!(json["dims"], serde_json::json!([512, 512, 512]));
     let (_folder, tree, model) = put("tree.txt", b"cube(3);");
     oct(&["build", &tree, "-o", &model, "--grid", "9", "--json"]).json();
     oct(&["build", &tree, "-o", &model, "--grid", "9", "--otsu"]).refused(2, &["a tree of solids"]);
