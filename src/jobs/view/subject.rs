@@ -24,7 +24,7 @@ const MAX_PIXELS: u32 = 1 << 23;
 /// What is looked at.
 enum What {
     Model(Box<Model>),
-    Scene(OpenScene),
+    Scene(Box<OpenScene>),
 }
 
 /// A model or a scene, open.
@@ -40,7 +40,7 @@ impl Subject {
     /// It is not what its name says, or damaged.
     pub(super) fn open(path: &Path) -> Result<Self, Error> {
         let what = if is_scene(path) {
-            What::Scene(OpenScene::open(path)?)
+            What::Scene(Box::new(OpenScene::open(path)?))
         } else {
             verify_unless_packed(path)?;
             What::Model(Box::new(open_model(path)?))
