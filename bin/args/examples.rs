@@ -53,7 +53,6 @@ pub(crate) const INTERSECT: &str = "Examples:
   oct intersect jaw.oct implant.oct --move 12.5,-3,40";
 
 pub(crate) const VIEW: &str = "Examples:
-  oct view head.oct
   oct view models/
   oct view head.oct --port 8080 --idle 600";
 

@@ -133,7 +133,10 @@ fn sheet(
     let [a, b] = labels;
     [[a, b], [b, a]].into_iter().find_map(|[label, sheet]| {
         let samples = window.apart(corners, label, far)?;
-        let two_sided = samples.corners();
+        let mut two_sided = *corners;
+        for (corner, sample) in two_sided.iter_mut().zip(samples.corners()) {
+            *corner = if *corner == label && sample == far { far } else { *corner };
+        }
         if two_sided == *corners {
             return None;
         }
