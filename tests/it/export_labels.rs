@@ -278,7 +278,7 @@ fn smooth_walls_lie_on_the_balls_that_were_sampled() {
     assert_eq!([found.corners.len(), found.triangles.len()], [other.corners.len(), other.triangles.len()]);
     for (corner, other) in found.corners.iter().zip(&other.corners) {
         assert!(
-            (corner[0] - 33.5).abs() < 1.0 || (0..3).all(|a| (corner[a] - other[a]).abs() < 0.02),
+            (corner[0] - 33.5).abs() < 1.0 || (0..3).all(|a| (corner[a] - other[a]).abs() < 0.05),
             "{corner:?} {other:?}"
         );
     }
