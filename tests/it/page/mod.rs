@@ -54,6 +54,7 @@ fn browser() -> Option<PathBuf> {
 }
 
 /// A camera of the page: half the picture's height in mm at what it looks at.
+#[derive(Clone)]
 struct Look {
     forward: [f64; 3],
     up: [f64; 3],
