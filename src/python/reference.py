@@ -25,16 +25,16 @@ HEAD = """# Python
 This page is made from the docstrings of the package by `src/python/reference.py`.
 
 `pip install .` in a clone builds the package, and the command `oct` with it; that needs Rust, and takes some minutes.
-Python 3.11 and newer, Linux. Only numpy is needed; objects of other packages are recognised, not imported.
+Python 3.11 and newer, Linux. The model is written to the file that is named, and replaces what it held. Only numpy is needed; objects of other packages are recognised, not imported.
 
 ```python
 import infobyte
 model = infobyte.build(array, "model.oct", iso=300, spacing=(1.25, 0.5, 0.5))   # z, y, x
 model                                     # a notebook shows a picture of it
 model.view()                              # and here the model itself, to be turned, cut and measured
-picture = model.render(512, view="iso")   # H x W x 4
+picture = model.render(512, view="iso")   # H x W x 4, and model.png(512, view="iso") the bytes of a PNG
 hits = model.first_hits(origins, directions)
-model.to_pyvista().plot()                 # or model.to_trimesh()
+model.to_pyvista().plot()                 # with pyvista installed; or model.to_trimesh()
 ```
 
 `src/python/example.ipynb` is a notebook that shows all of it.
