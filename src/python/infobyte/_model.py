@@ -74,8 +74,11 @@ class Mesh(NamedTuple):
         mesh = pyvista.PolyData(self.vertices, faces.ravel())
         if self.vertex_normals is not None:
             mesh.point_data["Normals"] = self.vertex_normals
+            mesh.point_data.active_normals_name = "Normals"
         if self.vertex_colors is not None:
             mesh.point_data["Colors"] = self.vertex_colors
+        # Otherwise a plot is coloured by the last array.
+        mesh.set_active_scalars(None)
         return mesh
 
 

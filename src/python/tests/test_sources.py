@@ -130,6 +130,7 @@ def test_pyvista(bumps):
     model = built(bumps, "c.oct", surface="cells")
     mesh = model.to_pyvista()
     assert mesh.n_points == len(model.to_mesh().vertices) and mesh.is_manifold and "Normals" in mesh.point_data
+    assert mesh.active_scalars_name is None and mesh.active_normals is not None
     again = infobyte.build(mesh, "d.oct", voxel=1, progress=False)
     assert abs(len(again.voxels()) / len(built(bumps, "e.oct")) - 1) < 0.1
     assert mesh.volume == pytest.approx((bumps >= 500).sum(), rel=0.05)
