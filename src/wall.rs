@@ -145,7 +145,8 @@ impl Window<'_> {
     /// A number that no sample has.
     pub(crate) fn unused(&self) -> u16 {
         let end = self.first + (WINDOW - 1) * (self.stride + 1) + 1;
-        let has = |number: &u16| self.slices.iter().any(|slice| slice[self.first..end].contains(number));
+        let samples = self.slices.map(|slice| slice.get(self.first..end).unwrap_or_default());
+        let has = |number: &u16| samples.iter().any(|slice| slice.contains(number));
         (0..=u16::MAX).rev().find(|number| !has(number)).unwrap_or(u16::MAX)
     }
 }
@@ -274,14 +275,15 @@ impl Fit {
             && let Some(near) = near(window, corners, [one, other])
         {
             [a, b] = near.window().members(isa, one, Some(other));
-            wall = isa.call(Near { fit: self, one: &mut a, other: &mut b })?;
+            wall = isa.call(Again { fit: self, rough: None, one: &mut a, other: &mut b })?;
         }
         let gap = wall.gap(corners, one, other);
         if gap[0] < wall.along && wall.along < gap[1] {
             return Some(wall);
         }
         // Other walls nearby have drawn it.
-        let wall = isa.call(Again { fit: self, rough: &wall.half_way(gap), one: &mut a, other: &mut b })?;
+        let wall =
+            isa.call(Again { fit: self, rough: Some(&wall.half_way(gap)), one: &mut a, other: &mut b })?;
         let gap = wall.gap(corners, one, other);
         Some(if gap[0] < gap[1] {
             Wall { along: wall.along.clamp(gap[0], gap[1]), ..wall }
@@ -324,11 +326,11 @@ fn direction(toward: [f32; 3]) -> Option<[f32; 3]> {
     (length > 1e-3).then(|| [x / length, y / length, z / length])
 }
 
-/// The wall again, by the samples within [`BAND`] of a rough one: those farther away count for the label on whose side
-/// they lie, so that other walls nearby do not draw it to them.
+/// The wall again, by the samples that are left; with a rough one by those within [`BAND`] of it: samples farther away
+/// count for the label on whose side they lie, so that other walls nearby do not draw it to them.
 struct Again<'a> {
     fit: &'a Fit,
-    rough: &'a Wall,
+    rough: Option<&'a Wall>,
     one: &'a mut Members,
     other: &'a mut Members,
 }
@@ -338,9 +340,10 @@ impl Kernel for Again<'_> {
 
     #[inline(always)]
     fn run(self, isa: impl Isa) -> Option<Wall> {
-        let Self { fit, rough: Wall { normal, along }, one, other } = self;
+        let Self { fit, rough, one, other } = self;
         let parts = one.as_chunks_mut::<4>().0.iter_mut().zip(other.as_chunks_mut::<4>().0);
         for (at, (one, other)) in parts.enumerate() {
+            let Some(Wall { normal, along }) = rough else { break };
             let beyond = along_rows(*normal, 4 * at, *along);
             let (behind, before) = (bits(isa, &beyond, |at| at < -BAND), bits(isa, &beyond, |at| at > BAND));
             for row in 0..4 {
@@ -349,22 +352,6 @@ impl Kernel for Again<'_> {
             }
         }
         fit.wall(isa, one, other).map(|(wall, _)| wall)
-    }
-}
-
-/// The wall by the samples that are left.
-struct Near<'a> {
-    fit: &'a Fit,
-    one: &'a mut Members,
-    other: &'a mut Members,
-}
-
-impl Kernel for Near<'_> {
-    type Output = Option<Wall>;
-
-    #[inline(always)]
-    fn run(self, isa: impl Isa) -> Option<Wall> {
-        self.fit.wall(isa, self.one, self.other).map(|(wall, _)| wall)
     }
 }
 

@@ -35,7 +35,7 @@ const MAX_CLIENTS: usize = 16;
 /// How long a client may take to ask.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Bytes a second that a client has to take, beyond that.
-const LEAST_RATE: u64 = 1 << 20;
+const MIN_RATE: u64 = 1 << 20;
 /// Pixels along a side of the pictures of a contact sheet.
 const THUMBNAIL: u32 = 256;
 /// How often it is looked at whether to stop.
@@ -191,7 +191,7 @@ impl Client {
     /// The head of an answer of so many bytes, and the time to take it. Pages from elsewhere may not read it, and nothing
     /// keeps it.
     fn head(&mut self, status: u16, kind: &str, bytes: u64) -> io::Result<()> {
-        self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / LEAST_RATE);
+        self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / MIN_RATE);
         let word = if status == 200 { "OK" } else { "refused" };
         let head = format!(
             "HTTP/1.1 {status} {word}\r\nContent-Type: {kind}\r\nContent-Length: {bytes}\r\nConnection: close\r\n\

@@ -92,8 +92,8 @@ fn a_model_follows_the_mouse_the_wheel_and_fingers() {
     assert!(page.marked()[0] > middle[0] + 5.0, "{:?}", page.marked());
     page.reset();
     let half = page.number("page.view.half");
-    let beside = |by: f64| [middle[0] + by, middle[1]];
-    page.touch(&[beside(-40.0), beside(40.0)], &[beside(-80.0), beside(80.0)]);
+    let aside = |by: f64| [middle[0] + by, middle[1]];
+    page.touch(&[aside(-40.0), aside(40.0)], &[aside(-80.0), aside(80.0)]);
     let now = page.number("page.view.half");
     assert!((half / now - 2.0).abs() < 0.05, "{half} {now}");
     page.is_near(middle, "pinch");

@@ -1,4 +1,4 @@
-//! `oct view`: what it serves to its own page, and that nothing else comes out, whoever asks and however.
+//! `oct view`: what it serves to its own page, and that no request gets anything else.
 //!
 //! With INFOBYTE_LONG=50 a hundred thousand hostile requests.
 
