@@ -195,7 +195,7 @@ impl From<io::Error> for ExportStop {
 }
 
 /// Slices after which the model's pages leave memory.
-const SLICES_KEPT: u32 = 8;
+const SLICES_KEPT: u32 = 4;
 
 /// Most blocks of samples in a slice, of which three are held: 4 bytes each.
 const MAX_BLOCKS: u64 = 1 << 24;

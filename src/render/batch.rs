@@ -72,7 +72,7 @@ impl Batch {
     /// First hits of rays: those of [`super::traverse::first_hit_sealed`], for every form.
     ///
     /// The rays must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
-    /// surface. Any view is safe, right or wrong.
+    /// surface. Any view is safe, right or wrong. Rays through larger leaves go one after the other.
     pub fn nearest<S: Surface>(
         &mut self,
         view: &ModelView<'_>,
@@ -83,6 +83,11 @@ impl Batch {
     ) {
         refill(hits, rays.len(), None);
         let Self { form, slots, known } = self;
+        if view.has_leaves() {
+            let found = rays.iter().map(|ray| single::trace(*form, view, surface, ray, lod_edge_log2).hit);
+            hits.iter_mut().zip(found).for_each(|(hit, found)| *hit = found);
+            return;
+        }
         known.forget();
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Nearest(hits) });
     }
@@ -98,6 +103,11 @@ impl Batch {
     ) {
         refill(met, rays.len(), false);
         let Self { form, slots, known } = self;
+        if view.has_leaves() {
+            let found = rays.iter().map(|ray| single::trace(*form, view, surface, ray, lod_edge_log2).hit);
+            met.iter_mut().zip(found).for_each(|(met, found)| *met = found.is_some());
+            return;
+        }
         known.forget();
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Any(met) });
     }
@@ -163,9 +173,6 @@ impl<S: Surface, A: Answers> LanesKernel for Flight<'_, S, A> {
 
     #[inline(always)]
     fn run(self, lanes: impl Lanes) {
-        if self.view.has_leaves() {
-            return self.one_by_one(lanes);
-        }
         self.fly(lanes);
     }
 }
@@ -521,16 +528,6 @@ impl Path {
 }
 
 impl<S: Surface, A: Answers> Flight<'_, S, A> {
-    /// Rays through larger leaves, one after the other.
-    #[inline(never)]
-    fn one_by_one<L: Lanes>(mut self, l: L) {
-        for (number, ray) in self.rays.iter().enumerate() {
-            if let Some(hit) = single::first_hit(l, self.view, self.surface, ray, self.lod_edge_log2).hit {
-                self.answers.hit(number, hit);
-            }
-        }
-    }
-
     #[inline(always)]
     fn fly<L: Lanes>(mut self, l: L) {
         let Some(depth) = self.rays.first().map(|ray| ray.depth().min(MAX_DEPTH)) else { return };

@@ -1,9 +1,13 @@
 """Volumes, meshes and solids as surface octrees in fixed memory, shown by exact rays.
 
+>>> z, y, x = np.ogrid[-23.5:24, -23.5:24, -23.5:24]
+>>> ball = (20 - np.sqrt(z**2 + y**2 + x**2)).astype('f4')    # 48 x 48 x 48, above 0 inside
 >>> model = infobyte.build(ball, 'ball.oct', iso=0)       # a numpy array, or a path
 >>> picture = model.render(64, view='iso')                # H x W x 4; a notebook shows `model` itself
 >>> hits = model.first_hits([0, 23.5, 23.5], [1, 0, 0])   # exact rays, in mm
 >>> mesh = model.to_mesh()                                # closed triangles
+
+The examples below use this `ball` and its `model`.
 
 Arrays are indexed z, y, x; `spacing` follows their axes. Coordinates that come out are x, y, z in LPS mm: x to the left
 hand of a patient, y to the back, z to the head. Without a place, voxels are of 1 mm and the middle of the first is 0, 0, 0.
