@@ -35,7 +35,15 @@ mkdir -p dist
 if [ "${1:-}" = --portable ]; then
     triple=$(rustc -vV | sed -n 's/^host: //p')
     # `oct` is linked against the same old C library as the module.
-    printf '#!/bin/sh\nexec "%s" -m ziglang cc -target x86_64-linux-gnu.2.28 "$@"\n' "$bin/python" >"$work/zigcc"
+    # Without the target as Rust names it, which zig cannot read.
+    cat >"$work/zigcc" <<ZIGCC
+#!/bin/sh
+for word do
+    shift
+    case \$word in --target=*) ;; *) set -- "\$@" "\$word" ;; esac
+done
+exec "$bin/python" -m ziglang cc -target x86_64-linux-gnu.2.28 "\$@"
+ZIGCC
     chmod +x "$work/zigcc"
     CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER=$work/zigcc CC_x86_64_unknown_linux_gnu=$work/zigcc \
         "$bin/python" src/python/backend.py --target "$triple"
