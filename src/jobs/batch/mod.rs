@@ -17,7 +17,7 @@
 //! | `settle` | labels or a threshold, without a choice |
 //! | `record` | what is remembered of each volume |
 //! | `report` | `report.json` and `report.csv` |
-//! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
+//! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home; `viewer.html` is [`crate::page`]'s |
 
 mod claims;
 mod earlier;
