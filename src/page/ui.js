@@ -436,7 +436,7 @@ function begin() {
     main.classList.add('live');
     $('colors').hidden = !page.model.sections.COLR && !page.view.labels.length;
     fit();
-    say('');
+    if (!page.model.head.coarse) say('');
     redraw();
 }
 

@@ -14,8 +14,8 @@ pub(super) enum Manner {
     Whole,
     /// As wholes of unknown length.
     Unstated,
-    /// By ranges, of which nothing is sent but the first until the gate opens.
-    Gated,
+    /// By ranges, of which the one from here on waits until the gate opens.
+    Gated(usize),
     /// Refused with this status.
     Status(u16),
     /// Half of what is stated, then the connection ends.
@@ -129,7 +129,7 @@ fn answer(
     let (mut tag, mut stated, mut named) = ("a", total, from);
     match manner {
         Manner::Status(status) => return head(format!("{status} no\r\nContent-Length: 0\r\n")),
-        Manner::Gated if !is_first => {
+        Manner::Gated(place) if from == place => {
             while !gate.load(Ordering::Acquire) {
                 std::thread::sleep(Duration::from_millis(5));
             }
