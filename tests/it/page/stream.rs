@@ -111,7 +111,10 @@ fn the_coarse_model_comes_first_and_is_that_of_its_depth() {
         );
         let sent = site.sent.load(std::sync::atomic::Ordering::Acquire);
         let bytes = model.header().file_bytes;
-        assert!(sent * 2 < bytes, "{name}: {sent} of {bytes} bytes for the first picture");
+        assert!(
+            sent + 2 * model.header().voxels <= bytes,
+            "{name}: {sent} of {bytes} bytes before the normals"
+        );
         assert!(driver.text("$('said').textContent").starts_with("Opening the model"));
         // What is drawn is what is picked, and where the model is: no ray passes through more than it does.
         let differ = "(() => {
