@@ -20,7 +20,7 @@ function crc(bytes) {
 /** A file of the server. `stream` and `whole` are of one that the server gives only as a whole. */
 class Remote {
     constructor(name) {
-        if (!name) throw new Error('Which model? Add ?model=NAME.oct to the address.');
+        if (!name) throw new Error('Which model? Add ?model=NAME.oct.');
         if (location.protocol === 'file:') throw new Error(`Opened as a file, a page may not read others: oct view shows ${name}, as does a web server.`);
         const url = new URL(name, location.href);
         if (url.origin !== location.origin) throw new Error('A page shows models of its own server only.');
@@ -40,13 +40,13 @@ class Remote {
         this.tag ??= tag;
         if (range) this.length ??= +range[3];
         if (tag !== this.tag || range && +range[3] !== this.length) this.refuse(CHANGED);
-        if (status === 206 && !(range && +range[1] === from && +range[2] === Math.min(to, this.length) - 1)) this.refuse('came in another part than was asked for.');
+        if (status === 206 && !(range && +range[1] === from && +range[2] === Math.min(to, this.length) - 1)) this.refuse('came in another part than asked for.');
         return {reader: answer.body.getReader(), rest: new Uint8Array(0), at: 0, isWhole: status === 200};
     }
 
     /** Takes what comes in, up to some place. */
     async fill(stream, bytes, to) {
-        if (to > bytes.length) this.refuse('is too large for a server without ranges.');
+        if (to > bytes.length) this.refuse('is too large without ranges.');
         while (stream.at < to) {
             if (!stream.rest.length) {
                 const {done, value} = await stream.reader.read().catch(() => ({done: true}));

@@ -170,7 +170,7 @@ const nameOf = ({name, number}) => name || `label ${number}`;
 /** The list of labels with their eyes. */
 function listParts() {
     const view = page.view, list = $('list'), rows = () => [...list.children];
-    const [a, b, c] = page.model.head.affine.map(row => row.slice(0, 3)), ml = Math.abs(dot(a, cross(b, c))) / 1000;
+    const [a, b, c] = page.model.head.affine.map(row => row.slice(0, 3)), ml = Math.abs(dot(a, cross(b, c))) / 1000 / (page.model.head.coarse ?? 1) ** 3;
     const made = (name, text = '') => {
         const element = document.createElement(name);
         element.textContent = text;

@@ -15,6 +15,7 @@ const SUMS: &str = r"(() => {
     for (const kind of Object.keys(sections).sort()) found[kind] = [sections[kind].length, sum(sections[kind])];
     for (const key of ['depth', 'dims', 'nodes', 'voxels', 'leaves', 'cells', 'affine', 'value_bytes', 'value_scale', 'patient']) found[key] = head[key];
     found.labels = (head.labels ?? []).map(({number, name, color, voxels}) => [number, name, color, voxels]);
+    found.list = document.getElementById('list').textContent;
     page.view.read('f=-0.5,0.7,-0.4&u=0,0,1&t=3,2,1&h=50&p=1');
     found.picture = sum(page.drawing.numbers(page.view, 96, 96));
     return found;
@@ -164,8 +165,8 @@ fn answers_that_no_server_should_give_end_with_a_sentence() {
         (Manner::Status(416), "m.oct is refused by the server: 416.", false),
         (Manner::Status(500), "m.oct is refused by the server: 500.", false),
         (Manner::Short, "m.oct is ", false),
-        (Manner::Elsewhere, "m.oct came in another part than was asked for.", false),
-        (Manner::Unnamed, "m.oct came in another part than was asked for.", false),
+        (Manner::Elsewhere, "m.oct came in another part than asked for.", false),
+        (Manner::Unnamed, "m.oct came in another part than asked for.", false),
         (Manner::Tagged, "m.oct has changed meanwhile: load the page again.", true),
         (Manner::Grown, "m.oct has changed meanwhile: load the page again.", true),
         (Manner::Rewritten, "m.oct is damaged, or has changed meanwhile: load the page again.", true),
