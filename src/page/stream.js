@@ -5,7 +5,7 @@
 /** Bytes that are fetched first; of coarse models at most; and of a model. */
 const FIRST = 1 << 16, COARSE = [2.5e5, 2.5e6], MOST = 400 * 2 ** 20;
 
-const CHANGED = 'has changed meanwhile: load the page again.', CRCS = Uint32Array.from({length: 256}, (_, sum) => {
+const CHANGED = 'has changed: load the page again.', CRCS = Uint32Array.from({length: 256}, (_, sum) => {
     for (let i = 0; i < 8; i++) sum = sum >>> 1 ^ (sum & 1 && 0x82f63b78);
     return sum;
 });
@@ -21,7 +21,7 @@ function crc(bytes) {
 class Remote {
     constructor(name) {
         if (!name) throw new Error('Which model? Add ?model=NAME.oct.');
-        if (location.protocol === 'file:') throw new Error(`Opened as a file, a page may not read others: oct view shows ${name}, as does a web server.`);
+        if (location.protocol === 'file:') throw new Error(`Opened as a file, a page may read no other: oct view shows ${name}, as does a web server.`);
         const url = new URL(name, location.href);
         if (url.origin !== location.origin) throw new Error('A page shows models of its own server only.');
         Object.assign(this, {name, url, total: FIRST, came: 0, due: 0});
@@ -33,14 +33,14 @@ class Remote {
 
     async ask(from, to) {
         const answer = await fetch(this.url, {headers: {Range: `bytes=${from}-${to - 1}`}, cache: 'no-cache', mode: 'same-origin'})
-            .catch(() => this.refuse('cannot be fetched: the server does not answer.'));
+            .catch(() => this.refuse('cannot be fetched: no answer.'));
         const {status, headers} = answer;
-        if (status !== 200 && status !== 206) this.refuse(status === 404 ? 'is not on the server.' : `is refused by the server: ${status}.`);
+        if (status !== 200 && status !== 206) this.refuse(status === 404 ? 'is not on the server.' : `is refused: ${status}.`);
         const tag = headers.get('ETag') ?? headers.get('Last-Modified') ?? '', range = /^bytes (\d+)-(\d+)\/(\d+)$/.exec(headers.get('Content-Range'));
         this.tag ??= tag;
         if (range) this.length ??= +range[3];
         if (tag !== this.tag || range && +range[3] !== this.length) this.refuse(CHANGED);
-        if (status === 206 && !(range && +range[1] === from && +range[2] === Math.min(to, this.length) - 1)) this.refuse('came in another part than asked for.');
+        if (status === 206 && !(range && +range[1] === from && +range[2] === Math.min(to, this.length) - 1)) this.refuse('came in a wrong part.');
         return {reader: answer.body.getReader(), rest: new Uint8Array(0), at: 0, isWhole: status === 200};
     }
 
@@ -85,8 +85,8 @@ class Remote {
         const table = length < 64 ? 64 : 64 + 48 * view.getUint16(14, true);
         if (length < table || word(0) !== 0x54434f89 || word(4) !== 0x0a1a0a0d) this.refuse('is not a model, or cut short.');
         if (crc(bytes.subarray(0, 60)) !== word(60) || crc(bytes.subarray(64, table)) !== word(56)) this.refuse('is damaged.');
-        if (bytes[12] & 1) this.refuse('is packed: first unpack it by oct unpack.');
-        if (bytes[8] !== 1 || ![0, 2, 6, 10].includes(bytes[12])) this.refuse('is of a later version than this page.');
+        if (bytes[12] & 1) this.refuse('is packed: use oct unpack.');
+        if (bytes[8] !== 1 || ![0, 2, 6, 10].includes(bytes[12])) this.refuse('is newer than this page.');
         this.total = long(16);
         if ((this.length ?? this.total) !== this.total || this.total < length) this.refuse('is cut short.');
         this.sections = {};
@@ -223,7 +223,9 @@ async function *models({model}) {
     file.due = kinds.reduce((sum, kind) => sum + file.sections[kind].count, 0);
     const levels = record(await file.section('LEVL')), first = Array.from({length: head.depth + 1}, levels.long);
     const {NODE, NLOD} = file.sections, nodes = new Uint8Array(Math.min(NODE.count, MOST));
-    let have = 0, sharpest = 0;
+    const early = file.first.subarray(NODE.from, NODE.from + nodes.length);
+    nodes.set(early);
+    let have = early.length, sharpest = 0;
     const nodesTo = async end => {
         if (end > have) nodes.set(await file.bytes(NODE.from + have, end - have), have);
         have = Math.max(have, end);

@@ -161,16 +161,16 @@ fn answers_that_no_server_should_give_end_with_a_sentence() {
     let mut driver = Driver::start(&browser);
     for (manner, sentence, is_seen) in [
         (Manner::Status(404), "m.oct is not on the server.", false),
-        (Manner::Status(403), "m.oct is refused by the server: 403.", false),
-        (Manner::Status(416), "m.oct is refused by the server: 416.", false),
-        (Manner::Status(500), "m.oct is refused by the server: 500.", false),
+        (Manner::Status(403), "m.oct is refused: 403.", false),
+        (Manner::Status(416), "m.oct is refused: 416.", false),
+        (Manner::Status(500), "m.oct is refused: 500.", false),
         (Manner::Short, "m.oct is ", false),
-        (Manner::Elsewhere, "m.oct came in another part than asked for.", false),
-        (Manner::Unnamed, "m.oct came in another part than asked for.", false),
-        (Manner::Tagged, "m.oct has changed meanwhile: load the page again.", true),
-        (Manner::Grown, "m.oct has changed meanwhile: load the page again.", true),
-        (Manner::Rewritten, "m.oct is damaged, or has changed meanwhile: load the page again.", true),
-        (Manner::Silent, "m.oct cannot be fetched: the server does not answer.", true),
+        (Manner::Elsewhere, "m.oct came in a wrong part.", false),
+        (Manner::Unnamed, "m.oct came in a wrong part.", false),
+        (Manner::Tagged, "m.oct has changed: load the page again.", true),
+        (Manner::Grown, "m.oct has changed: load the page again.", true),
+        (Manner::Rewritten, "m.oct is damaged, or has changed: load the page again.", true),
+        (Manner::Silent, "m.oct cannot be fetched: no answer.", true),
     ] {
         let site = Site::of(manner, folder.path());
         driver.visit("about:blank");
@@ -204,8 +204,8 @@ fn answers_that_no_server_should_give_end_with_a_sentence() {
             ("empty.oct", "is "),
             ("foreign.oct", "is not a model, or cut short."),
             ("cut.oct", "is cut short."),
-            ("later.oct", "is of a later version than this page."),
-            ("packed.oct", "is packed: first unpack it by oct unpack."),
+            ("later.oct", "is newer than this page."),
+            ("packed.oct", "is packed: use oct unpack."),
         ] {
             driver.visit(&site.address(&format!("m.html?model={name}")));
             driver.until(&format!("location.search.endsWith('{name}') && typeof main === 'object'"));
