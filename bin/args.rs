@@ -154,7 +154,8 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "FOLDER")]
     pub(crate) each: Option<PathBuf>,
     /// What to write: triangles (stl, ply, obj, glb, 3mf; one part per label), points (a PLY of the skin), a mask
-    /// (nrrd, nii, nii.gz), or a page that shows the model in a browser (html); by default what the file name implies
+    /// (nrrd, nii, nii.gz), a page that shows the model in a browser (html), or one that fetches it from its web server
+    /// (linked); by default what the file name implies
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Make triangles from blocks of 2^N voxels along each axis: 4^N times fewer; walls below half a block vanish

@@ -438,6 +438,10 @@ fn export(args: &args::ExportArgs) -> Result<ExitCode, Failure> {
         return Err(Refusal::OtherForm { path: named.clone(), form }.into());
     }
     let request = export_request(args, form)?;
+    if form == ExportForm::Linked {
+        // The page is to fetch it by its name.
+        refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+    }
     let output = Output::of(named, Written::Export, args.force, args.json)?;
     let model = Input::of(&args.model)?;
     platform::tell_of(&args.model, args.json);

@@ -94,11 +94,13 @@ pub enum ExportForm {
     NiftiGz,
     /// A page that shows the model in a browser, HTML.
     Html,
+    /// Such a page without the model, which it fetches from its web server.
+    Linked,
 }
 
 impl ExportForm {
     /// All forms.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::Stl,
         Self::Ply,
         Self::Obj,
@@ -109,24 +111,31 @@ impl ExportForm {
         Self::Nifti,
         Self::NiftiGz,
         Self::Html,
+        Self::Linked,
     ];
 
     /// The form by a name's suffix.
     pub fn of(path: &Path) -> Option<Self> {
         let name = path.file_name()?.as_encoded_bytes().to_ascii_lowercase();
-        let by_suffix =
-            |form: &Self| *form != Self::Points && name.ends_with(format!(".{}", form.name()).as_bytes());
+        let by_suffix = |form: &Self| {
+            form.suffix() == form.name() && name.ends_with(format!(".{}", form.name()).as_bytes())
+        };
         Self::ALL.into_iter().find(by_suffix)
     }
 
     /// Does the file hold coordinates, of 32 bits?
     pub(crate) fn has_coordinates(self) -> bool {
-        !self.is_mask() && self != Self::Html
+        !self.is_mask() && !self.is_page()
     }
 
     /// Is it a volume of voxels that are inside or outside?
     pub fn is_mask(self) -> bool {
         matches!(self, Self::Nrrd | Self::Nifti | Self::NiftiGz)
+    }
+
+    /// Is it for a browser?
+    pub(crate) fn is_page(self) -> bool {
+        matches!(self, Self::Html | Self::Linked)
     }
 
     /// Is it a surface?
@@ -138,11 +147,12 @@ impl ExportForm {
     pub fn suffix(self) -> &'static str {
         match self {
             Self::Points => Self::Ply.name(),
+            Self::Linked => Self::Html.name(),
             form => form.name(),
         }
     }
 
-    /// Name in reports and, but for points, suffix.
+    /// Name in reports and, but for points and linked pages, suffix.
     pub fn name(self) -> &'static str {
         match self {
             Self::Stl => "stl",
@@ -155,6 +165,7 @@ impl ExportForm {
             Self::Nifti => "nii",
             Self::NiftiGz => "nii.gz",
             Self::Html => "html",
+            Self::Linked => "linked",
         }
     }
 }

@@ -118,8 +118,8 @@ pub fn export(
     refuse_input(input, output)?;
     // A flipped bit could make a closed surface of another solid: all is read anyway, so that all is checked.
     verify_unless_packed(input)?;
-    if request.form == ExportForm::Html {
-        return export_page(input, output, progress);
+    if request.form.is_page() {
+        return export_page(input, output, request.form, progress);
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
@@ -175,7 +175,7 @@ fn report(
         surfaces,
         is_far,
         warnings: warnings(made.unknown, is_far),
-        apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| form != ExportForm::Html),
+        apart_voxels: model.metadata().error.map(|found| found.most).filter(|_| !form.is_page()),
         bytes,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
@@ -260,17 +260,24 @@ pub(super) fn still(model: &Model, side: u32, progress: &dyn Progress) -> Result
 /// Writes a page that shows the model in a browser.
 ///
 /// # Errors
-/// As [`export`], and a model that is too large for one page.
-fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<ExportReport, Error> {
+/// As [`export`], and a model that is too large for one page; a packed one where the page is to fetch it.
+fn export_page(
+    input: &Path,
+    output: &Path,
+    form: ExportForm,
+    progress: &dyn Progress,
+) -> Result<ExportReport, Error> {
     let start = Instant::now();
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
-    let model = open_model(input)?;
+    let is_linked = form == ExportForm::Linked;
+    let model = if is_linked { Model::map(input)? } else { open_model(input)? };
     let labels = model.frame().labels.len();
-    if labels > page::MAX_LABELS {
+    // Of such models a linked page shows coarse ones.
+    if labels > page::MAX_LABELS && !is_linked {
         return Err(UsageError::PageLabels { path: input.to_path_buf(), labels }.into());
     }
     let bytes = model.header().file_bytes;
-    if bytes > page::MAX_BYTES {
+    if bytes > page::MAX_BYTES && !is_linked {
         return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());
     }
     let (dims, affine) = (model.dims(), model.affine());
@@ -279,12 +286,16 @@ fn export_page(input: &Path, output: &Path, progress: &dyn Progress) -> Result<E
     let title = output.file_stem().map_or_else(String::new, |stem| data(Path::new(stem)));
     let space = GridSpace::new(dims, &affine)?;
     progress.stage("page", 1);
-    let what = Shown::Model(&model, &space);
-    page::write(&what, &title, &picture, Way::File, &mut BufWriter::new(out.file())).map_err(unwritable)?;
+    let name = input.file_name().map(|name| data(Path::new(name)));
+    let (what, way) = match form {
+        ExportForm::Linked => (Shown::Linked(name.as_deref()), Way::Linked),
+        _ => (Shown::Model(&model, &space), Way::File),
+    };
+    page::write(&what, &title, &picture, way, &mut BufWriter::new(out.file())).map_err(unwritable)?;
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
     let written = (Exported::default(), bytes, Vec::new());
-    Ok(report([input, output], ExportForm::Html, &model, written, start))
+    Ok(report([input, output], form, &model, written, start))
 }
 
 /// The triangles of a model in memory: those of [`export`] to a PLY file, in the same order.
@@ -368,6 +379,7 @@ impl ExportReport {
     pub fn text(&self) -> String {
         let what = match self.form {
             ExportForm::Html => "a page with the model".to_owned(),
+            ExportForm::Linked => "a page that fetches the model from its web server".to_owned(),
             ExportForm::Points => format!("{} points", self.vertices),
             ExportForm::Nrrd | ExportForm::Nifti | ExportForm::NiftiGz => {
                 format!("{} voxels inside", self.inside_voxels)

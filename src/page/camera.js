@@ -23,11 +23,9 @@ const FOV = 30;
 
 class View {
     constructor(model) {
-        const side = model.dims, corners = [];
-        for (let i = 0; i < 8; i++) {
-            corners.push(model.toWorld.map(row => dot(row, [i & 1 ? side[0] : 0, i & 2 ? side[1] : 0, i & 4 ? side[2] : 0]) + row[3]));
-        }
-        // Of the surface where it is known, else of the whole grid.
+        // Of the surface where it is known, else of its boxes or the whole grid.
+        const ends = model.extent?.() ?? [[0, 0, 0], model.dims], corners = [];
+        for (let i = 0; i < 8; i++) corners.push(model.toWorld.map(row => dot(row, [0, 1, 2].map(a => ends[i >> a & 1][a])) + row[3]));
         const box = model.head.box_mm ?? [0, 1].map(end => [0, 1, 2].map(a => Math[end ? 'max' : 'min'](...corners.map(c => c[a]))));
         this.box = box;
         this.middle = scaled(added(box[0], box[1]), .5);

@@ -47,6 +47,11 @@ class Drawing {
         this.target = null;
     }
 
+    /** Gives back what it has of the graphics. */
+    drop() {
+        for (const texture of [...Object.values(this.textures), this.target?.texture ?? null]) this.gl.deleteTexture(texture);
+    }
+
     put(name, data, most) {
         const gl = this.gl, bytes = data ? new Uint8Array(data.buffer, data.byteOffset, data.byteLength) : new Uint8Array(0);
         const texels = Math.max(1, Math.ceil(bytes.length / 16)), rows = Math.ceil(texels / WIDTH);

@@ -1,4 +1,5 @@
 'use strict';
+/* global Model, placed */
 // The bytes of the page's model: sections that the exporter stored by `deflate`.
 
 /** Bytes of base64. */
@@ -65,6 +66,16 @@ async function sections(head, parts) {
         found[kind] = await inflated(next, section);
     }
     return found;
+}
+
+/** The model of the page; its place alone, where pictures of it come from a server. */
+async function *models(head) {
+    const parts = [...document.querySelectorAll('[data-part]')].map(part => () => {
+        const bytes = decoded(part.textContent);
+        part.remove();
+        return bytes;
+    });
+    yield head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
 }
 
 if (typeof module !== 'undefined') module.exports = {decoded, sections};

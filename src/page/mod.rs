@@ -11,10 +11,13 @@
 //! | `data` | the sections of a model, as they stand in the page |
 //! | `page.html`, `page.css` | what is seen before, beside and without scripts |
 //! | `load.js`, `model.js` | the model in the browser, and rays through it one at a time; run under node, too |
+//! | `stream.js` | instead of `load.js`: the model of an `.oct` file on the page's own server, by Range requests, coarse first |
+//! | `ask.js` | pictures of `oct view` for browsers that cannot draw the model |
 //! | `trace.glsl`, `draw.js` | the same rays on the graphics processor, one a fragment |
 //! | `camera.js`, `ui.js` | cameras, the cut, the address; events, marks, keys |
 //!
-//! The page may run its own script and nothing else (CSP level 2 by a hash), and may not load anything.
+//! The page may run its own script and nothing else (CSP level 2 by a hash), and may not load anything; a linked one may
+//! fetch from its own server.
 
 mod data;
 
@@ -41,14 +44,12 @@ pub(crate) const MAX_BYTES: u64 = 400 << 20;
 const PAGE: &str = include_str!("page.html");
 const STYLE: &str = include_str!("page.css");
 const TRACE: &str = include_str!("trace.glsl");
-/// In the order in which they need each other.
-const SCRIPTS: [&str; 5] = [
-    include_str!("model.js"),
-    include_str!("load.js"),
-    include_str!("camera.js"),
-    include_str!("draw.js"),
-    include_str!("ui.js"),
-];
+/// In the order in which they need each other, with those behind the first that bring the model in.
+const SCRIPTS: [&str; 4] =
+    [include_str!("model.js"), include_str!("camera.js"), include_str!("draw.js"), include_str!("ui.js")];
+const LOAD: &str = include_str!("load.js");
+const ASK: &str = include_str!("ask.js");
+const STREAM: &str = include_str!("stream.js");
 
 /// Degrees between the bottom and the top of the page's perspective pictures (`FOV` of camera.js).
 pub(crate) const FOV_DEG: f64 = 30.0;
@@ -62,6 +63,8 @@ pub(crate) enum Way {
     Served,
     /// From such a server, and without the model's sections: all pictures come from there.
     Pictures,
+    /// From any server, where it fetches the model.
+    Linked,
 }
 
 /// What a page shows.
@@ -71,6 +74,8 @@ pub(crate) enum Shown<'a, D> {
     /// A scene, by pictures of a server: the least and greatest corner of what is in it, in LPS mm, and its own view as
     /// pages write theirs, empty for one from the front.
     Scene([[f64; 3]; 2], String),
+    /// The model of a file next to a linked page, or the one that is named in the page's address.
+    Linked(Option<&'a str>),
 }
 
 impl<D: AsRef<[u8]>> Shown<'_, D> {
@@ -81,6 +86,7 @@ impl<D: AsRef<[u8]>> Shown<'_, D> {
             (Way::Pictures, true) => "asks",
             (Way::Pictures, false) => "asks plain",
             (_, true) => "",
+            // What is linked is coarse at first, without labels.
             (_, false) => "plain",
         }
     }
@@ -124,7 +130,8 @@ struct Part<'a> {
     voxels: u64,
 }
 
-/// Writes a page; `picture` is a PNG of what it shows, which is seen where scripts or WebGL2 are missing, and in print.
+/// Writes a page; `picture` is a PNG of what it shows, which is seen where scripts or WebGL2 are missing, and in print; it
+/// may be empty.
 ///
 /// Memory: some 200 KiB. Cost: `deflate` of all sections but those that are rebuilt, some 30 ns a byte.
 ///
@@ -137,14 +144,18 @@ pub(crate) fn write<D: AsRef<[u8]>>(
     way: Way,
     out: &mut dyn Write,
 ) -> io::Result<()> {
-    let script = script();
+    let script = script(way);
     let hash = |text: &str| format!("'sha256-{}'", STANDARD.encode(Sha256::digest(text)));
     let style = slim(STYLE);
     let policy = format!(
         "default-src 'none'; script-src {}; style-src {}; img-src blob: data:{}; base-uri 'none'; form-action 'none'",
         hash(&script),
         hash(&style),
-        if way == Way::File { "" } else { " 'self'" }
+        match way {
+            Way::File => "",
+            Way::Served | Way::Pictures => " 'self'",
+            Way::Linked => "; connect-src 'self'",
+        }
     );
     for part in PAGE.split("{{") {
         let (name, text) = part.split_once("}}").unwrap_or(("", part));
@@ -152,6 +163,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
             "POLICY" => out.write_all(policy.as_bytes())?,
             "TITLE" => out.write_all(html(title).as_bytes())?,
             "STYLE" => out.write_all(style.as_bytes())?,
+            "PICTURE" if picture.is_empty() => out.write_all(b"data:,")?,
             "PICTURE" => write!(out, "data:image/png;base64,{}", STANDARD.encode(picture))?,
             "DATA" => write_data(shown, way, out)?,
             "KIND" => out.write_all(shown.kind(way).as_bytes())?,
@@ -165,6 +177,7 @@ pub(crate) fn write<D: AsRef<[u8]>>(
 
 fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Write) -> io::Result<()> {
     let mut head = match shown {
+        Shown::Linked(model) => return write_head(&serde_json::json!({ "model": model }), out),
         Shown::Model(model, space) => Head::of(model, space),
         Shown::Scene(box_mm, start) => {
             let affine = Affine::from_spacing([1.0; 3]).rows;
@@ -175,8 +188,12 @@ fn write_data<D: AsRef<[u8]>>(shown: &Shown<'_, D>, way: Way, out: &mut dyn Writ
     if let (Shown::Model(model, _), Way::File | Way::Served) = (shown, way) {
         head.sections = data::write(model, out)?;
     }
+    write_head(&head, out)
+}
+
+fn write_head(head: &impl Serialize, out: &mut dyn Write) -> io::Result<()> {
     // The name of a label could end the element.
-    let head = serde_json::to_string(&head).map_err(io::Error::other)?.replace('<', "\\u003c");
+    let head = serde_json::to_string(head).map_err(io::Error::other)?.replace('<', "\\u003c");
     write!(out, "<script type=\"application/json\" id=\"head\">{head}</script>")
 }
 
@@ -215,20 +232,28 @@ impl<'a> Head<'a> {
     }
 }
 
-fn script() -> String {
-    let [model, load, camera, draw, ui] = SCRIPTS.map(slim);
-    let trace = serde_json::Value::from(slim(TRACE));
+fn script(way: Way) -> String {
+    let squeezed = |text: &str| slim(text).lines().map(|line| tight(line) + "\n").collect::<String>();
+    let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
+    let load = match way {
+        Way::File => squeezed(LOAD),
+        Way::Served | Way::Pictures => squeezed(LOAD) + &squeezed(ASK),
+        Way::Linked => squeezed(STREAM),
+    };
+    let trace = serde_json::Value::from(squeezed(TRACE));
     // One strict scope; a shader is a string of it.
     format!("'use strict';\n{model}{load}{camera}{draw}const SHADER = {trace};\n{ui}")
 }
 
-/// A text without indentation, empty lines and lines of comments.
+/// A text without indentation, empty lines, lines of comments, and what is for node alone.
 fn slim(text: &str) -> String {
     let mut slim = String::with_capacity(text.len());
     let mut comment = false;
     for line in text.lines().map(str::trim) {
         comment |= line.starts_with("/*");
-        if !(comment || line.is_empty() || line.starts_with("//") || line == "'use strict';") {
+        let is_left_out = line.is_empty()
+            || ["//", "'use strict'", "if (typeof module"].iter().any(|begin| line.starts_with(begin));
+        if !(comment || is_left_out) {
             slim.push_str(line);
             slim.push('\n');
         }
@@ -237,20 +262,58 @@ fn slim(text: &str) -> String {
     slim
 }
 
+/// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
+fn tight(line: &str) -> String {
+    let unclear = |c: char| matches!(c, '"' | '`' | '#' | '\\');
+    if line.contains(unclear)
+        || line.replace(" / ", "").contains('/')
+        || line.contains("+ +")
+        || line.contains("- -")
+    {
+        return line.to_owned();
+    }
+    let is_mark = |c: Option<char>| c.is_some_and(|c| "-=,;(){}*?:<>&|[]!%+^".contains(c));
+    let code = |text: &str| -> String {
+        let all: Vec<char> = text.chars().collect();
+        let at = |i: usize| all.get(i).copied();
+        let needed = |&i: &usize| at(i) != Some(' ') || !(is_mark(at(i + 1)) || i > 0 && is_mark(at(i - 1)));
+        (0..all.len()).filter(needed).filter_map(at).collect()
+    };
+    let texts =
+        line.split('\'').enumerate().map(|(i, text)| if i % 2 == 0 { code(text) } else { text.to_owned() });
+    texts.collect::<Vec<_>>().join("'")
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
 
     #[test]
     fn scripts_are_short_and_cannot_end_their_element() {
-        let script = script();
-        assert!(script.len() < 60 << 10, "{}", script.len());
-        assert!(!script.contains("</script") && !script.contains("<!--"));
-        assert!(!script.contains("innerHTML") && !script.contains("eval("));
+        for way in [Way::File, Way::Served, Way::Pictures, Way::Linked] {
+            let script = script(way);
+            assert!(script.len() < 60 << 10, "{way:?}: {}", script.len());
+            assert!(!script.contains("</script") && !script.contains("<!--"));
+            assert!(!script.contains("innerHTML") && !script.contains("eval("));
+        }
     }
 
     #[test]
     fn comments_are_left_out() {
         assert_eq!(slim("  a\n\n// b\n  /** c\n d */\ne /* f */\n"), "a\ne /* f */\n");
+    }
+
+    #[test]
+    fn blanks_are_left_out_but_within_strings() {
+        for (line, wanted) in [
+            ("if (a > b) return [c, -d];", "if(a>b)return[c,-d];"),
+            ("say('a, b', c - -d);", "say('a, b', c - -d);"),
+            ("const x = 'a, b' + c, y = d / e;", "const x='a, b'+c,y=d / e;"),
+            ("a = `b, ${c}` + \"d, e\";", "a = `b, ${c}` + \"d, e\";"),
+            ("x = /a, b/;", "x = /a, b/;"),
+            ("#define A (b)", "#define A (b)"),
+        ] {
+            assert_eq!(tight(line), wanted);
+        }
     }
 }

@@ -105,7 +105,7 @@ class Model {
         this.corners = null;
         this.leaves = null;
         // Labels are places in the table from 1 on, 0 for none.
-        this.labels = head.labels ?? null;
+        this.labels = head.coarse ? null : head.labels ?? null;
         if (this.labels && !(sections.LABL && this.labels.length < 256 && sections.LABL.every(place => place <= this.labels.length))) {
             throw new Error('the labels of the model make no sense');
         }

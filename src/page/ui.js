@@ -1,5 +1,5 @@
 'use strict';
-/* global Model, Drawing, View, VIEWS, CUTS, decoded, sections, dot, cross, added, scaled, SHADER */
+/* global Drawing, View, VIEWS, CUTS, models, ask, compiled, LABELS, dot, cross, added, scaled, SHADER */
 // The page: events in, pictures out.
 
 const $ = id => document.getElementById(id);
@@ -120,35 +120,6 @@ function redraw() {
     if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
 }
 
-/** Asks `oct` for a picture with one pixel for `scale` of the page's, one at a time. */
-function ask(scale) {
-    asked = 0;
-    clearTimeout(page.moving);
-    const next = new Image(), sides = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side / scale)));
-    const follow = () => {
-        asked = 0;
-        page.moving = setTimeout(() => scale > 1 && !asked && ask(1), 120);
-    };
-    asked = -1;
-    next.onload = () => {
-        next.id = 'still';
-        next.alt = $('still').alt;
-        $('still').replaceWith(next);
-        drawMarks();
-        drawScale();
-        drawCube();
-        const changed = page.view.toString() !== shown;
-        follow();
-        if (changed) redraw();
-    };
-    next.onerror = () => {
-        follow();
-        say('oct gave no picture; is it still running?', true);
-    };
-    const shown = page.view.toString();
-    next.src = `picture?${shown}&w=${sides[0]}&s=${sides[1]}`;
-}
-
 function frame() {
     asked = 0;
     if (!page.drawing) return;
@@ -199,7 +170,7 @@ const nameOf = ({name, number}) => name || `label ${number}`;
 /** The list of labels with their eyes. */
 function listParts() {
     const view = page.view, list = $('list'), rows = () => [...list.children];
-    const [a, b, c] = page.model.head.affine.map(row => row.slice(0, 3)), ml = Math.abs(dot(a, cross(b, c))) / 1000;
+    const [a, b, c] = page.model.head.affine.map(row => row.slice(0, 3)), ml = Math.abs(dot(a, cross(b, c))) / 1000 / (page.model.head.coarse ?? 1) ** 3;
     const made = (name, text = '') => {
         const element = document.createElement(name);
         element.textContent = text;
@@ -265,6 +236,7 @@ function place(x, y) {
 
 function pick(x, y) {
     if (!page.model.texels) return;
+    if (page.model.head.coarse) return void say('Positions come with the whole model.');
     const hit = page.view.pick(page.model, x, y, aspect());
     if (!hit) {
         say('Nothing is there.');
@@ -419,7 +391,6 @@ function tools() {
         $('help').setAttribute('aria-expanded', !$('keys').hidden);
     });
     $('tools').addEventListener('submit', event => event.preventDefault());
-    $('colors').hidden = !page.model.sections.COLR && !view.labels.length;
     listParts();
     window.addEventListener('keydown', keys);
     window.addEventListener('resize', redraw);
@@ -428,7 +399,7 @@ function tools() {
         event.preventDefault();
         page.drawing = page.fine = page.ready = null;
         main.classList.remove('live');
-        say('The graphics were lost for a moment; this is a picture.');
+        say('The graphics were lost for a moment.');
     });
     canvas.addEventListener('webglcontextrestored', begin);
 }
@@ -437,9 +408,9 @@ const graphics = () => canvas.getContext('webgl2', {antialias: false, depth: fal
 
 /** Begins to compile the shader, by a pixel, while the model comes in. */
 function warm() {
-    const gl = main.classList.contains('asks') ? null : graphics();
-    if (!gl) return;
-    page.ready = compiled(gl, (main.classList.contains('plain') ? '' : LABELS) + SHADER);
+    const gl = main.classList.contains('asks') ? null : graphics(), labels = !main.classList.contains('plain');
+    if (!gl || page.ready?.labels === labels) return;
+    page.ready = {...compiled(gl, (labels ? LABELS : '') + SHADER), labels};
     gl.useProgram(page.ready.made);
     gl.viewport(0, 0, 1, 1);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
@@ -449,45 +420,51 @@ function warm() {
 /** Puts the model into the graphics and shows it. */
 function begin() {
     try {
-        if (!page.model.texels) throw new Error('The model is too large for a page, or has too many labels; its pictures come from oct, without cuts and positions.');
-        const gl = graphics();
-        if (!gl) throw new Error('This browser has no WebGL2, so this is a picture of the model. In another browser it can be turned.');
+        // A model without boxes is of a server that makes pictures.
+        const gl = page.model.texels && graphics();
+        if (!gl) throw new Error('This browser has no WebGL2; in another one the model can be turned.');
+        main.classList.toggle('plain', !page.model.labels);
+        warm();
+        const last = page.drawing;
         page.drawing = new Drawing(gl, page.model, SHADER, page.ready);
+        last?.drop();
     } catch (error) {
         if (!page.model.head.served) throw error;
         page.asks = true;
     }
     main.classList.toggle('asks', page.asks);
     main.classList.add('live');
+    $('colors').hidden = !page.model.sections.COLR && !page.view.labels.length;
     fit();
-    say('');
+    if (!page.model.head.coarse) say('');
     redraw();
+}
+
+/** Shows a model: the first one, or one that is finer. */
+function show(model) {
+    page.opened = performance.now() - page.began;
+    page.model = model;
+    if (!page.view) {
+        page.view = new View(model);
+        fit();
+        page.view.named('front', aspect());
+        const state = location.hash.slice(1) || model.head.start;
+        if (state) page.view.read(state);
+        pointers();
+        tools();
+        showState(state ? '' : 'front');
+    }
+    begin();
 }
 
 async function open() {
     page.began = performance.now();
     try {
-        const head = JSON.parse($('head').textContent);
-        const parts = [...document.querySelectorAll('[data-part]')].map(part => () => {
-            const bytes = decoded(part.textContent);
-            part.remove();
-            return bytes;
-        });
-        page.model = head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
-        page.opened = performance.now() - page.began;
-        page.view = new View(page.model);
-        fit();
-        page.view.named('front', aspect());
-        const state = location.hash.slice(1) || head.start;
-        if (state) page.view.read(state);
-        pointers();
-        tools();
-        showState(state ? '' : 'front');
-        begin();
+        for await (const model of models(JSON.parse($('head').textContent))) show(model);
     } catch (error) {
-        main.classList.remove('live');
+        main.classList.toggle('live', !!page.drawing);
         // What is not a sentence of these scripts is of damaged data.
-        say(error.name === 'Error' ? error.message : 'The data of this page are damaged, so this is a picture of the model.', true);
+        say(error.name === 'Error' ? error.message : 'The data of the model are damaged.', true);
     }
     main.dataset.opened = page.error ? 'failed' : 'whole';
 }

@@ -16,7 +16,7 @@
 //! | `options` | what was asked for, as a number and for people |
 //! | `settle` | labels or a threshold, without a choice |
 //! | `record` | what is remembered of each volume |
-//! | `report` | `report.json` and `report.csv` |
+//! | `report` | `report.json` and `report.csv`, and `viewer.html`, a linked page of models |
 //! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
 
 mod claims;

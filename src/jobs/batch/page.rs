@@ -55,11 +55,16 @@ const keys={name:a=>a.querySelector("h3").textContent,kind:a=>a.querySelector(".
 s.addEventListener("change",()=>{const k=keys[s.value],n=new Intl.Collator(undefined,{numeric:true}).compare;
 cards.append(...(k?found.map(a=>[k(a),a]).sort(([a],[b])=>typeof a=="number"?a-b:n(a,b)).map(r=>r[1]):found))});
 q.addEventListener("input",sift);f.addEventListener("change",sift);
+if(location.protocol!="file:")for(const a of cards.querySelectorAll(".shot a"))
+a.href="viewer.html?model="+encodeURIComponent(a.closest("article").querySelector("h3 a").getAttribute("href"));
 if(typeof report!="undefined"){const at=new Map(report.map(r=>[r[0],r]));
 for(const a of document.querySelectorAll("main.list article")){const r=at.get(a.querySelector("h3").textContent);if(!r)continue;
 a.querySelector(".file").textContent=r[1];if(r[2])a.querySelector(".why").textContent=r[2]}}
 </script>
 "#;
+
+/// The page that the pictures of a contact sheet lead to on a web server: a file's may not read another one.
+pub(super) const VIEWER: &str = "viewer.html";
 
 /// What the page shows only at home.
 pub(super) const HOME: &str = "report.js";
@@ -77,7 +82,8 @@ pub(super) fn write(
         w,
         "<header><h1>Contact sheet</h1><p class=\"sum\">{} volumes: {} converted, {} skipped, <a href=\"#failed\">{} failed</a> \
          &middot; {:.1} s with {} job(s) &middot; peak memory of the whole process {} of {} allowed</p>\n\
-         <p class=\"sum\">The folder holds {} model(s), {}, with {} thumbnail(s).</p></header>\n\
+         <p class=\"sum\">The folder holds {} model(s), {}, with {} thumbnail(s). On a web server pictures lead to models that turn; \
+         without one, <code>oct view</code> of this folder shows them.</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
          aria-label=\"Filter\"><select id=\"s\" aria-label=\"Order\"><option value=\"\">as found\
          <option>name<option>kind<option value=\"size\">largest first</select><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",

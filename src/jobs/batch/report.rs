@@ -11,6 +11,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::{Connectivity, Threshold};
 use crate::discovery::LeftOut;
 use crate::format::{Channel, SurfaceKind};
+use crate::page::{Shown, Way};
 use crate::source::{BurnedIn, GapPolicy};
 use crate::text::{self, data, plain};
 
@@ -217,6 +218,15 @@ impl BatchReport {
                 .try_for_each(|file| w.write_all(left_out_line(&file.path, &file.reason).as_bytes()))
         })?;
         write_whole(&out.join(page::HOME), |w| page::write_home(journal, w))?;
+        if self.holds.models == 0 {
+            // There is none, or it shows nothing any more.
+            let _none = std::fs::remove_file(out.join(page::VIEWER));
+        } else {
+            let shown = Shown::<&[u8]>::Linked(None);
+            write_whole(&out.join(page::VIEWER), |w| {
+                crate::page::write(&shown, "Model", &[], Way::Linked, w)
+            })?;
+        }
         write_whole(&out.join("index.html"), |w| page::write(self, out, journal, w))
     }
 

@@ -13,6 +13,8 @@ mod firefox;
 mod hands;
 mod labels;
 mod server;
+mod site;
+mod stream;
 
 use crate::prelude::*;
 use base64::Engine as _;
