@@ -10,8 +10,7 @@ use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::GridOptions;
-use infobyte::mesh::Fill;
-use infobyte::mesh::GridChoice;
+use infobyte::mesh::{Fill, GridChoice, UpAxis};
 use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, Overlap, ScalarType};
 
@@ -469,13 +468,23 @@ impl BuildArgs {
         self.skin.refuse_ignored()?;
         self.clean.refuse_ignored()?;
         let grid = &self.mesh.grid;
-        if grid.unit.is_some() && self.input.iter().all(|path| states_unit(path)) {
-            return Err(Refusal::NotOf {
-                flag: "--unit",
-                of: "files without a unit, and glTF and 3MF state theirs",
-            });
+        let stated = [
+            ("--unit", grid.unit.is_some(), "files without a unit, and glTF and 3MF state theirs"),
+            ("--up", grid.up.is_some(), "files that do not say what is up, as glTF and 3MF do"),
+        ];
+        if let Some((flag, _, of)) = stated.into_iter().find(|(_, given, _)| *given)
+            && self.input.iter().all(|path| states_unit(path))
+        {
+            return Err(Refusal::NotOf { flag, of });
         }
-        let of_meshes = || grid.fill.map(|_| "--fill").or(grid.keep_thin.then_some("--keep-thin"));
+        let of_meshes = || {
+            let given = [
+                ("--fill", grid.fill.is_some()),
+                ("--keep-thin", grid.keep_thin),
+                ("--up", grid.up.is_some()),
+            ];
+            given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
+        };
         let refusal = match kind {
             SubjectKind::Volume => grid.flag().map(Refusal::ForMeshes),
             SubjectKind::Mesh => {
@@ -516,7 +525,7 @@ impl BuildArgs {
     }
 }
 
-/// Does a mesh of this name state its unit?
+/// Does a mesh of this name state its unit, and what is up?
 fn states_unit(path: &Path) -> bool {
     let suffix = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
     ["gltf", "glb", "3mf"].contains(&suffix.as_str())
@@ -552,6 +561,9 @@ pub(crate) struct GridArgs {
     /// Unit of the file's coordinates: um, mm (the default), cm, m or in; glTF and 3MF state theirs
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
+    /// Axis of the file's coordinates that is up: z (the default) or y; glTF and 3MF state theirs
+    #[arg(long, value_enum, value_name = "z|y")]
+    pub(crate) up: Option<FileUp>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what suits
     /// the mesh. surface: only the voxels that the mesh itself crosses, for open sheets and thin shells
     #[arg(long, value_enum, value_name = "winding|parity|surface")]
@@ -570,6 +582,13 @@ pub(crate) enum FillRule {
     Surface,
 }
 
+/// What is up in a mesh file.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum FileUp {
+    Z,
+    Y,
+}
+
 impl GridArgs {
     /// A flag that was given.
     fn flag(&self) -> Option<&'static str> {
@@ -580,6 +599,7 @@ impl GridArgs {
             ("--keep-thin", self.keep_thin),
             ("--margin", self.margin.is_some()),
             ("--unit", self.unit.is_some()),
+            ("--up", self.up.is_some()),
         ];
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
@@ -607,6 +627,7 @@ impl GridArgs {
         GridOptions {
             grid: self.choice(whole),
             unit_mm: self.unit.unwrap_or(1.0),
+            up: self.up.map_or(UpAxis::Z, |up| if up == FileUp::Y { UpAxis::Y } else { UpAxis::Z }),
             fill,
             keep_thin: self.keep_thin,
             follow_links: links.follow_links,

@@ -32,7 +32,9 @@ use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
-use crate::mesh::{GridChoice, MeshOptions, has_colors, least_share, usual_channels, with_mesh};
+use crate::mesh::{
+    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_up, usual_channels, with_mesh,
+};
 use crate::platform::{give_back, open_file};
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
@@ -49,6 +51,8 @@ pub struct GridOptions {
     pub grid: Option<GridChoice>,
     /// Length of one unit of the files, in millimetres.
     pub unit_mm: f64,
+    /// Up in meshes that do not say it.
+    pub up: UpAxis,
     /// What is inside a mesh; what fits it, if not given.
     pub fill: Option<Fill>,
     /// Keep walls of meshes that are thinner than a voxel? See [`MeshOptions::keep_thin`].
@@ -62,8 +66,8 @@ pub struct GridOptions {
 impl Default for GridOptions {
     /// No grid, units of a millimetre.
     fn default() -> Self {
-        let (grid, fill, unit_mm) = (None, None, 1.0);
-        Self { grid, unit_mm, fill, keep_thin: false, follow_links: false, keep_colors: false }
+        let (grid, fill, unit_mm, up) = (None, None, 1.0, UpAxis::Z);
+        Self { grid, unit_mm, up, fill, keep_thin: false, follow_links: false, keep_colors: false }
     }
 }
 
@@ -74,8 +78,8 @@ impl GridOptions {
     }
 
     fn mesh_on(&self, grid: GridChoice) -> MeshOptions {
-        let Self { unit_mm, fill, keep_thin, follow_links, .. } = *self;
-        MeshOptions { grid, unit_mm, fill, keep_thin, follow_links }
+        let Self { unit_mm, up, fill, keep_thin, follow_links, .. } = *self;
+        MeshOptions { grid, unit_mm, up, fill, keep_thin, follow_links }
     }
 
     /// The same; if it is not given, by the size of the files, and coarser where the memory needs it.
@@ -186,6 +190,14 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Voxels this many times as long along one axis as along another make stairs of a surface.
 const UNEVEN: f64 = 3.0;
 
+/// Is it a mesh whose files do not say what is up?
+fn lies_as_it_is(subject: &Subject) -> bool {
+    match subject {
+        Subject::Mesh(files) => !files.iter().any(|file| states_up(file)),
+        Subject::Volume(_) | Subject::Tree(_) => false,
+    }
+}
+
 /// What may be wanted besides: of a CT whose threshold was not chosen, and of uneven spacing.
 fn hints(
     source: &dyn VolumeSource,
@@ -261,6 +273,7 @@ impl BuildJob<'_> {
     /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let is_solid = !matches!(subject, Subject::Volume(_));
+        let may_lie = self.grid.up == UpAxis::Z && lies_as_it_is(&subject);
         let Built { report, cleaned, warnings, mut hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
@@ -269,10 +282,12 @@ impl BuildJob<'_> {
         self.give_back();
         let wall_s = started.elapsed().as_secs_f64();
         let info = read_info(self.output)?;
-        let size = is_solid
-            .then(|| Hint::of_size(info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm))
-            .flatten();
-        hints.extend(size.map(|hint| hint.to_string()));
+        if is_solid {
+            let (dims, spacing_mm) = (info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm);
+            let lies = Hint::of_shape(dims, spacing_mm).filter(|_| may_lie);
+            hints
+                .extend(Hint::of_size(dims, spacing_mm).into_iter().chain(lies).map(|hint| hint.to_string()));
+        }
         Ok(BuildSummary {
             input,
             output: self.output.to_path_buf(),

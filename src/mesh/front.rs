@@ -353,11 +353,12 @@ impl Front<'_> {
     }
 
     fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
-        let MeshOptions { unit_mm, follow_links, .. } = *self.mesh;
+        let MeshOptions { unit_mm, up, follow_links, .. } = *self.mesh;
         let [colors, looks] =
             [Channel::Color, Channel::Normal].map(|channel| self.channels().contains(channel));
         let scratch = &self.scratch;
-        let limits = Limits { scratch, most_bytes, follow_links, looks: looks || colors, colors, unit_mm };
+        let limits =
+            Limits { scratch, most_bytes, follow_links, looks: looks || colors, colors, unit_mm, up };
         self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
     }
 

@@ -72,11 +72,31 @@ pub(crate) use crossed::cross_edges;
 use front::Front;
 use paint::{COLLECTING_BYTES, Painter};
 use read::{Limits, MeshFile, READER_BYTES};
-pub(crate) use read::{check, format_of, is_named};
+pub(crate) use read::{check, format_of, is_named, states_up};
 use resident::Resident;
 use solid::fixed_bytes;
 pub(crate) use solid::{MeshSolid, from_faces, row_words};
 use thin::Thin;
+
+/// The axis of a file's coordinates that is up.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub enum UpAxis {
+    /// As models have it.
+    #[default]
+    Z,
+    /// As glTF has it, whose z axis leads to the front.
+    Y,
+}
+
+impl UpAxis {
+    /// A place or a direction of the file with z up, and the patient's front where the file has its own.
+    pub(crate) fn upright<T: std::ops::Neg<Output = T>>(self, [x, y, z]: [T; 3]) -> [T; 3] {
+        match self {
+            Self::Z => [x, y, z],
+            Self::Y => [x, -z, y],
+        }
+    }
+}
 
 /// How a mesh is made a solid.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -85,6 +105,8 @@ pub struct MeshOptions {
     pub grid: GridChoice,
     /// Millimetres of a unit of the files.
     pub unit_mm: f64,
+    /// Up in files that do not say it: all but glTF and 3MF.
+    pub up: UpAxis,
     /// The rule for inside; the one that fits the mesh, if not given.
     pub fill: Option<Fill>,
     /// Are walls thinner than a voxel kept? What is inside is then, too, a voxel of every two neighbours between whose
@@ -197,7 +219,8 @@ pub(crate) fn mesh_part(
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
+    let mesh =
+        MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false };
     let inputs = [path.to_path_buf()];
     let scratch = scratch.to_path_buf();
     let front = Front {

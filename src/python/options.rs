@@ -18,7 +18,7 @@ use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
 use crate::jobs::scene::SceneRequest;
 use crate::jobs::scene::Section;
-use crate::mesh::{Fill, GridChoice, usual_channels};
+use crate::mesh::{Fill, GridChoice, UpAxis, usual_channels};
 use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
 use crate::volume::Overlap;
@@ -80,6 +80,7 @@ pub(super) struct BuildAsked {
     origin: Option<[f64; 3]>,
     margin: u32,
     unit: f64,
+    up: String,
     fill: Option<String>,
     keep_thin: bool,
     volume: Option<usize>,
@@ -274,6 +275,7 @@ impl BuildAsked {
         Ok(GridOptions {
             grid,
             unit_mm: self.unit,
+            up: choice("up", &self.up, [("z".to_owned(), UpAxis::Z), ("y".to_owned(), UpAxis::Y)])?,
             fill,
             keep_thin: self.keep_thin,
             follow_links: self.follow_links,

@@ -24,7 +24,7 @@ use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::scene::{SceneRequest, read_scene, render_scene};
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+use infobyte::mesh::{GridChoice, MeshOptions, UpAxis, build_mesh};
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
@@ -360,6 +360,7 @@ fn built_mesh(name: &str, bytes: &[u8], options: &BuildOptions) -> bool {
     let how = MeshOptions {
         grid: GridChoice::Side { voxels: 12, margin: 1 },
         unit_mm: 1.0,
+        up: UpAxis::Z,
         fill: None,
         keep_thin: false,
         follow_links: false,

@@ -35,6 +35,7 @@ mod zip;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
+use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::facts::{Fault, MeshFault, MeshLack, SourceError, SourceFault};
 use crate::platform;
@@ -103,6 +104,11 @@ pub(crate) fn is_named(path: &Path) -> bool {
     Format::ALL.iter().any(|format| has_suffix(path, format.name())) || has_suffix(path, "glb")
 }
 
+/// Does a mesh of this name state what is up?
+pub(crate) fn states_up(path: &Path) -> bool {
+    ["gltf", "glb", "3mf"].iter().any(|suffix| has_suffix(path, suffix))
+}
+
 fn has_suffix(path: &Path, suffix: &str) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case(suffix))
 }
@@ -149,12 +155,22 @@ pub(super) struct Limits<'a> {
     pub(super) colors: bool,
     /// Millimetres of the unit that callers assume: coordinates of files that state their unit are brought to it.
     pub(super) unit_mm: f64,
+    /// Up in files that do not say it.
+    pub(super) up: UpAxis,
 }
 
 impl<'a> Limits<'a> {
     /// Shapes in millimetres, and a few MiB.
     pub(super) fn plain(scratch: &'a Path) -> Self {
-        Self { scratch, most_bytes: 4 << 20, follow_links: false, looks: false, colors: false, unit_mm: 1.0 }
+        Self {
+            scratch,
+            most_bytes: 4 << 20,
+            follow_links: false,
+            looks: false,
+            colors: false,
+            unit_mm: 1.0,
+            up: UpAxis::Z,
+        }
     }
 }
 
@@ -177,6 +193,7 @@ pub(super) struct Summary {
 pub(super) struct MeshFile {
     path: PathBuf,
     unit_mm: f64,
+    up: UpAxis,
     kind: Kind,
     pub(super) summary: Summary,
 }
@@ -200,7 +217,7 @@ impl MeshFile {
     pub(super) fn open(path: &Path, limits: &Limits<'_>) -> Result<Self, SourceError> {
         let (kind, summary) =
             Self::open_kind(path, limits).map_err(|stop| error_of(path, limits.scratch, stop))?;
-        Ok(Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, kind, summary })
+        Ok(Self { path: path.to_path_buf(), unit_mm: limits.unit_mm, up: limits.up, kind, summary })
     }
 
     fn open_kind(path: &Path, limits: &Limits<'_>) -> Result<(Kind, Summary), Stop> {
@@ -239,12 +256,16 @@ impl MeshFile {
     /// # Errors
     /// The file is wrong, or `each` fails.
     pub(super) fn for_each(&self, scratch: &Path, each: &mut Each<'_>) -> Result<(), SourceError> {
+        let mut upright = |t: &[[f64; 3]; 3]| match self.up {
+            UpAxis::Z => each(t),
+            up => each(&t.map(|p| up.upright(p))),
+        };
         let read = match &self.kind {
-            Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, each),
-            Kind::StlText { file } => stl::for_each_text(file, each),
-            Kind::Ply(ply) => ply.for_each(each),
-            Kind::Off(faces) => faces.for_each(each),
-            Kind::Obj(open) => open.for_each(each),
+            Kind::StlBinary { file, triangles } => stl::for_each_binary(file, *triangles, &mut upright),
+            Kind::StlText { file } => stl::for_each_text(file, &mut upright),
+            Kind::Ply(ply) => ply.for_each(&mut upright),
+            Kind::Off(faces) => faces.for_each(&mut upright),
+            Kind::Obj(open) => open.for_each(&mut upright),
             Kind::Gltf(_) | Kind::ThreeMf(_) => {
                 return self.for_each_look(scratch, &mut |t, _| each(t));
             }
@@ -262,7 +283,7 @@ impl MeshFile {
         place: &PlaceVertex<'_>,
         each: &mut EachCorners<'_>,
     ) -> Result<(), SourceError> {
-        let make = |p| Corner::new(p, place);
+        let make = |p| Corner::new(self.up.upright(p), place);
         let mut checked = |t: &[Corner; 3], number: u64| {
             Corner::check(t, number)?;
             each(t)
@@ -270,7 +291,7 @@ impl MeshFile {
         let read = match &self.kind {
             Kind::Ply(ply) => ply.for_each_of(&make, &mut checked),
             Kind::Off(faces) => faces.for_each_of(&make, &mut checked),
-            _ => return self.for_each(scratch, &mut |t| checked(&t.map(make), 0)),
+            _ => return self.for_each(scratch, &mut |t| checked(&t.map(|p| Corner::new(p, place)), 0)),
         };
         read.map_err(|stop| error_of(&self.path, scratch, stop))
     }
@@ -280,19 +301,21 @@ impl MeshFile {
     /// # Errors
     /// The file is wrong, or `each` fails.
     pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
-        let mut in_units = |t: &[[f64; 3]; 3], look: &Look| {
-            if self.unit_mm == 1.0 {
-                each(t, look)
-            } else {
-                each(&t.map(|p| p.map(|c| c / self.unit_mm)), look)
+        let states_place = matches!(self.kind, Kind::Gltf(_) | Kind::ThreeMf(_));
+        let (unit_mm, up) = if states_place { (self.unit_mm, UpAxis::Z) } else { (1.0, self.up) };
+        let mut placed = |t: &[[f64; 3]; 3], look: &Look| {
+            if unit_mm == 1.0 && up == UpAxis::Z {
+                return each(t, look);
             }
+            let normals = look.normals.map(|all| all.map(|n| up.upright(n)));
+            each(&t.map(|p| up.upright(p.map(|c| c / unit_mm))), &Look { normals, ..*look })
         };
         let read = match &self.kind {
             // Faces of vertices without looks are read faster.
-            Kind::Ply(open) if self.summary.looks != [false; 2] => open.for_each_look(each),
-            Kind::Obj(open) => open.for_each_look(each),
-            Kind::Gltf(open) => open.for_each(&mut in_units),
-            Kind::ThreeMf(open) => open.for_each(&mut in_units),
+            Kind::Ply(open) if self.summary.looks != [false; 2] => open.for_each_look(&mut placed),
+            Kind::Obj(open) => open.for_each_look(&mut placed),
+            Kind::Gltf(open) => open.for_each(&mut placed),
+            Kind::ThreeMf(open) => open.for_each(&mut placed),
             _ => return self.for_each(scratch, &mut |t| each(t, &Look::NONE)),
         };
         read.map_err(|stop| error_of(&self.path, scratch, stop))

@@ -62,6 +62,7 @@ def build(
     voxel: float | None = None,
     margin: int = 1,
     unit: str = "mm",
+    up: str = "z",
     fill: str | None = None,
     keep_thin: bool = False,
     volume: int | None = None,
@@ -123,7 +124,7 @@ def build(
 
     Meshes and trees
     - `grid`: voxels along the longest side; or `voxel`: their edge in mm. `margin`, `unit`, `fill`, `keep_thin`; `origin`
-      with `voxel` and `dims` gives the grid in full.
+      with `voxel` and `dims` gives the grid in full. `up`: `'y'` for meshes whose y axis is up.
 
     Files
     - `volume`, `gaps`, `follow_links`, `orientation`; `index` of OME-Zarr and Zarr: `{'t': 12, 'c': 0}`; `dims` (x, y, z), `dtype` and `skip` of headerless files.
@@ -161,7 +162,7 @@ def build(
         "roi": None if roi is None else [[int(a), int(b)] for a, b in _turned(roi, axes)],
         "downsample": downsample, "close": close, "fill_cavities": bool(fill_cavities), "keep_largest": keep_largest,
         "drop_below": _limit(drop_below), "component_connectivity": component_connectivity, "grid": grid,
-        "voxel": voxel, "origin": None, "margin": margin, "unit": UNITS[unit], "fill": fill,
+        "voxel": voxel, "origin": None, "margin": margin, "unit": UNITS[unit], "up": up, "fill": fill,
         "keep_thin": bool(keep_thin), "volume": volume,
         "index": [(axis, int(place)) for axis, place in (index or {}).items()], "gaps": gaps, "follow_links": bool(follow_links),
         "spacing": None, "orientation": orientation, "dims": None if dims is None else [int(side) for side in dims],

@@ -6,7 +6,7 @@ use infobyte::budget::MemoryCap;
 use infobyte::builder::BuildOptions;
 use infobyte::geom::{BoxIndex, Dims, Octant, VoxelIndex};
 use infobyte::load::NodeView;
-use infobyte::mesh::{GridChoice, MeshOptions};
+use infobyte::mesh::{GridChoice, MeshOptions, UpAxis};
 
 /// What a build may allocate, in MiB, and its threads.
 pub(crate) fn share(mib: u64, threads: usize) -> BuildOptions {
@@ -20,7 +20,7 @@ pub(crate) fn exact_grid([x, y, z]: [u32; 3]) -> GridChoice {
 
 /// A mesh in mm, filled by the rule that it asks for.
 pub(crate) fn on_grid(grid: GridChoice) -> MeshOptions {
-    MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false }
+    MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
 }
 
 /// Writes a file into a folder.
