@@ -10,7 +10,7 @@ use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::GridOptions;
-use infobyte::mesh::{Fill, GridChoice, UpAxis};
+use infobyte::mesh::{Fill, GridChoice, UpAxis, states_place};
 use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, Overlap, ScalarType};
 
@@ -473,7 +473,7 @@ impl BuildArgs {
             ("--up", grid.up.is_some(), "files that do not say what is up, as glTF and 3MF do"),
         ];
         if let Some((flag, _, of)) = stated.into_iter().find(|(_, given, _)| *given)
-            && self.input.iter().all(|path| states_unit(path))
+            && self.input.iter().all(|path| states_place(path))
         {
             return Err(Refusal::NotOf { flag, of });
         }
@@ -523,12 +523,6 @@ impl BuildArgs {
         ];
         given.into_iter().find(|(_, given)| *given).map(|(flag, _)| flag)
     }
-}
-
-/// Does a mesh of this name state its unit, and what is up?
-fn states_unit(path: &Path) -> bool {
-    let suffix = path.extension().map(|e| e.to_string_lossy().to_ascii_lowercase()).unwrap_or_default();
-    ["gltf", "glb", "3mf"].contains(&suffix.as_str())
 }
 
 /// How a mesh becomes a solid.

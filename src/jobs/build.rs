@@ -33,7 +33,7 @@ use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
-    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_up, usual_channels, with_mesh,
+    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, usual_channels, with_mesh,
 };
 use crate::platform::{give_back, open_file};
 use crate::source::{OpenOptions, Subject, SubjectKind};
@@ -193,7 +193,7 @@ const UNEVEN: f64 = 3.0;
 /// Is it a mesh whose files do not say what is up?
 fn lies_as_it_is(subject: &Subject) -> bool {
     match subject {
-        Subject::Mesh(files) => !files.iter().any(|file| states_up(file)),
+        Subject::Mesh(files) => !files.iter().any(|file| states_place(file)),
         Subject::Volume(_) | Subject::Tree(_) => false,
     }
 }

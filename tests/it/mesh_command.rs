@@ -118,6 +118,55 @@ fn a_body_of_an_unlikely_size_has_a_hint_at_its_unit() {
 }
 
 #[test]
+fn y_may_be_up_in_files_that_do_not_say_what_is() {
+    let corners = [[0.0, 0.0, 0.0], [10.0, 2.0, 1.0], [1.0, 30.0, 3.0], [2.0, 4.0, 15.0]];
+    let faces = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];
+    let upright = corners.map(|[x, y, z]| [x, -z, y]);
+    let [lying, standing] = [corners, upright].map(|corners| Body::new(&corners, &faces));
+    // Normals of vertices, which a skin keeps.
+    let looks = |corners: [[f64; 3]; 4]| {
+        let line = |kind: &str, [x, y, z]: [f64; 3]| format!("{kind} {x} {y} {z}\n");
+        let vertices: String = corners.iter().map(|v| line("v", *v)).collect();
+        let normals: String = corners.iter().map(|v| line("vn", v.map(|c| c + 1.0))).collect();
+        let face = |f: [usize; 3]| f.map(|k| format!("{0}//{0}", k + 1)).join(" ");
+        let faces: String = faces.iter().map(|f| format!("f {}\n", face(*f))).collect();
+        (vertices + &normals + &faces).into_bytes()
+    };
+    let shifted = corners.map(|v| v.map(|c| c - 1.0));
+    let upright_looks = {
+        let text = String::from_utf8(looks(shifted)).unwrap();
+        let turned = |line: &str| match line.split(' ').collect::<Vec<_>>()[..] {
+            [kind @ ("v" | "vn"), x, y, z] => format!("{kind} {x} {} {y}\n", -z.parse::<f64>().unwrap()),
+            _ => format!("{line}\n"),
+        };
+        text.lines().map(turned).collect::<String>().into_bytes()
+    };
+    for (name, lying, standing) in [
+        ("a.stl", lying.stl(), standing.stl()),
+        ("b.stl", lying.stl_text(), standing.stl_text()),
+        ("a.ply", lying.ply("binary_little_endian"), standing.ply("binary_little_endian")),
+        ("a.obj", lying.obj(), standing.obj()),
+        ("b.obj", looks(shifted), upright_looks),
+        ("a.off", lying.off(), standing.off()),
+    ] {
+        for surface in ["skin", "cells"] {
+            let content = |bytes: &[u8], more: &[&str]| {
+                let (_folder, mesh, model) = put(name, bytes);
+                let line = ["build", &mesh, "-o", &model, "--grid", "60", "--json", "--surface", surface];
+                let hints = oct(&[&line[..], more].concat()).json()["hints"].to_string();
+                (oct(&["info", &model, "--json"]).json()["checksum"].clone(), hints)
+            };
+            let (set_up, hints) = content(&lying, &["--up", "y"]);
+            assert!(!hints.contains("--up y"), "{name}: {hints}");
+            assert_eq!(set_up, content(&standing, &[]).0, "{name}, {surface}");
+            let (as_it_is, hints) = content(&lying, &["--up", "z"]);
+            assert!(hints.contains("lies on its back, `--up y`"), "{name}: {hints}");
+            assert_ne!(set_up, as_it_is, "{name}, {surface}");
+        }
+    }
+}
+
+#[test]
 fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
     // Two MiB more where the code is not optimised.
     let cap = if cfg!(debug_assertions) { "11MiB" } else { "8MiB" };

@@ -104,8 +104,8 @@ pub(crate) fn is_named(path: &Path) -> bool {
     Format::ALL.iter().any(|format| has_suffix(path, format.name())) || has_suffix(path, "glb")
 }
 
-/// Does a mesh of this name state what is up?
-pub(crate) fn states_up(path: &Path) -> bool {
+/// Does a mesh of this name state its unit, and what is up?
+pub fn states_place(path: &Path) -> bool {
     ["gltf", "glb", "3mf"].iter().any(|suffix| has_suffix(path, suffix))
 }
 
@@ -301,8 +301,8 @@ impl MeshFile {
     /// # Errors
     /// The file is wrong, or `each` fails.
     pub(super) fn for_each_look(&self, scratch: &Path, each: &mut EachLook<'_>) -> Result<(), SourceError> {
-        let states_place = matches!(self.kind, Kind::Gltf(_) | Kind::ThreeMf(_));
-        let (unit_mm, up) = if states_place { (self.unit_mm, UpAxis::Z) } else { (1.0, self.up) };
+        let is_placed = matches!(self.kind, Kind::Gltf(_) | Kind::ThreeMf(_));
+        let (unit_mm, up) = if is_placed { (self.unit_mm, UpAxis::Z) } else { (1.0, self.up) };
         let mut placed = |t: &[[f64; 3]; 3], look: &Look| {
             if unit_mm == 1.0 && up == UpAxis::Z {
                 return each(t, look);

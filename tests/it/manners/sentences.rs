@@ -172,7 +172,14 @@ fn the_library_names_its_own_options() {
         orientation: Orientation::LPS,
     };
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh = MeshOptions { grid, unit_mm: 1.0, fill: None, keep_thin: false, follow_links: false };
+    let mesh = MeshOptions {
+        grid,
+        unit_mm: 1.0,
+        up: Default::default(),
+        fill: None,
+        keep_thin: false,
+        follow_links: false,
+    };
     let open = OpenOptions { raw: Some(raw), ..Default::default() };
     let _ = |batch: &BatchRequest| (batch.out.is_dir(), batch.min_slices, batch.thumbnails_of_all);
     let point = ViewPoint::Free { eye: [0.0; 3], look_at: [0.0; 3], up: None };
