@@ -167,3 +167,14 @@ def test_nothing_of_other_packages_is_imported():
     code = "import sys, numpy; a = set(sys.modules); import infobyte; print(*sorted({m.partition('.')[0] for m in set(sys.modules) - a} - set(sys.stdlib_module_names)))"
     told = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert told.stdout.split() == ["infobyte"]
+
+
+def test_a_mesh_may_have_y_up():
+    corners = np.array([[0, 0, 0], [10, 2, 1], [1, 30, 3], [2, 4, 15]], float)
+    for name, points in {"lying": corners, "standing": corners[:, [0, 2, 1]] * [1, -1, 1]}.items():
+        lines = [f"v {x} {y} {z}\n" for x, y, z in points] + [f"f {f}\n" for f in ("1 3 2", "1 2 4", "1 4 3", "2 3 4")]
+        pathlib.Path(f"{name}.obj").write_text("".join(lines))
+    set_up = infobyte.build("lying.obj", "a.oct", up="y", grid=60, progress=False)
+    assert content(set_up.path) == content(infobyte.build("standing.obj", "b.oct", grid=60, progress=False).path)
+    with pytest.raises(infobyte.UsageError, match="up"):
+        infobyte.build("lying.obj", "c.oct", up="x", grid=60, progress=False)
