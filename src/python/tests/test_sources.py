@@ -1,5 +1,6 @@
 """Objects of other packages come with their place; each is skipped where its package is not installed."""
 
+import pathlib
 import sys
 
 import numpy as np
