@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
-"""The Python package beside its peers, in one run: rays beside Open3D (Embree) on the model's own mesh, meshes beside
-VTK's flying edges, builds beside the command, the import, and rays that must not miss. Asserts no time.
+"""The Python package against its peers, in one run: rays against Open3D (Embree) on the model's own mesh, meshes against
+VTK's flying edges, builds against the command; the import, and rays that must not miss. Asserts no time.
 
     scripts/bench_python.py            everything at 256^3 and 512^3; some minutes, 3 GB
     scripts/bench_python.py 256 rays   one side, one part: rays, misses, mesh, build, import
