@@ -42,6 +42,14 @@ impl Tolerance {
         }
     }
 
+    /// In mm.
+    pub(crate) fn mm(self, spacing_mm: [f64; 3]) -> f64 {
+        match self {
+            Self::Voxels(voxels) => voxels * spacing_mm.into_iter().fold(f64::INFINITY, f64::min),
+            Self::Mm(mm) => mm,
+        }
+    }
+
     fn number(self) -> f64 {
         let (Self::Voxels(number) | Self::Mm(number)) = self;
         number

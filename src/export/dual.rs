@@ -148,6 +148,9 @@ impl<'a> Mesher<'a> {
             lights.drain(..gone.min(lights.len()));
             self.start = self.layer_start;
         }
+        if let Some(sink) = &mut self.sink {
+            sink.layer(self.start)?;
+        }
         self.layer_start = self.next_vertex();
         if !self.knots.is_empty() {
             self.knots.retain(|(_, _, _, at), _| *at + 1 >= z);

@@ -17,6 +17,7 @@
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | where a patch lies in its cube, and its normal |
+//! | `decimate` | fewer triangles, within a bound |
 //! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `labels` | the same for models of labels, a part for each label |
@@ -29,6 +30,7 @@ mod apart;
 mod bits;
 mod cases;
 mod coarse;
+mod decimate;
 mod dual;
 mod fault;
 mod labels;
@@ -59,12 +61,13 @@ use crate::scratch;
 use apart::{Ground, Slices};
 use bits::Bits;
 use coarse::Coarse;
+use decimate::Decimator;
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
 use signs::{Boxes, Extent};
 use tint::{Lights, UNCOLORED};
-use write::{Glb, Obj, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
+use write::{Glb, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
 
 /// The form of an exported file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize)]
@@ -176,6 +179,8 @@ pub(crate) struct Exported {
     /// Corners of triangles, or points.
     pub(crate) vertices: u64,
     pub(crate) triangles: u64,
+    /// Triangles before they were made fewer within a bound.
+    pub(crate) fine_triangles: u64,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
     /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
@@ -223,6 +228,8 @@ pub(crate) struct Exporter<'a> {
     pub(crate) skin_only: bool,
     /// Triangles are made of blocks of this many samples along each axis; 1 for the samples themselves.
     pub(crate) step: u32,
+    /// Fewer triangles, so many mm from these at most.
+    pub(crate) error_mm: Option<f64>,
     /// Called now and then, where what was looked at of the model can leave memory.
     pub(crate) give_back: &'a dyn Fn(),
 }
@@ -269,15 +276,35 @@ impl Exporter<'_> {
                 return self.mask(out, mask, bounds, fates, progress);
             }
             let mut sink = sink(form, out, scratch, [normals, colors])?;
-            let product = self.mesher(bounds, Some(sink.as_mut()))?;
-            let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else {
-                return Ok(None);
+            let Some(error_mm) = self.error_mm else {
+                let made = self.into_sink(bounds, sink.as_mut(), fates, progress)?;
+                sink.finish()?;
+                return Ok(made);
             };
-            let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
-            let (vertices, triangles) = mesher.counts();
+            let to_samples = self.to_mm(bounds).inverse().ok_or(ExportStop::Damaged)?;
+            let least = self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+            let waiting = scratch::unnamed(scratch)?;
+            let mut decimator = Decimator::new(sink.as_mut(), to_samples, error_mm, least, waiting);
+            let Some(fine) = self.into_sink(bounds, &mut decimator, fates, progress)? else { return Ok(None) };
+            let (vertices, triangles) = decimator.finish()?;
             sink.finish()?;
-            Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
+            Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, ..fine }))
         })
+    }
+
+    /// All triangles into a sink.
+    fn into_sink(
+        &self,
+        bounds: Bounds,
+        sink: &mut dyn Sink,
+        fates: Option<(u64, Fates)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Exported>, ExportStop> {
+        let product = self.mesher(bounds, Some(sink))?;
+        let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
+        let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
+        let (vertices, triangles) = mesher.counts();
+        Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
     }
 
     /// The triangles in memory.
@@ -366,14 +393,6 @@ impl Exporter<'_> {
         bounds: Bounds,
         sink: Option<&'a mut (dyn Sink + 'a)>,
     ) -> Result<Product<'a>, ExportStop> {
-        // Cube x has its middle half a voxel before sample x; a cell is a cube.
-        let before = if self.cells() { 1.0 } else { 1.5 };
-        let low = bounds[0].map(|low| f64::from(low) - before);
-        let step = f64::from(self.step);
-        // Blocks begin one before the samples.
-        let first = if self.step == 1 { low } else { low.map(|c| c - step) };
-        let mut to_mm = self.affine.starting_at(first);
-        to_mm.rows.iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= step));
         let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
         let blocks = u64::from(width / self.step) * u64::from(height / self.step);
         if self.step > 1 && blocks > MAX_BLOCKS {
@@ -382,8 +401,21 @@ impl Exporter<'_> {
         let coarse =
             (self.step > 1).then(|| Coarse::new(self.step, width, height as usize, self.lights().as_ref()));
         let room = if sink.is_none() && self.step == 1 { self.view.voxel_count() } else { 0 };
-        let mesher = Mesher::new(to_mm, self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
+        let mesher = Mesher::new(self.to_mm(bounds), self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
         Ok(Product::Mesh(mesher, coarse))
+    }
+
+    /// Middles of cubes, in their numbers, to mm.
+    fn to_mm(&self, bounds: Bounds) -> Affine {
+        // Cube x has its middle half a voxel before sample x; a cell is a cube.
+        let before = if self.cells() { 1.0 } else { 1.5 };
+        let low = bounds[0].map(|low| f64::from(low) - before);
+        let step = f64::from(self.step);
+        // Blocks begin one before the samples.
+        let first = if self.step == 1 { low } else { low.map(|c| c - step) };
+        let mut to_mm = self.affine.starting_at(first);
+        to_mm.rows.iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= step));
+        to_mm
     }
 
     fn mask(
@@ -519,7 +551,7 @@ impl Exporter<'_> {
 
     fn points(
         &self,
-        mut sink: Box<dyn Sink>,
+        mut sink: Box<dyn Output>,
         bounds: Bounds,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
@@ -570,7 +602,7 @@ fn sink(
     out: File,
     scratch: &Path,
     [normals, colors]: [bool; 2],
-) -> Result<Box<dyn Sink>, ExportStop> {
+) -> Result<Box<dyn Output>, ExportStop> {
     let waiting = || scratch::unnamed(scratch);
     Ok(match form {
         ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), normals, colors)?),
@@ -644,6 +676,7 @@ mod tests {
             space: &space,
             skin_only: false,
             step: 1,
+            error_mm: None,
             give_back: &|| {},
         };
         let bounds = extent(exporter.view).unwrap();

@@ -15,6 +15,7 @@ use super::render::{RenderRequest, render_view_watched};
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
+use crate::builder::Tolerance;
 use crate::error::{Error, UsageError};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exported, Exporter, Mesh};
 use crate::geom::{Affine, Dims};
@@ -38,6 +39,8 @@ pub struct ExportRequest {
     pub skin_only: bool,
     /// Triangles are made of blocks of 2^n samples along each axis: about 4^n times fewer.
     pub simplify: u32,
+    /// Triangles are made fewer: corners are left out while the surface stays this close to the one with all of them.
+    pub error: Option<Tolerance>,
     /// Of labels: most voxels along each axis that walls are moved from the voxels' sides to be smooth, 0 to
     /// [`MAX_SMOOTH`], which is the default. At 0 they are the voxels' sides, and volumes are exact.
     pub smooth: Option<f64>,
@@ -217,6 +220,7 @@ fn exporter_of<'a>(
         space,
         skin_only: request.skin_only,
         step: 1 << request.simplify.min(MAX_SIMPLIFIED),
+        error_mm: request.error.map(|error| error.mm(model.affine().spacing_mm())).filter(|mm| *mm > 0.0),
         give_back,
     }
 }
@@ -334,6 +338,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(
         space: &space,
         skin_only: false,
         step: 1 << simplify.min(MAX_SIMPLIFIED),
+        error_mm: None,
         give_back: &|| {},
     };
     let fault = |stop| match stop {

@@ -3,11 +3,11 @@
 //! Which triangle is nearest does not depend on the order in which they are asked, nor on how a face is cut into
 //! triangles: squared distances are rounded to 2^-28 voxel^2, far above the error of f64, so that triangles that
 //! meet at the nearest point tie; of these the one wins that faces the voxel most, then that with the smallest code.
-//! Distances: Ericson 2005, *Real-Time Collision Detection*, 5.1.5, with the dot products shared among voxels.
+//! Distances share the dot products of edges among voxels.
 
 use super::lattice::{Triangle, edges};
 use crate::format::normal;
-use crate::geom::{cross, dot};
+use crate::geom::{Nearest as Point, cross, dot, nearest_on_triangle};
 
 /// Added to a squared distance in lattice steps and taken away again, it rounds to 2^-28 voxel^2.
 const ROUNDER: f64 = 6_755_399_441_055_744.0 / 16.0;
@@ -100,44 +100,6 @@ impl Nearest {
     }
 }
 
-pub(super) enum Point {
-    /// On an edge or a corner: weights of the second and the third corner.
-    Border([f64; 2]),
-    /// Within: areas opposite the corners.
-    Face([f64; 3]),
-}
-
-/// The point of a triangle nearest to another one (Ericson 2005, 5.1.5), by the products of the edges from the first
-/// corner with the way to that point, and with each other.
-#[inline(always)]
-pub(super) fn nearest_point([d1, d2]: [f64; 2], [abab, abac, acac]: [f64; 3]) -> Point {
-    if d1 <= 0.0 && d2 <= 0.0 {
-        return Point::Border([0.0, 0.0]);
-    }
-    let (d3, d4) = (d1 - abab, d2 - abac);
-    if d3 >= 0.0 && d4 <= d3 {
-        return Point::Border([1.0, 0.0]);
-    }
-    let vc = d1 * d4 - d3 * d2;
-    if vc <= 0.0 && d1 >= 0.0 && d3 <= 0.0 {
-        return Point::Border([d1 / abab, 0.0]);
-    }
-    let (d5, d6) = (d1 - abac, d2 - acac);
-    if d6 >= 0.0 && d5 <= d6 {
-        return Point::Border([0.0, 1.0]);
-    }
-    let vb = d5 * d2 - d1 * d6;
-    if vb <= 0.0 && d2 >= 0.0 && d6 <= 0.0 {
-        return Point::Border([0.0, d2 / acac]);
-    }
-    let va = d3 * d6 - d5 * d4;
-    if va <= 0.0 && d4 >= d3 && d5 >= d6 {
-        let w = (d4 - d3) / ((d4 - d3) + (d5 - d6));
-        return Point::Border([1.0 - w, w]);
-    }
-    Point::Face([va, vb, vc])
-}
-
 impl Facet {
     /// The triangle made ready; `None` if it has no area.
     #[inline]
@@ -167,7 +129,7 @@ impl Facet {
     #[inline]
     fn squared_distance(&self, ap: [f64; 3], along: f64) -> f64 {
         let along_edges = [dot(self.ab, ap), dot(self.ac, ap)];
-        match nearest_point(along_edges, [self.abab, self.abac, self.acac]) {
+        match nearest_on_triangle(along_edges, [self.abab, self.abac, self.acac]) {
             Point::Border([v, w]) => {
                 let d: [f64; 3] = std::array::from_fn(|k| ap[k] - v * self.ab[k] - w * self.ac[k]);
                 dot(d, d)

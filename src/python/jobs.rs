@@ -195,7 +195,7 @@ pub(super) fn export(
         let names = ExportForm::ALL.map(ExportForm::name).join(", ");
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
-    let request = ExportRequest { form, skin_only: false, simplify, smooth };
+    let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

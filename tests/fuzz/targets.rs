@@ -465,7 +465,7 @@ fn model(bytes: &[u8]) -> bool {
             let has_labels = view.labels().is_some();
             let simplify = if has_labels { 0 } else { simplify % 3 };
             let smooth = has_labels.then(|| f64::from(bytes.last().copied().unwrap_or(0)) / 510.0);
-            let request = ExportRequest { form, skin_only: false, simplify, smooth };
+            let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth };
             if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
                 told(&refused.to_string());
             }

@@ -40,7 +40,7 @@ impl Case {
 
     fn simplified(&self, name: &str, simplify: u32) -> ExportReport {
         let form = ExportForm::of(Path::new(name)).unwrap();
-        let request = ExportRequest { form, skin_only: false, simplify, smooth: None };
+        let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth: None };
         export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap()
     }
 
@@ -291,7 +291,7 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest { form: ExportForm::Points, skin_only: false, simplify: 0, smooth: None };
+        let request = ExportRequest { form: ExportForm::Points, skin_only: false, simplify: 0, error: None, smooth: None };
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();

@@ -440,7 +440,7 @@ fn colours_come_back_from_what_was_exported() {
             ("points.ply", ExportForm::Points, 0),
             ("coarse.glb", ExportForm::Glb, 1),
         ] {
-            let request = ExportRequest { form, skin_only: false, simplify, smooth: None };
+            let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth: None };
             export(&at("a.oct"), &at(name), request, &infobyte::progress::Silent).unwrap();
             if form == ExportForm::Points {
                 continue;

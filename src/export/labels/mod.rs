@@ -24,7 +24,7 @@ use std::path::Path;
 
 use super::mask::{Mask, MaskForm};
 use super::tint::Lights;
-use super::write::{GlbParts, Obj, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
+use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter};
 use crate::enclosed::{Fates, SkinVoxel, Sweep, extent};
 use crate::format::Label;
@@ -248,7 +248,7 @@ impl LabelMesh {
     ) -> Result<Exported, ExportStop> {
         let heads = self.heads(which.clone())?;
         let waiting = || scratch::unnamed(scratch);
-        let mut sink: Box<dyn Sink> = match form {
+        let mut sink: Box<dyn Output> = match form {
             ExportForm::Ply => Box::new(Ply::new(out, Some(waiting()?), self.normals, true)?.with_labels()),
             ExportForm::Obj => Box::new(Obj::new(out, self.normals)?),
             ExportForm::Glb => Box::new(GlbParts::new(out, &heads, self.normals)?),

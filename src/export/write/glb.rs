@@ -8,7 +8,7 @@ use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
 use serde_json::{Value, json};
 
-use super::{Sink, Vertex, Waiting, bytes_of, counted};
+use super::{Output, Sink, Vertex, Waiting, bytes_of, counted};
 
 /// Bytes of the JSON, filled with spaces.
 const JSON_BYTES: usize = 1536;
@@ -142,7 +142,9 @@ impl Sink for Glb {
         self.triangles += 1;
         self.corners.0.write_all(&bytemuck::cast::<_, [u8; 12]>(corners.map(u32::to_le_bytes)))
     }
+}
 
+impl Output for Glb {
     fn finish(self: Box<Self>) -> io::Result<()> {
         let text = self.description().to_string();
         let Self { mut out, normals, colors, corners, vertices, triangles, .. } = *self;

@@ -9,7 +9,7 @@ use std::io::{self, BufWriter, Write};
 use serde_json::{Value, json};
 
 use super::glb::{FLOAT, TO_METRES, UNSIGNED_INT, normal_of};
-use super::{PartHead, Sink, Vertex, bytes_of, counted};
+use super::{Output, PartHead, Sink, Vertex, bytes_of, counted};
 use crate::render::shade::linear;
 
 pub(in crate::export) struct GlbParts {
@@ -94,11 +94,6 @@ fn description(parts: &[PartHead], stride: u64, data: u64) -> Value {
 }
 
 impl Sink for GlbParts {
-    fn part(&mut self, part: &PartHead) -> io::Result<()> {
-        self.first = part.first;
-        Ok(())
-    }
-
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         self.out.write_all(&bytes_of(vertex.at))?;
         if self.normals { self.out.write_all(&bytes_of(normal_of(vertex))) } else { Ok(()) }
@@ -107,6 +102,13 @@ impl Sink for GlbParts {
     fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
         let corners = corners.map(|corner| (corner - self.first).to_le_bytes());
         self.out.write_all(&bytemuck::cast::<_, [u8; 12]>(corners))
+    }
+}
+
+impl Output for GlbParts {
+    fn part(&mut self, part: &PartHead) -> io::Result<()> {
+        self.first = part.first;
+        Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

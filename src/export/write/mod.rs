@@ -49,6 +49,24 @@ pub(in crate::export) struct PartHead {
 
 /// Takes the vertices in order, and triangles of vertices that came before.
 pub(in crate::export) trait Sink: Send {
+    /// # Errors
+    /// The disk's.
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()>;
+
+    /// A triangle by the numbers of its corners and by where these are; seen from outside they run anticlockwise.
+    fn triangle(&mut self, corners: [u32; 3], at: [[f32; 3]; 3]) -> io::Result<()>;
+
+    /// The next layer begins: no triangle has a corner before `first` from here on.
+    ///
+    /// # Errors
+    /// The disk's.
+    fn layer(&mut self, _first: u32) -> io::Result<()> {
+        Ok(())
+    }
+}
+
+/// A file of vertices and triangles.
+pub(in crate::export) trait Output: Sink {
     /// Begins a part; not called for a surface that is one.
     ///
     /// # Errors
@@ -56,13 +74,6 @@ pub(in crate::export) trait Sink: Send {
     fn part(&mut self, _: &PartHead) -> io::Result<()> {
         Ok(())
     }
-
-    /// # Errors
-    /// The disk's.
-    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()>;
-
-    /// A triangle by the numbers of its corners and by where these are; seen from outside they run anticlockwise.
-    fn triangle(&mut self, corners: [u32; 3], at: [[f32; 3]; 3]) -> io::Result<()>;
 
     /// Completes the file.
     ///

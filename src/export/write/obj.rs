@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 
 use super::digits::{four_decimals, shortest, whole};
-use super::{PartHead, Sink, Vertex};
+use super::{Output, PartHead, Sink, Vertex};
 
 pub(in crate::export) struct Obj {
     out: BufWriter<File>,
@@ -25,14 +25,6 @@ impl Obj {
 }
 
 impl Sink for Obj {
-    fn part(&mut self, part: &PartHead) -> io::Result<()> {
-        let [r, g, b] = part.color.map(|c| f64::from(c) / 255.0);
-        self.color = format!(" {r:.4} {g:.4} {b:.4}");
-        // A name ends with its line; most programs end it at a space.
-        let name = part.name.replace(|c: char| c.is_whitespace() || c.is_control(), "_");
-        writeln!(self.out, "o {name}")
-    }
-
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         let text = &mut self.text;
         text.clear();
@@ -68,6 +60,16 @@ impl Sink for Obj {
         }
         text.push(b'\n');
         self.out.write_all(text)
+    }
+}
+
+impl Output for Obj {
+    fn part(&mut self, part: &PartHead) -> io::Result<()> {
+        let [r, g, b] = part.color.map(|c| f64::from(c) / 255.0);
+        self.color = format!(" {r:.4} {g:.4} {b:.4}");
+        // A name ends with its line; most programs end it at a space.
+        let name = part.name.replace(|c: char| c.is_whitespace() || c.is_control(), "_");
+        writeln!(self.out, "o {name}")
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

@@ -4,7 +4,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::{PartHead, Sink, Vertex, Waiting, bytes_of};
+use super::{Output, PartHead, Sink, Vertex, Waiting, bytes_of};
 use crate::render::shade::Shader;
 
 /// Bytes of the header: counts of any length fit, and a comment fills the rest.
@@ -67,11 +67,6 @@ impl Ply {
 }
 
 impl Sink for Ply {
-    fn part(&mut self, part: &PartHead) -> io::Result<()> {
-        self.label = self.label.map(|_| part.label);
-        Ok(())
-    }
-
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         self.vertices += 1;
         self.out.write_all(&bytes_of(vertex.at))?;
@@ -95,6 +90,13 @@ impl Sink for Ply {
         }
         faces.0.write_all(&record)?;
         self.label.map_or(Ok(()), |label| faces.0.write_all(&label.to_le_bytes()))
+    }
+}
+
+impl Output for Ply {
+    fn part(&mut self, part: &PartHead) -> io::Result<()> {
+        self.label = self.label.map(|_| part.label);
+        Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

@@ -3,7 +3,7 @@
 use std::fs::File;
 use std::io::{self, BufWriter, Seek, SeekFrom, Write};
 
-use super::{Sink, Vertex, bytes_of, counted, unit};
+use super::{Output, Sink, Vertex, bytes_of, counted, unit};
 
 /// Must not begin with "solid", which readers take for the text form.
 const HEAD: &[u8; 80] = b"binary STL, millimetres                                                         ";
@@ -37,7 +37,9 @@ impl Sink for Stl {
         self.triangles += 1;
         self.out.write_all(&record)
     }
+}
 
+impl Output for Stl {
     fn finish(mut self: Box<Self>) -> io::Result<()> {
         let count = counted(self.triangles)?;
         self.out.seek(SeekFrom::Start(80))?;

@@ -9,7 +9,7 @@ use flate2::write::DeflateEncoder;
 use flate2::{Compression, Crc};
 
 use super::digits::{shortest, whole};
-use super::{PartHead, Sink, Vertex, counted};
+use super::{Output, PartHead, Sink, Vertex, counted};
 
 const TYPES: &str = r#"<?xml version="1.0" encoding="UTF-8"?>
 <Types xmlns="http://schemas.openxmlformats.org/package/2006/content-types"><Default Extension="rels" ContentType="application/vnd.openxmlformats-package.relationships+xml"/><Default Extension="model" ContentType="application/vnd.ms-package.3dmanufacturing-3dmodel+xml"/></Types>
@@ -175,18 +175,6 @@ fn escaped(text: &str) -> String {
 }
 
 impl Sink for ThreeMf {
-    fn part(&mut self, part: &PartHead) -> io::Result<()> {
-        self.end_object()?;
-        let (id, name, place) = (self.objects + FIRST_OBJECT, escaped(&part.name), self.objects);
-        let object = format!(
-            "<object id=\"{id}\" name=\"{name}\" type=\"model\" pid=\"1\" pindex=\"{place}\"><mesh><vertices>\n"
-        );
-        self.text.extend(object.as_bytes());
-        self.objects += 1;
-        self.first = part.first;
-        Ok(())
-    }
-
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         for (name, c) in ["<vertex x=\"", "\" y=\"", "\" z=\""].iter().zip(vertex.at) {
             self.text.extend(name.as_bytes());
@@ -200,6 +188,20 @@ impl Sink for ThreeMf {
         self.waiting += 1;
         let corners = corners.map(|corner| (corner - self.first).to_le_bytes());
         self.triangles.write_all(&bytemuck::cast::<_, [u8; 12]>(corners))
+    }
+}
+
+impl Output for ThreeMf {
+    fn part(&mut self, part: &PartHead) -> io::Result<()> {
+        self.end_object()?;
+        let (id, name, place) = (self.objects + FIRST_OBJECT, escaped(&part.name), self.objects);
+        let object = format!(
+            "<object id=\"{id}\" name=\"{name}\" type=\"model\" pid=\"1\" pindex=\"{place}\"><mesh><vertices>\n"
+        );
+        self.text.extend(object.as_bytes());
+        self.objects += 1;
+        self.first = part.first;
+        Ok(())
     }
 
     fn finish(mut self: Box<Self>) -> io::Result<()> {

@@ -1,8 +1,7 @@
 //! The nearest point of a triangle, and how many texels lie on a voxel there.
 
 use super::super::lattice::{STEPS, Triangle, edges};
-use super::super::nearest::{self, Point};
-use crate::geom::dot;
+use crate::geom::{Nearest, dot, nearest_on_triangle};
 
 /// The corners' weights at the triangle's point nearest to `p` (Ericson 2005, 5.1.5).
 #[expect(clippy::cast_possible_truncation, reason = "weights are in single precision")]
@@ -21,9 +20,9 @@ fn second_and_third(t: &Triangle, p: [f64; 3]) -> [f64; 2] {
     let [a, ab, ac] = edges(t);
     let ap = [p[0] - a[0], p[1] - a[1], p[2] - a[2]];
     let products = [dot(ab, ab), dot(ab, ac), dot(ac, ac)];
-    match nearest::nearest_point([dot(ab, ap), dot(ac, ap)], products) {
-        Point::Border(weights) => weights,
-        Point::Face([va, vb, vc]) => {
+    match nearest_on_triangle([dot(ab, ap), dot(ac, ap)], products) {
+        Nearest::Border(weights) => weights,
+        Nearest::Face([va, vb, vc]) => {
             let all = va + vb + vc;
             if all > 0.0 { [vb / all, vc / all] } else { [0.0, 0.0] }
         }
