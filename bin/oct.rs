@@ -488,7 +488,13 @@ fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportReq
     if let Some((flag, _)) = of_triangles.iter().find(|(_, given)| *given && !form.has_triangles()) {
         return Err(Refusal::NotOf { flag, of: TRIANGLES });
     }
-    Ok(ExportRequest { form, skin_only: args.skin, simplify: args.simplify, error: args.error, smooth: args.smooth })
+    Ok(ExportRequest {
+        form,
+        skin_only: args.skin,
+        simplify: args.simplify,
+        error: args.error,
+        smooth: args.smooth,
+    })
 }
 
 fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {

@@ -36,16 +36,19 @@ if [ "${1:-}" = --portable ]; then
     triple=$(rustc -vV | sed -n 's/^host: //p')
     # `oct` is linked against the same old C library as the module.
     # Without the target as Rust names it, which zig cannot read.
-    cat >"$work/zigcc" <<ZIGCC
+    for language in cc c++; do
+        cat >"$work/zig$language" <<ZIG
 #!/bin/sh
 for word do
     shift
     case \$word in --target=*) ;; *) set -- "\$@" "\$word" ;; esac
 done
-exec "$bin/python" -m ziglang cc -target x86_64-linux-gnu.2.28 "\$@"
-ZIGCC
-    chmod +x "$work/zigcc"
+exec "$bin/python" -m ziglang $language -target x86_64-linux-gnu.2.28 "\$@"
+ZIG
+        chmod +x "$work/zig$language"
+    done
     CARGO_TARGET_X86_64_UNKNOWN_LINUX_GNU_LINKER=$work/zigcc CC_x86_64_unknown_linux_gnu=$work/zigcc \
+        CXX_x86_64_unknown_linux_gnu=$work/zigc++ \
         "$bin/python" src/python/backend.py --target "$triple"
     "$bin/maturin" build --quiet --zig --compatibility manylinux_2_28 --target "$triple" --out dist
 else

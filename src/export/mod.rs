@@ -277,7 +277,7 @@ impl Exporter<'_> {
             }
             let mut sink = sink(form, out, scratch, [normals, colors])?;
             let Some(error_mm) = self.error_mm else {
-                let made = self.into_sink(bounds, sink.as_mut(), fates, progress)?;
+                let made = self.feed(bounds, sink.as_mut(), fates, progress)?;
                 sink.finish()?;
                 return Ok(made);
             };
@@ -285,7 +285,9 @@ impl Exporter<'_> {
             let least = self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
             let waiting = scratch::unnamed(scratch)?;
             let mut decimator = Decimator::new(sink.as_mut(), to_samples, error_mm, least, waiting);
-            let Some(fine) = self.into_sink(bounds, &mut decimator, fates, progress)? else { return Ok(None) };
+            let Some(fine) = self.feed(bounds, &mut decimator, fates, progress)? else {
+                return Ok(None);
+            };
             let (vertices, triangles) = decimator.finish()?;
             sink.finish()?;
             Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, ..fine }))
@@ -293,7 +295,7 @@ impl Exporter<'_> {
     }
 
     /// All triangles into a sink.
-    fn into_sink(
+    fn feed(
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
@@ -401,7 +403,8 @@ impl Exporter<'_> {
         let coarse =
             (self.step > 1).then(|| Coarse::new(self.step, width, height as usize, self.lights().as_ref()));
         let room = if sink.is_none() && self.step == 1 { self.view.voxel_count() } else { 0 };
-        let mesher = Mesher::new(self.to_mm(bounds), self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
+        let mesher =
+            Mesher::new(self.to_mm(bounds), self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
         Ok(Product::Mesh(mesher, coarse))
     }
 

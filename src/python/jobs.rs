@@ -180,10 +180,10 @@ pub(super) fn verify(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 #[pyfunction]
 pub(super) fn export(
     py: Python<'_>,
-    input: PathBuf,
-    output: PathBuf,
+    (input, output): (PathBuf, PathBuf),
     form: Option<&str>,
     simplify: u32,
+    error: Option<&str>,
     smooth: Option<f64>,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
@@ -195,7 +195,8 @@ pub(super) fn export(
         let names = ExportForm::ALL.map(ExportForm::name).join(", ");
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
-    let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth };
+    let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
+    let request = ExportRequest { form, skin_only: false, simplify, error, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

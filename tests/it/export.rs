@@ -6,6 +6,7 @@
 use crate::prelude::*;
 use std::collections::HashSet;
 
+use infobyte::builder::Tolerance;
 use infobyte::jobs::export::ExportReport;
 
 /// A folder with a model in it.
@@ -39,9 +40,19 @@ impl Case {
     }
 
     fn simplified(&self, name: &str, simplify: u32) -> ExportReport {
-        let form = ExportForm::of(Path::new(name)).unwrap();
-        let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth: None };
+        let request = Self::request(name, simplify, None);
         export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap()
+    }
+
+    fn request(name: &str, simplify: u32, error: Option<Tolerance>) -> ExportRequest {
+        let form = ExportForm::of(Path::new(name)).unwrap();
+        ExportRequest { form, skin_only: false, simplify, error, smooth: None }
+    }
+
+    fn within(&self, name: &str, error: Tolerance) -> (ExportReport, Mesh) {
+        let request = Self::request(name, 0, Some(error));
+        let report = export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap();
+        (report, Mesh::read(&self.path(name)))
     }
 
     fn mesh(&self) -> Mesh {
@@ -252,6 +263,93 @@ fn simplified_meshes_are_closed_smaller_and_near() {
     }
 }
 
+/// The least distance of a point to triangles.
+fn distance(p: [f64; 3], triangles: &[[[f64; 3]; 3]]) -> f64 {
+    let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+    let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+    let to_edge = |a: [f64; 3], b: [f64; 3]| {
+        let (ab, ap) = (sub(b, a), sub(p, a));
+        let along = (dot(ab, ap) / dot(ab, ab)).clamp(0.0, 1.0);
+        let away = sub(ap, ab.map(|c| c * along));
+        dot(away, away).sqrt()
+    };
+    let to_face = |[a, b, c]: &[[f64; 3]; 3]| {
+        let (u, v, w) = (sub(*b, *a), sub(*c, *a), sub(p, *a));
+        let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));
+        let whole = uu * vv - uv * uv;
+        let [s, t] = [(vv * uw - uv * vw) / whole, (uu * vw - uv * uw) / whole];
+        if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
+            let away = [0, 1, 2].map(|k| w[k] - s * u[k] - t * v[k]);
+            return dot(away, away).sqrt();
+        }
+        to_edge(*a, *b).min(to_edge(*b, *c)).min(to_edge(*c, *a))
+    };
+    triangles.iter().map(to_face).fold(f64::INFINITY, f64::min)
+}
+
+impl Mesh {
+    fn faces(&self) -> Vec<[[f64; 3]; 3]> {
+        self.triangles.iter().map(|f| f.map(|i| self.corners[i as usize].map(f64::from))).collect()
+    }
+}
+
+/// Bodies of several bricks, whose borders cross each other and slabs.
+#[test]
+fn meshes_within_an_error_are_closed_smaller_and_near() {
+    let skewed = Affine { rows: [[0.8, 0.1, 0.0, -40.0], [0.0, -1.1, 0.2, 3.0], [0.1, 0.0, 1.4, 900.0]] };
+    let wavy = |p: [u32; 3]| {
+        let [x, y, z] = p.map(f64::from);
+        let wave = 2.0 * (x * 0.3).sin() * (y * 0.25).cos();
+        (16.0 - ((x - 24.0).powi(2) + (y - 22.0).powi(2) + (z - 26.0 + wave).powi(2)).sqrt()) as f32
+    };
+    for (surface, affine) in
+        [(SurfaceKind::Cells, identity()), (SurfaceKind::Cells, skewed), (SurfaceKind::Skin, identity())]
+    {
+        let case = Case::new([48, 46, 50], surface, affine, wavy);
+        let fine = case.mesh();
+        let least = affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let mut last = fine.triangles.len();
+        for bound in [0.05, 0.1, 0.3] {
+            let (report, mesh) = case.within("e.ply", Tolerance::Voxels(bound));
+            mesh.is_closed_manifold();
+            let counts = [report.triangles, report.vertices].map(|n| usize::try_from(n).unwrap());
+            assert_eq!(counts, [mesh.triangles.len(), mesh.corners.len()]);
+            assert_eq!(report.fine_triangles, Some(fine.triangles.len() as u64));
+            assert!(mesh.triangles.len() < last, "{surface:?} {bound}: {} of {last}", mesh.triangles.len());
+            last = mesh.triangles.len();
+            let (old, new) = (fine.faces(), mesh.faces());
+            let middle = |t: &[[f64; 3]; 3]| [0, 1, 2].map(|k| (t[0][k] + t[1][k] + t[2][k]) / 3.0);
+            let there = old.iter().map(|t| distance(t[0], &new).max(distance(middle(t), &new)));
+            let back = new.iter().map(|t| distance(middle(t), &old));
+            let worst = there.chain(back).fold(0.0, f64::max) / least;
+            assert!(worst <= bound, "{surface:?} {bound}: {worst}");
+            // Corners are those of the fine mesh, with their normals.
+            let bits = |p: &[f32; 3]| p.map(f32::to_bits);
+            let known: HashMap<_, _> = fine.corners.iter().map(bits).zip(&fine.normals).collect();
+            assert!(mesh.corners.iter().zip(&mesh.normals).all(|(p, n)| known[&bits(p)] == n));
+        }
+        // Smooth cells at a tenth of a voxel: half of the triangles or fewer.
+        let (report, _) = case.within("e.ply", Tolerance::Mm(0.1 * least));
+        assert!(surface == SurfaceKind::Skin || 2 * report.triangles <= fine.triangles.len() as u64);
+        let same = case.within("none.ply", Tolerance::Voxels(0.0)).0;
+        assert_eq!(same.fine_triangles, None);
+        assert_eq!(fs::read(case.path("none.ply")).unwrap(), fs::read(case.path("m.ply")).unwrap());
+    }
+    // Whatever the samples are, and in every format.
+    let mut random = Random(5);
+    let values: Vec<f32> = (0..40_u32.pow(3)).map(|_| random.below(1000) as f32 / 500.0 - 0.9).collect();
+    let case = Case::new([40; 3], SurfaceKind::Cells, identity(), |[x, y, z]| {
+        values[((z * 40 + y) * 40 + x) as usize]
+    });
+    let (report, mesh) = case.within("e.ply", Tolerance::Voxels(0.2));
+    mesh.is_closed_manifold();
+    for name in ["e.stl", "e.obj", "e.glb", "e.3mf"] {
+        let request = Case::request(name, 0, Some(Tolerance::Voxels(0.2)));
+        let other = export(&case.path("m.oct"), &case.path(name), request, &Silent).unwrap();
+        assert_eq!((other.triangles, other.vertices), (report.triangles, report.vertices), "{name}");
+    }
+}
+
 #[test]
 fn noise_of_cells_is_closed_too() {
     for (seed, percent) in [(7, 20), (8, 50), (9, 80)] {
@@ -291,7 +389,13 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest { form: ExportForm::Points, skin_only: false, simplify: 0, error: None, smooth: None };
+        let request = ExportRequest {
+            form: ExportForm::Points,
+            skin_only: false,
+            simplify: 0,
+            error: None,
+            smooth: None,
+        };
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();
@@ -428,6 +532,9 @@ fn options_that_do_not_apply() {
     run(&stl, &["--as", "nrrd"]).refused(2, &["m.stl", "nrrd", "--force"]);
     run(&stl, &["--skin"]).refused(2, &["--skin", "masks"]);
     run(&case.path("m.nrrd"), &["--simplify", "1"]).refused(2, &["--simplify", "triangles"]);
+    run(&case.path("m.nrrd"), &["--error", "0.1"]).refused(2, &["--error", "triangles"]);
+    run(&stl, &["--error", "0.1", "--simplify", "1"]).refused(2, &["--error", "--simplify"]);
+    run(&stl, &["--error", "-1"]).refused(2, &["--error", "-1"]);
     assert_eq!(fs::read(&stl).unwrap(), before);
     assert_eq!(run(&case.path("other.stl"), &["--as", "nrrd", "--force"]).code, 0);
     assert_eq!(run(&case.path("points.ply"), &["--as", "points"]).code, 0);

@@ -446,7 +446,8 @@ fn triangles_in_memory_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let (path, ply) = (folder.path().join("m.oct"), folder.path().join("m.ply"));
     let compare = |normals: bool, colors: bool, simplify: u32| {
-        let request = ExportRequest { form: ExportForm::Ply, skin_only: false, simplify, error: None, smooth: None };
+        let request =
+            ExportRequest { form: ExportForm::Ply, skin_only: false, simplify, error: None, smooth: None };
         let report = export(&path, &ply, request, &Silent).unwrap();
         let mesh = infobyte::triangles(&Model::read(&path).unwrap(), simplify, &Silent).unwrap();
         assert!(mesh == read_ply(&fs::read(&ply).unwrap(), normals, colors), "{normals} {colors} {simplify}");

@@ -100,12 +100,16 @@ impl<'a> Decimator<'a> {
             for parts in parts.chunks(self.threads) {
                 let bound = self.bound;
                 let fewer: Vec<_> = thread::scope(|scope| {
-                    let begin = |part| Builder::new().spawn_scoped(scope, move || Part::decimated(part, bound));
+                    let begin =
+                        |part| Builder::new().spawn_scoped(scope, move || Part::decimated(part, bound));
                     let others: Vec<_> = parts[1..].iter().map(|part| (part, begin(part))).collect();
                     let first = parts[0].decimated(bound);
                     // A patch whose thread could not begin is as it was made here.
                     let ended = |(part, thread): (&Part, io::Result<ScopedJoinHandle<'_, _>>)| {
-                        thread.ok().and_then(|thread| thread.join().ok()).unwrap_or_else(|| part.decimated(bound))
+                        thread
+                            .ok()
+                            .and_then(|thread| thread.join().ok())
+                            .unwrap_or_else(|| part.decimated(bound))
                     };
                     iter::once(first).chain(others.into_iter().map(ended)).collect()
                 });
@@ -174,7 +178,8 @@ impl Part {
             at.map(|at| contents.vertices[at].1).unwrap_or_default()
         };
         let vertices: Vec<Vertex> = numbers.iter().map(vertex).collect();
-        let faces = triangles.iter().map(|face| face.each_ref().map(|number| local(number).unwrap_or_default()));
+        let faces =
+            triangles.iter().map(|face| face.each_ref().map(|number| local(number).unwrap_or_default()));
         let patch = Patch { at: vertices.iter().map(|vertex| vertex.at).collect(), faces: faces.collect() };
         Self { numbers, vertices, patch }
     }

@@ -36,7 +36,9 @@ impl Facet {
     /// The box around it.
     fn span(&self) -> [[f64; 3]; 2] {
         let corners = [self.a, add_scaled(self.a, 1.0, self.ab), add_scaled(self.a, 1.0, self.ac)];
-        let of = |fold: fn(f64, f64) -> f64| std::array::from_fn(|a| corners.map(|p| p[a]).into_iter().reduce(fold).unwrap_or(0.0));
+        let of = |fold: fn(f64, f64) -> f64| {
+            std::array::from_fn(|a| corners.map(|p| p[a]).into_iter().reduce(fold).unwrap_or(0.0))
+        };
         [of(f64::min), of(f64::max)]
     }
 
@@ -124,7 +126,8 @@ impl Near {
         let reach = self.within + 0.5 * dot(side, side).sqrt();
         let normal = facet.normal();
         let [low, high] = facet.span();
-        let ranges = [0, 1, 2].map(|a| self.place(low[a] - self.within, a)..=self.place(high[a] + self.within, a));
+        let ranges =
+            [0, 1, 2].map(|a| self.place(low[a] - self.within, a)..=self.place(high[a] + self.within, a));
         let [xs, ys, zs] = ranges;
         for z in zs {
             for y in ys.clone() {
@@ -133,7 +136,7 @@ impl Near {
                     let middle = std::array::from_fn(|a| self.low[a] + (cell[a] as f64 + 0.5) * side[a]);
                     let along = dot(normal, add_scaled(middle, -1.0, facet.a));
                     // Also where there is none.
-                    if !(along.abs() > reach) {
+                    if along.abs() <= reach || along.is_nan() {
                         work((z * CELLS + y) * CELLS + x);
                     }
                 }

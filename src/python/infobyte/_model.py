@@ -413,13 +413,21 @@ class Model:
         return self._handle.stored("label")
 
     def export(
-        self, output: Path, form: str | None = None, *, simplify: int = 0, smooth: float | None = None
+        self,
+        output: Path,
+        form: str | None = None,
+        *,
+        simplify: int = 0,
+        error: float | str | None = None,
+        smooth: float | None = None,
     ) -> dict[str, Any]:
         """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given.
 
-        Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`.
+        `error`: leaves out corners of triangles while the surface stays so close to the full one, in voxels (`0.1`) or as
+        `'0.05mm'`. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`.
         """
-        return loads(_infobyte.export(self.path, os.fspath(output), form, simplify, smooth, None))
+        within = None if error is None else str(error)
+        return loads(_infobyte.export((self.path, os.fspath(output)), form, simplify, within, smooth, None))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""
