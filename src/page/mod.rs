@@ -233,7 +233,7 @@ impl<'a> Head<'a> {
 }
 
 fn script(way: Way) -> String {
-    let squeezed = |text: &str| slim(text).lines().map(|line| tight(line) + "\n").collect::<String>();
+    let squeezed = |text: &str| joined(&slim(text));
     let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
     let load = match way {
         Way::File => squeezed(LOAD),
@@ -260,6 +260,24 @@ fn slim(text: &str) -> String {
         comment &= !line.ends_with("*/");
     }
     slim
+}
+
+/// Lines without blanks, one after the other where marks part them; those of the preprocessor, and with what may be a
+/// comment, stay alone.
+fn joined(text: &str) -> String {
+    let mut joined = String::with_capacity(text.len());
+    let is_alone = |line: &str| line.starts_with('#') || line.contains("//");
+    let mut was_alone = true;
+    for line in text.lines() {
+        let fits = joined.ends_with([';', '{', ',']) || line.starts_with('}');
+        if !joined.is_empty() && (was_alone || is_alone(line) || !fits) {
+            joined.push('\n');
+        }
+        joined.push_str(&tight(line));
+        was_alone = is_alone(line);
+    }
+    joined.push('\n');
+    joined
 }
 
 /// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
@@ -301,6 +319,18 @@ mod tests {
     #[test]
     fn comments_are_left_out() {
         assert_eq!(slim("  a\n\n// b\n  /** c\n d */\ne /* f */\n"), "a\ne /* f */\n");
+    }
+
+    #[test]
+    fn lines_are_joined_where_marks_part_them() {
+        for (text, wanted) in [
+            ("if (a) {\nb;\n}\nc;\nd;\n", "if(a){b;}\nc;d;\n"),
+            ("a;\n#ifdef B\nc;\n#endif\nd,\ne\n", "a;\n#ifdef B\nc;\n#endif\nd,e\n"),
+            ("a = 'http://b';\nc;\n", "a = 'http://b';\nc;\n"),
+            ("return a\n&& b\n}\n", "return a\n&&b}\n"),
+        ] {
+            assert_eq!(joined(text), wanted);
+        }
     }
 
     #[test]
