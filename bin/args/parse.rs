@@ -236,7 +236,11 @@ pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
 }
 
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
-    let bad = || format!("'{text}' is not a picture size; write for example 1024x768, or 512 for a square, each 1 to 32768");
+    let bad = || {
+        format!(
+            "'{text}' is not a picture size; write for example 1024x768, or 512 for a square, each 1 to 32768"
+        )
+    };
     let side = |text: &str| text.parse::<u32>().ok().filter(|n| (1..=32_768).contains(n));
     let [width, height] = parts::<2>(text, 'x').unwrap_or([text; 2]).map(side);
     width.zip(height).map(<[u32; 2]>::from).ok_or_else(bad)

@@ -71,17 +71,17 @@ async function sections(head, parts) {
 }
 
 /** Bytes of the page's parts, which are taken out of it as they come in; the text of all would be in memory twice. */
-const parts = [];
+const came = [];
 
 function take() {
     for (const part of document.querySelectorAll('[data-part]')) {
         if (!part.nextSibling && document.readyState === 'loading') return;
         part.remove();
         try {
-            parts.push(decoded(part.textContent));
+            came.push(decoded(part.textContent));
         } catch {
             // The section that needs them says it.
-            parts.push(new Uint8Array(0));
+            came.push(new Uint8Array(0));
         }
     }
 }
@@ -91,7 +91,7 @@ if (typeof document !== 'undefined') new MutationObserver(take).observe(document
 /** The model of the page; its place alone, where pictures of it come from a server. */
 async function *models(head) {
     take();
-    yield head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
+    yield head.sections.length ? new Model(head, await sections(head, came)) : placed(head);
 }
 
 if (typeof module !== 'undefined') module.exports = {decoded, sections};

@@ -227,7 +227,10 @@ fn compare(name: &str, model: &Model, looks: &[Look], said: &Value) -> usize {
             }
         }
         println!("{name}, camera {number}: {hits} hits, {other} other boxes, {far} other normals");
-        assert!(other <= max_other() && far == 0, "{name}, camera {number}: {other} of {hits}, {far} normals");
+        assert!(
+            other <= max_other() && far == 0,
+            "{name}, camera {number}: {other} of {hits}, {far} normals"
+        );
         assert_eq!(picture["picks"], 0, "{name}, camera {number}");
         all += hits;
     }
@@ -264,8 +267,7 @@ fn cases(folder: &Path) -> Vec<(&'static str, String)> {
         format!("{} --dims {dims} --dtype u8 --iso 100 --surface {surface}", made(name, bytes))
     };
     let striped = |count: u32| (0..count).map(|i| if i % 97 < 60 { 200 } else { 0 }).collect::<Vec<u8>>();
-    let flat: Vec<u8> =
-        (0..40 * 30_u32).map(|i| if (i % 40) * (i / 40) % 7 > 2 { 200 } else { 0 }).collect();
+    let flat: Vec<u8> = (0..40 * 30_u32).map(|i| if (i % 40) * (i / 40) % 7 > 2 { 200 } else { 0 }).collect();
     let mut cases = vec![
         ("skin", "synthetic:head@96 --surface skin".to_owned()),
         ("fine", "synthetic:head@96 --surface skin --normal-bits 24".to_owned()),
