@@ -2,8 +2,8 @@
 /* global $, Model, Drawing, SHADER, BITS, page, canvas, say */
 // The model of a file on the page's own server, which is fetched in parts: coarse first, by servers without ranges, too.
 
-/** Bytes that are fetched first; of coarse models at most; of normals that are fetched at once, in parts; and of a model. */
-const FIRST = 1 << 16, COARSE = [2.5e5, 2.5e6], FEW = 1e6, PART = 1 << 14, MOST = 400 * 2 ** 20;
+/** Bytes that are fetched first; of coarse models at most; of normals that are fetched at once; and of a model. */
+const FIRST = 1 << 16, COARSE = [2.5e5, 2.5e6], FEW = 1e6, MOST = 400 * 2 ** 20;
 
 const CHANGED = 'has changed: load the page again.', CRCS = Uint32Array.from({length: 256}, (_, sum) => {
     for (let i = 0; i < 8; i++) sum = sum >>> 1 ^ (sum & 1 && 0x82f63b78);
@@ -213,7 +213,7 @@ async function coarse(file, head, levels, depth, nodes) {
 
 /**
  * Fetches of the normals of voxels those first that are seen, and gives the model with them; what is not seen has those
- * of boxes of four voxels until it comes, too. A view needs a third of the normals, but most of the nodes.
+ * of boxes of four voxels until it comes, too. A view needs a third of the normals or more, but most of the nodes.
  */
 async function *seenFirst(file, head, first, NODE) {
     const {NORM} = file.sections, means = await file.section('NLOD'), normals = new Uint8Array(NORM.count), {nodes, depth} = head;
@@ -226,14 +226,14 @@ async function *seenFirst(file, head, first, NODE) {
             for (let k = BITS[NODE[node++]]; k > 0; k--) normals.set(means.subarray(2 * box, 2 * box + 2), 2 * voxel++);
         }
     }
-    const parts = new Uint8Array(Math.ceil(NORM.count / PART));
-    for (let i = 0; i < shown.length; i += 4) if (shown[i]) parts[Math.floor(2 * (shown[i] - 1 - nodes) / PART)] = 1;
+    const part = 2 * Math.ceil(NORM.count / 1024), parts = new Uint8Array(Math.ceil(NORM.count / part));
+    for (let i = 0; i < shown.length; i += 4) if (shown[i]) parts[Math.floor(2 * (shown[i] - 1 - nodes) / part)] = 1;
     for (const isSeen of [1, 0]) {
         const waited = [];
         for (let from = 0, to = 0; from < parts.length; from = to) {
             while (parts[to] === parts[from]) to++;
-            const place = from * PART;
-            if (parts[from] === isSeen) waited.push(file.bytes(NORM.from + place, Math.min(to * PART, NORM.count) - place).then(bytes => normals.set(bytes, place)));
+            const place = from * part;
+            if (parts[from] === isSeen) waited.push(file.bytes(NORM.from + place, Math.min(to * part, NORM.count) - place).then(bytes => normals.set(bytes, place)));
         }
         await Promise.all(waited);
         if (isSeen) yield new Model(head, {NODE, NORM: normals});

@@ -164,7 +164,7 @@ fn shown(browser: &Path, page: &Path, looks: &[Look], what: &str) -> Value {
     let profile = tempfile::tempdir().unwrap();
     let run = Command::new(browser)
         .args(driver::ARGUMENTS)
-        .args(["--virtual-time-budget=600000", "--window-size=900,700", "--dump-dom"])
+        .args(["--virtual-time-budget=120000", "--window-size=900,700", "--dump-dom"])
         .arg(format!("--user-data-dir={}", profile.path().display()))
         .arg(address)
         .output()

@@ -326,7 +326,7 @@ fn normals_that_are_seen_come_before_the_others() {
     let sent = site.sent.load(std::sync::atomic::Ordering::Acquire);
     let (all, normals) = (model.header().file_bytes, 2 * model.header().voxels);
     println!("{sent} of {all} bytes for what is seen");
-    assert!(sent + normals / 3 < all, "{sent} of {all}");
+    assert!(sent + normals / 4 < all, "{sent} of {all}");
     driver.ask("window.release(); true");
     assert_eq!(driver.ended("whole"), "");
     driver.ask(&format!("window.late = {pictures}; true"));
