@@ -281,7 +281,7 @@ fn cases(folder: &Path) -> Vec<(&'static str, String)> {
         ("long", raw("long.raw", &striped(4096 * 6), "4096x3x2", "cells")),
     ];
     if crate::common::long() > 1 {
-        cases.push(("longest", raw("longest.raw", &striped(65536 * 4), "65536x2x2", "cells")));
+        cases.push(("longest", raw("longest.raw", &striped(65536 * 4), "65536x2x2", "skin")));
         if let Some(head) = real_data("raw-cthead") {
             let head = format!("{} --dims 256x256x113 --dtype i16be --spacing 1x1x2 --surface", text(&head));
             cases.extend([("CT skin", format!("{head} skin")), ("CT cells", format!("{head} cells"))]);
