@@ -343,7 +343,7 @@ mod tests {
         for (text, wanted) in [
             ("if (a) {\nb;\n}\nc;\nd;\n", "if(a){b;}c;d;\n"),
             ("a;\n#ifdef B\nc;\n#endif\nd,\ne\n", "a;\n#ifdef B\nc;\n#endif\nd,e\n"),
-            ("a = 'http://b';\nc;\n", "a = 'http://b';\nc;\n"),
+            ("a = 'http://b';\nc;\n", "a='http://b';\nc;\n"),
             ("return a\n&& b\n}\n", "return a\n&&b}\n"),
         ] {
             assert_eq!(joined(text), wanted);

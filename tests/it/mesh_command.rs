@@ -192,7 +192,7 @@ fn scan_and_batch_take_meshes() {
     let (input, out) = (at("in"), at("out"));
     // The grid needs not be said.
     let scan = oct(&["scan", &input, "--json"]).json();
-    assert_eq!(scan, oct(&["scan", &input, "--grid", "40", "--json"]).json());
+    assert_eq!(scan["items"], oct(&["scan", &input, "--grid", "40", "--json"]).json()["items"]);
     let said = |key: &str| scan[key].as_u64().unwrap();
     assert_eq!((said("usable"), said("refused"), said("copies")), (2, 1, 1));
     let names = |report: &serde_json::Value| {
