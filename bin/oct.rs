@@ -359,7 +359,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,
-        meshes: args.mesh.options(&args.search.links).grid.is_some(),
+        meshes: true,
         ..OpenOptions::default()
     };
     let report = jobs::scan::scan(&args.input, &how, args.values, &mut |listed| {

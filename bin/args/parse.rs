@@ -236,12 +236,14 @@ pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
 }
 
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
-    let bad = || format!("'{text}' is not a picture size; write for example 1024x768, each 1 to 32768");
+    let bad = || {
+        format!(
+            "'{text}' is not a picture size; write for example 1024x768, or 512 for a square, each 1 to 32768"
+        )
+    };
     let side = |text: &str| text.parse::<u32>().ok().filter(|n| (1..=32_768).contains(n));
-    match parts::<2>(text, 'x').ok_or_else(bad)?.map(side) {
-        [Some(w), Some(h)] => Ok([w, h]),
-        _ => Err(bad()),
-    }
+    let [width, height] = parts::<2>(text, 'x').unwrap_or([text; 2]).map(side);
+    width.zip(height).map(<[u32; 2]>::from).ok_or_else(bad)
 }
 
 /// Bytes at the start of a file.

@@ -44,7 +44,7 @@ pub(crate) struct RenderArgs {
     /// Write pictures even if their names say that they are other kinds of files
     #[arg(long)]
     pub(crate) force: bool,
-    /// Size of the picture in pixels; by default that of the scene, or 1024x1024
+    /// Size of the picture in pixels, one number for a square; by default that of the scene, or 1024x1024
     #[arg(long, value_name = "WxH", value_parser = parse::size)]
     pub(crate) size: Option<[u32; 2]>,
     /// Named view; by default the scene's camera, or front

@@ -77,6 +77,14 @@ impl GridOptions {
         self.grid.map(|grid| self.mesh_on(grid))
     }
 
+    /// What is said of meshes and trees, if anything is.
+    pub(super) fn stated(&self) -> Option<MeshOptions> {
+        let usual =
+            Self { follow_links: self.follow_links, keep_colors: self.keep_colors, ..Self::default() };
+        (*self != usual)
+            .then(|| self.mesh_on(self.grid.unwrap_or(GridChoice::Side { voxels: 512, margin: 1 })))
+    }
+
     fn mesh_on(&self, grid: GridChoice) -> MeshOptions {
         let Self { unit_mm, up, fill, keep_thin, follow_links, .. } = *self;
         MeshOptions { grid, unit_mm, up, fill, keep_thin, follow_links }

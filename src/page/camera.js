@@ -30,7 +30,7 @@ class View {
         this.box = box;
         this.middle = scaled(added(box[0], box[1]), .5);
         this.reach = Math.max(Math.hypot(...added(box[1], box[0], -1)) / 2, 1e-9);
-        Object.assign(this, {perspective: false, cut: 'none', cutAt: .5, flipped: false, dark: false, colors: true});
+        Object.assign(this, {perspective: false, cut: 'none', cutAt: .5, flipped: false, dark: null, colors: true});
         /** Labels by number, and by their places in the table from 1 on which of them are hidden. */
         this.labels = model.head.labels ?? [];
         this.hidden = new Uint8Array(1 + this.labels.length);
@@ -142,8 +142,13 @@ class View {
         };
     }
 
+    /** Is it dark: as was chosen, or else as the system is? */
+    get isDark() {
+        return this.dark ?? matchMedia('(prefers-color-scheme: dark)').matches;
+    }
+
     get background() {
-        return this.dark ? [[.055, .06, .07, 1], [.11, .12, .14, 1]] : [[.86, .88, .90, 1], [.97, .975, .98, 1]];
+        return this.isDark ? [[.055, .06, .07, 1], [.11, .12, .14, 1]] : [[.86, .88, .90, 1], [.97, .975, .98, 1]];
     }
 
     /** The first box under a point of the picture: what `Model.trace` gives with `at` in mm, or `null`. */
@@ -169,7 +174,7 @@ class View {
         const parts = [`f=${list(this.forward)}`, `u=${list(this.up)}`, `t=${list(this.target)}`, `h=${+this.half.toPrecision(7)}`];
         if (this.perspective) parts.push('p=1');
         if (this.cut !== 'none') parts.push(`c=${this.cut},${+this.cutAt.toFixed(4)}${this.flipped ? ',1' : ''}`);
-        if (this.dark) parts.push('d=1');
+        if (this.dark !== null) parts.push(`d=${+this.dark}`);
         if (!this.colors) parts.push('k=0');
         // Ranges of numbers, between labels that are seen.
         const runs = [];
@@ -195,7 +200,7 @@ class View {
         if (target) this.target = target;
         if (half > 0 && half < this.reach * 100) this.half = half;
         this.perspective = given.get('p') === '1';
-        this.dark = given.get('d') === '1';
+        this.dark = given.has('d') ? given.get('d') === '1' : null;
         this.colors = given.get('k') !== '0';
         this.hidden.fill(0);
         for (const run of (given.get('x') ?? '').split(',').filter(Boolean)) {

@@ -13,19 +13,17 @@ use crate::format::cell::CORNERS;
 use crate::format::{Channel, Label, LabelItems, SectionKind, WALL_BYTES};
 use crate::load::{Model, NodeView};
 
-/// Bytes of one element of the page: strings of browsers end at 512 MiB, and short ones are let go sooner.
-const ELEMENT: usize = 96 * BLOCK;
-
-/// Bytes that become text at a time, a multiple of three.
+/// Bytes that become text at a time, a multiple of three: an element of the page, since short ones are let go sooner.
 const BLOCK: usize = 48 << 10;
 
 const OPEN: &[u8] = b"<script type=\"text/plain\" data-part>";
 const CLOSE: &[u8] = b"</script>\n";
 
 /// Sections that a page has; directories are counted again there, and coarse levels not drawn.
-const KINDS: [SectionKind; 10] = [
+const KINDS: [SectionKind; 11] = [
     SectionKind::Nodes,
     SectionKind::Voxels(Channel::Normal),
+    SectionKind::Voxels(Channel::Fine),
     SectionKind::Voxels(Channel::Offset),
     SectionKind::Voxels(Channel::Corners),
     SectionKind::Voxels(Channel::Label),
@@ -131,14 +129,15 @@ fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Conten
         SectionKind::Voxels(Channel::Corners) if !table.is_empty() => {
             Content::walls(bytes, Places::new(table))
         }
-        SectionKind::Nodes => Content::plain(bytes, 0),
+        // What is noise has no differences that are smaller.
+        SectionKind::Nodes | SectionKind::Voxels(Channel::Fine) => Content::plain(bytes, 0),
         _ => Content::plain(bytes, entry.item_bytes),
     })
 }
 
 /// Writes the sections of a model, and says where they are.
 pub(super) fn write<D: AsRef<[u8]>>(model: &Model<D>, out: &mut dyn Write) -> io::Result<Vec<Section>> {
-    let mut elements = Elements { out, block: Vec::with_capacity(BLOCK), room: 0, bytes: 0 };
+    let mut elements = Elements { out, block: Vec::with_capacity(BLOCK), bytes: 0 };
     let mut written = Vec::new();
     for kind in KINDS {
         let Some(content) = content(model, kind) else { continue };
@@ -177,30 +176,20 @@ struct Elements<'a> {
     out: &'a mut dyn Write,
     /// Fewer than [`BLOCK`] bytes that wait.
     block: Vec<u8>,
-    /// Bytes that the element still takes; 0 before the first one.
-    room: usize,
     /// Bytes so far.
     bytes: u64,
 }
 
 impl Elements<'_> {
     fn put(&mut self) -> io::Result<()> {
-        if self.room == 0 {
-            self.out.write_all(OPEN)?;
-            self.room = ELEMENT;
-        }
+        self.out.write_all(OPEN)?;
         self.out.write_all(STANDARD.encode(&self.block).as_bytes())?;
-        // Only the last block is shorter, so that the others end between characters.
-        self.room -= self.block.len();
         self.block.clear();
-        if self.room == 0 { self.out.write_all(CLOSE) } else { Ok(()) }
+        self.out.write_all(CLOSE)
     }
 
     fn finish(mut self) -> io::Result<()> {
-        if !self.block.is_empty() {
-            self.put()?;
-        }
-        if self.room > 0 { self.out.write_all(CLOSE) } else { Ok(()) }
+        if self.block.is_empty() { Ok(()) } else { self.put() }
     }
 }
 

@@ -25,11 +25,12 @@ const LABELS = '#define LABELS\n';
 class Drawing {
     /** Puts a model into the textures of a context; throws where the machine cannot hold it. `ready` is its program. */
     constructor(gl, model, shaders, ready) {
-        Object.assign(this, {gl, model, shaders, ready, programs: {}, textures: {}});
+        Object.assign(this, {gl, model, shaders, ready, programs: {}, textures: {}, framebuffer: gl.createFramebuffer()});
         const rows = gl.getParameter(gl.MAX_TEXTURE_SIZE);
         const s = model.sections, put = (name, bytes) => this.put(name, bytes, rows);
         put('nodes', model.texels);
         put('normals', s.NORM);
+        put('fines', s.NFIN);
         put('offsets', model.cells ? s.OFFS : null);
         put('cornerBits', model.corners);
         put('corners', model.corners ? s.CORN : null);
@@ -43,7 +44,6 @@ class Drawing {
         put('leafOffsets', model.leaves ? s.LOFS : null);
         this.vertices = gl.createVertexArray();
         this.sum = gl.getExtension('EXT_color_buffer_float') ? gl.RGBA16F : gl.RGBA8;
-        this.framebuffer = gl.createFramebuffer();
         this.target = null;
     }
 
@@ -64,9 +64,12 @@ class Drawing {
         const send = (row, width, count, words) => {
             gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, width, count, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
         };
-        // Parts of 1 MiB, so that no second copy of everything is held.
-        for (let row = 0; row < whole; row += 16) {
-            const count = Math.min(16, whole - row);
+        // Parts of 256 KiB, and a look at each MiB, which waits for it: so that no second copy of everything is held.
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
+        gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.textures[name], 0);
+        for (let row = 0; row < whole; row += 4) {
+            const count = Math.min(4, whole - row);
+            if (row % 16 === 0) gl.readPixels(0, 0, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, new Uint32Array(4));
             send(row, WIDTH, count, new Uint32Array(bytes.buffer, bytes.byteOffset + 16 * row * WIDTH, 4 * count * WIDTH));
         }
         if (rest > 0) {
@@ -107,7 +110,7 @@ class Drawing {
         gl.uniform1ui(places.nodeCount ?? null, model.nodes);
         gl.uniform1i(places.depth ?? null, model.depth);
         const flags = {
-            hasNormals: model.sections.NORM, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
+            hasNormals: model.sections.NORM, hasFines: model.sections.NFIN, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
             hasColors: (model.sections.COLR || model.labels) && view.colors,
         };
         for (const [name, is] of Object.entries(flags)) gl.uniform1i(places[name] ?? null, is ? 1 : 0);
@@ -225,7 +228,7 @@ class Drawing {
         gl.disable(gl.SCISSOR_TEST);
     }
 
-    /** Numbers of a picture: of each pixel from the top left one the box plus one, bits of t, level and label, and the normal. */
+    /** Numbers of a picture: of each pixel from the top left one the box plus one, bits of t, level, label and normal.z (8, 8 and 16 bits), and normal.xy. */
     numbers(view, width, height) {
         const gl = this.gl;
         this.into(gl.RGBA32UI, width, height);

@@ -10,16 +10,17 @@ function decoded(text) {
     return bytes;
 }
 
-/** Bytes at most that are inflated at a time. */
-const PIECE = 1 << 18;
+/** Lets go of bytes now, without waiting for the browser to look what is still needed. */
+const drop = bytes => bytes.buffer.transfer?.(0);
 
-/** The bytes of parts one after the other, up to so many at a time; a part is made when it is needed. */
+/** The bytes of parts one after the other, up to so many at a time; those before are let go. */
 function reader(parts) {
-    let bytes = [], at = 0, number = 0;
+    let bytes = new Uint8Array(0), at = 0;
     return most => {
         while (at === bytes.length) {
-            if (number === parts.length) throw new Error('the data of this page are cut short');
-            [bytes, at] = [parts[number++](), 0];
+            drop(bytes);
+            if (!parts.length) throw new Error('the data of this page are cut short');
+            [bytes, at] = [parts.shift(), 0];
         }
         const some = bytes.subarray(at, at + most);
         at += some.length;
@@ -34,7 +35,7 @@ function reader(parts) {
 async function inflated(next, {bytes, stored, planes}) {
     let left = stored;
     const pull = to => {
-        const some = left > 0 ? next(Math.min(left, PIECE)) : null;
+        const some = left > 0 ? next(left) : null;
         if (!some) return to.close();
         left -= some.length;
         to.enqueue(some);
@@ -52,6 +53,7 @@ async function inflated(next, {bytes, stored, planes}) {
             if (to >= bytes) [to, last] = [++plane, 0];
             whole[to] = last = last + value[i] & 255;
         }
+        drop(value);
     }
 }
 
@@ -68,14 +70,28 @@ async function sections(head, parts) {
     return found;
 }
 
+/** Bytes of the page's parts, which are taken out of it as they come in; the text of all would be in memory twice. */
+const came = [];
+
+function take() {
+    for (const part of document.querySelectorAll('[data-part]')) {
+        if (!part.nextSibling && document.readyState === 'loading') return;
+        part.remove();
+        try {
+            came.push(decoded(part.textContent));
+        } catch {
+            // The section that needs them says it.
+            came.push(new Uint8Array(0));
+        }
+    }
+}
+
+if (typeof document !== 'undefined') new MutationObserver(take).observe(document.body, {childList: true});
+
 /** The model of the page; its place alone, where pictures of it come from a server. */
 async function *models(head) {
-    const parts = [...document.querySelectorAll('[data-part]')].map(part => () => {
-        const bytes = decoded(part.textContent);
-        part.remove();
-        return bytes;
-    });
-    yield head.sections.length ? new Model(head, await sections(head, parts)) : placed(head);
+    take();
+    yield head.sections.length ? new Model(head, await sections(head, came)) : placed(head);
 }
 
 if (typeof module !== 'undefined') module.exports = {decoded, sections};

@@ -233,7 +233,7 @@ impl<'a> Head<'a> {
 }
 
 fn script(way: Way) -> String {
-    let squeezed = |text: &str| slim(text).lines().map(|line| tight(line) + "\n").collect::<String>();
+    let squeezed = |text: &str| joined(&slim(text));
     let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
     let load = match way {
         Way::File => squeezed(LOAD),
@@ -262,26 +262,61 @@ fn slim(text: &str) -> String {
     slim
 }
 
+/// Lines without blanks, one after the other where marks part them, since every statement ends with one; those of the preprocessor, and with what may be a
+/// comment, stay alone.
+fn joined(text: &str) -> String {
+    let mut joined = String::with_capacity(text.len());
+    let is_alone = |line: &str| line.starts_with('#') || line.contains("//");
+    let mut was_alone = true;
+    for line in text.lines() {
+        let fits = joined.ends_with([';', '{', '}', ',']) || line.starts_with('}');
+        if !joined.is_empty() && (was_alone || is_alone(line) || !fits) {
+            joined.push('\n');
+        }
+        joined.push_str(&tight(line));
+        was_alone = is_alone(line);
+    }
+    joined.push('\n');
+    joined
+}
+
 /// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
 fn tight(line: &str) -> String {
-    let unclear = |c: char| matches!(c, '"' | '`' | '#' | '\\');
-    if line.contains(unclear)
-        || line.replace(" / ", "").contains('/')
-        || line.contains("+ +")
-        || line.contains("- -")
+    // Code and strings in turn; a string ends with the mark that it begins with.
+    let (mut texts, mut mark) = (vec![String::new()], None);
+    for c in line.chars() {
+        match mark {
+            None if matches!(c, '\'' | '"' | '`') => {
+                mark = Some(c);
+                texts.push(c.to_string());
+            }
+            _ => {
+                texts.last_mut().into_iter().for_each(|text| text.push(c));
+                if mark == Some(c) {
+                    mark = None;
+                    texts.push(String::new());
+                }
+            }
+        }
+    }
+    let unclear = |code: &str| {
+        code.replace(" / ", "").contains(['/', '#']) || code.contains("+ +") || code.contains("- -")
+    };
+    if line.contains('\\')
+        || line.matches('`').count() > 2
+        || texts.iter().step_by(2).any(|code| unclear(code))
     {
         return line.to_owned();
     }
-    let is_mark = |c: Option<char>| c.is_some_and(|c| "-=,;(){}*?:<>&|[]!%+^".contains(c));
-    let code = |text: &str| -> String {
-        let all: Vec<char> = text.chars().collect();
-        let at = |i: usize| all.get(i).copied();
-        let needed = |&i: &usize| at(i) != Some(' ') || !(is_mark(at(i + 1)) || i > 0 && is_mark(at(i - 1)));
-        (0..all.len()).filter(needed).filter_map(at).collect()
-    };
-    let texts =
-        line.split('\'').enumerate().map(|(i, text)| if i % 2 == 0 { code(text) } else { text.to_owned() });
-    texts.collect::<Vec<_>>().join("'")
+    texts.iter().enumerate().map(|(i, text)| if i % 2 == 0 { code(text) } else { text.clone() }).collect()
+}
+
+fn code(text: &str) -> String {
+    let is_mark = |c: Option<char>| c.is_some_and(|c| "-=,;(){}*?:<>&|[]!%+^/".contains(c));
+    let all: Vec<char> = text.chars().collect();
+    let at = |i: usize| all.get(i).copied();
+    let needed = |&i: &usize| at(i) != Some(' ') || !(is_mark(at(i + 1)) || i > 0 && is_mark(at(i - 1)));
+    (0..all.len()).filter(needed).filter_map(at).collect()
 }
 
 #[cfg(test)]
@@ -304,12 +339,24 @@ mod tests {
     }
 
     #[test]
+    fn lines_are_joined_where_marks_part_them() {
+        for (text, wanted) in [
+            ("if (a) {\nb;\n}\nc;\nd;\n", "if(a){b;}c;d;\n"),
+            ("a;\n#ifdef B\nc;\n#endif\nd,\ne\n", "a;\n#ifdef B\nc;\n#endif\nd,e\n"),
+            ("a = 'http://b';\nc;\n", "a='http://b';\nc;\n"),
+            ("return a\n&& b\n}\n", "return a\n&&b}\n"),
+        ] {
+            assert_eq!(joined(text), wanted);
+        }
+    }
+
+    #[test]
     fn blanks_are_left_out_but_within_strings() {
         for (line, wanted) in [
             ("if (a > b) return [c, -d];", "if(a>b)return[c,-d];"),
             ("say('a, b', c - -d);", "say('a, b', c - -d);"),
-            ("const x = 'a, b' + c, y = d / e;", "const x='a, b'+c,y=d / e;"),
-            ("a = `b, ${c}` + \"d, e\";", "a = `b, ${c}` + \"d, e\";"),
+            ("const x = 'a, b' + c, y = d / e;", "const x='a, b'+c,y=d/e;"),
+            ("a = `b, ${c}` + \"d, e\";", "a=`b, ${c}`+\"d, e\";"),
             ("x = /a, b/;", "x = /a, b/;"),
             ("#define A (b)", "#define A (b)"),
         ] {

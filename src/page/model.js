@@ -84,20 +84,20 @@ function placed(head) {
 class Model {
     /**
      * @param head what `oct` says of the model: depth, dims, nodes, voxels, leaves, cells, affine (3 x 4, box index to LPS mm)
-     * @param sections bytes by kind: NODE; NORM, OFFS, CORN, LABL, COLR, VALU, MATL, LNRM and LOFS where there are any
+     * @param sections bytes by kind: NODE; NORM, NFIN, OFFS, CORN, LABL, COLR, VALU, MATL, LNRM and LOFS where there are any
      */
     constructor(head, sections) {
-        Object.assign(this, placed(head), {sections, cells: head.cells});
-        let {depth, nodes, voxels} = head, infobytes = sections.NODE;
+        let {depth, nodes, voxels} = head, {NODE: infobytes, ...kept} = sections;
+        Object.assign(this, placed(head), {sections: kept, cells: head.cells});
         const whole = n => Number.isSafeInteger(n) && n >= 0;
         if (![depth, nodes, voxels].every(whole) || depth > 16 || nodes + voxels >= 2 ** 32 || !head.dims.every(whole)) {
             throw new Error('the head of the model makes no sense');
         }
         if (depth === 0) [depth, nodes, infobytes] = [1, 1, Uint8Array.of(1)];
-        Object.assign(this, {depth, nodes, voxels, infobytes});
-        if (infobytes.length !== nodes) throw new Error('infobytes are missing');
+        Object.assign(this, {depth, nodes, voxels});
+        if (infobytes?.length !== nodes) throw new Error('infobytes are missing');
         this.texels = counted(at => infobytes[at], nodes, 1, nodes - 1 + voxels, 'boxes');
-        const sizes = {NORM: 2, OFFS: 1, LABL: this.cells ? 2 : 1, COLR: 3, VALU: head.value_bytes, MATL: 1};
+        const sizes = {NORM: 2, NFIN: 1, OFFS: 1, LABL: this.cells ? 2 : 1, COLR: 3, VALU: head.value_bytes, MATL: 1};
         for (const [kind, bytes] of Object.entries(sizes)) {
             if (sections[kind] && sections[kind].length !== voxels * bytes) throw new Error(`${kind} is not of the right length`);
         }
@@ -134,7 +134,11 @@ class Model {
         }
     }
 
-    /** The normal of a voxel or cell, as stored. */
+    infobyte(node) {
+        return this.texels[4 * Math.floor(node / PER_TEXEL) + (node % PER_TEXEL >> 2)] >>> 8 * (node & 3) & 255;
+    }
+
+    /** The normal of a voxel or cell in 16 bits. */
     normal(voxel) {
         const codes = this.sections.NORM;
         if (!codes) return null;
@@ -204,7 +208,7 @@ class Model {
             const next = low.map((c, a) => (c + edge - o[a]) * inv[a]);
             const child = rank(this.texels, Math.floor(node / PER_TEXEL), node % PER_TEXEL * 8 + octant);
             if (child >= 0) {
-                const isLeaf = this.leaves && child < this.nodes && this.infobytes[child] === 0;
+                const isLeaf = this.leaves && child < this.nodes && !this.infobyte(child);
                 if (level > 0 && !isLeaf) {
                     parents[level--] = child;
                     descend();

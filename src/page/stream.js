@@ -1,9 +1,9 @@
 'use strict';
-/* global $, Model, say */
+/* global $, Model, Drawing, SHADER, BITS, page, canvas, say */
 // The model of a file on the page's own server, which is fetched in parts: coarse first, by servers without ranges, too.
 
-/** Bytes that are fetched first; of coarse models at most; and of a model. */
-const FIRST = 1 << 16, COARSE = [2.5e5, 2.5e6], MOST = 400 * 2 ** 20;
+/** Bytes that are fetched first; of coarse models at most; of normals that are fetched at once; and of a model. */
+const FIRST = 1 << 16, COARSE = [2.5e5, 2.5e6], FEW = 1e6, MOST = 400 * 2 ** 20;
 
 const CHANGED = 'has changed: load the page again.', CRCS = Uint32Array.from({length: 256}, (_, sum) => {
     for (let i = 0; i < 8; i++) sum = sum >>> 1 ^ (sum & 1 && 0x82f63b78);
@@ -184,12 +184,12 @@ function wallsOf(bytes, places) {
 
 /** Least and greatest corner of the boxes in the grid, by those of the first depth that has many. */
 Model.prototype.extent = function () {
-    const {depth, infobytes} = this, low = [Infinity, Infinity, Infinity], high = [0, 0, 0];
+    const {depth} = this, low = [Infinity, Infinity, Infinity], high = [0, 0, 0];
     let boxes = [[0, 0, 0]], size = 2 ** depth, at = 0;
     for (let isLast = false; !isLast; size /= 2) {
         isLast = size === 1 || boxes.length > 1e5;
         boxes = boxes.flatMap(box => {
-            const infobyte = isLast ? 0 : infobytes[at++];
+            const infobyte = isLast ? 0 : this.infobyte(at++);
             if (!infobyte) box.forEach((c, a) => { [low[a], high[a]] = [Math.min(low[a], c), Math.max(high[a], c + size)]; });
             return [...'01234567'].filter(i => infobyte >> i & 1).map(i => box.map((c, a) => c + (i >> a & 1) * size / 2));
         });
@@ -211,6 +211,37 @@ async function coarse(file, head, levels, depth, nodes) {
     return new Model({...head, coarse: size, depth, nodes: levels[depth], voxels: count, leaves, affine, dims}, sections);
 }
 
+/**
+ * Fetches of the normals of voxels those first that are seen, and gives the model with them; what is not seen has those
+ * of boxes of four voxels until it comes, too. A view needs a third of the normals or more, but most of the nodes.
+ */
+async function *seenFirst(file, head, first, NODE) {
+    const {NORM} = file.sections, means = await file.section('NLOD'), normals = new Uint8Array(NORM.count), {nodes, depth} = head;
+    head = {...head, coarse: 1};
+    const drawing = new Drawing(page.drawing.gl, new Model(head, {NODE}), SHADER), shown = drawing.numbers(page.view, 512, Math.ceil(512 * canvas.height / canvas.width));
+    drawing.drop();
+    // Descendants of boxes follow each other.
+    for (let box = first[depth - 2], node = first[depth - 1], voxel = 0; box < Math.min(first[depth - 1], nodes); box++) {
+        for (let i = BITS[NODE[box]]; i > 0; i--) {
+            for (let k = BITS[NODE[node++]]; k > 0; k--) normals.set(means.subarray(2 * box, 2 * box + 2), 2 * voxel++);
+        }
+    }
+    const part = 2 * Math.ceil(NORM.count / 1024), parts = new Uint8Array(Math.ceil(NORM.count / part));
+    for (let i = 0; i < shown.length; i += 4) if (shown[i]) parts[Math.floor(2 * (shown[i] - 1 - nodes) / part)] = 1;
+    for (const isSeen of [1, 0]) {
+        const waited = [];
+        for (let from = 0, to = 0; from < parts.length; from = to) {
+            while (parts[to] === parts[from]) to++;
+            const place = from * part;
+            if (parts[from] === isSeen) waited.push(file.bytes(NORM.from + place, Math.min(to * part, NORM.count) - place).then(bytes => normals.set(bytes, place)));
+        }
+        await Promise.all(waited);
+        if (isSeen) yield new Model(head, {NODE, NORM: normals});
+    }
+    if (crc(normals) !== NORM.crc) file.refuse(`is damaged, or ${CHANGED}`);
+    return normals;
+}
+
 /** Models of the file that the page's address or head names: coarse ones, then the whole. */
 async function *models({model}) {
     const name = new URLSearchParams(location.search).get('model') ?? model;
@@ -219,7 +250,7 @@ async function *models({model}) {
     const file = new Remote(name), head = await file.open();
     document.title = file.name.replace(/^.*\//, '').replace(/\.oct$/i, '');
     await described(file, head);
-    const kinds = 'NODE NORM OFFS CORN LABL COLR VALU MATL LNRM LOFS'.split(' ').filter(kind => file.sections[kind] && (head.cells || kind !== 'OFFS'));
+    const kinds = 'NODE NORM NFIN OFFS CORN LABL COLR VALU MATL LNRM LOFS'.split(' ').filter(kind => file.sections[kind] && (head.cells || kind !== 'OFFS'));
     file.due = kinds.reduce((sum, kind) => sum + file.sections[kind].count, 0);
     const levels = record(await file.section('LEVL')), first = Array.from({length: head.depth + 1}, levels.long);
     const {NODE, NLOD} = file.sections, nodes = new Uint8Array(Math.min(NODE.count, MOST));
@@ -244,7 +275,8 @@ async function *models({model}) {
     if (isLarge) file.refuse(`has ${tooMany ? head.labels.length + ' labels' : (file.due >> 20) + ' MiB'}, too many for a page: oct view shows it.`);
     const sections = {NODE: await nodesTo(NODE.count)};
     if (crc(nodes) !== NODE.crc) await file.section('NODE');
-    for (const kind of kinds.slice(1)) sections[kind] = await file.section(kind);
+    if (!head.cells && NLOD && file.sections.NORM.count > FEW && !file.stream && page.drawing) sections.NORM = yield* seenFirst(file, head, first, sections.NODE);
+    for (const kind of kinds.slice(1)) sections[kind] ??= await file.section(kind);
     if (head.labels) {
         const places = new Map(head.labels.map(({number}, i) => [number, i + 1]));
         sections.LABL = labelsOf(sections.LABL, head, places);

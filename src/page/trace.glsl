@@ -7,12 +7,12 @@ precision highp usampler2D;
 const int MAX_STEPS = 4096;
 const int WIDTH_BITS = 12;
 
-uniform usampler2D nodes, normals, offsets, cornerBits, corners, colors, leafBits, leafNormals, leafOffsets;
+uniform usampler2D nodes, normals, fines, offsets, cornerBits, corners, colors, leafBits, leafNormals, leafOffsets;
 uniform uint nodeCount;
 uniform int depth;
 /** Are normals blended between the boxes around a hit? */
 uniform bool isSmooth;
-uniform bool hasNormals, hasCorners, hasLeaves, isCells, hasColors;
+uniform bool hasNormals, hasFines, hasCorners, hasLeaves, isCells, hasColors;
 /** Ray of the picture point (x, y): a constant, its change with x, and with y; in the grid. */
 uniform vec3 origin[3], direction[3];
 /** The stored normal to the camera's frame: right, up, to the eye. */
@@ -62,14 +62,20 @@ uint byteOf(usampler2D from, uint at) {
 
 float signedByte(uint byte) { return float(int(byte << 24) >> 24); }
 
-vec3 octahedral(vec2 q) {
-    float z = 127.0 - abs(q.x) - abs(q.y);
+vec3 octahedral(vec2 q, float one) {
+    float z = one - abs(q.x) - abs(q.y);
     if (z >= 0.0) return vec3(q, z);
-    return vec3((q.x < 0.0 ? -1.0 : 1.0) * (127.0 - abs(q.y)), (q.y < 0.0 ? -1.0 : 1.0) * (127.0 - abs(q.x)), z);
+    return vec3((q.x < 0.0 ? -1.0 : 1.0) * (one - abs(q.y)), (q.y < 0.0 ? -1.0 : 1.0) * (one - abs(q.x)), z);
 }
 
-vec3 direction8(usampler2D from, uint at) {
-    return octahedral(vec2(signedByte(byteOf(from, 2u * at)), signedByte(byteOf(from, 2u * at + 1u))));
+vec2 code(usampler2D from, uint at) { return vec2(signedByte(byteOf(from, 2u * at)), signedByte(byteOf(from, 2u * at + 1u))); }
+
+/** The normal of a voxel or cell, in steps of an eighth where there are fine parts. */
+vec3 normalOf(uint at) {
+    vec2 q = code(normals, at);
+    if (!hasFines) return octahedral(q, 127.0);
+    uint fine = byteOf(fines, at);
+    return octahedral(clamp(8.0 * q + vec2(fine & 15u, fine >> 4) - 8.0, -1016.0, 1016.0), 1016.0);
 }
 
 float trilinear(vec4 low, vec4 high, vec3 w) {
@@ -129,7 +135,7 @@ bool meetWalls(uint cell, vec3 from, vec3 to, out float s, out vec3 normal, out 
     uvec2 parts = uvec2(byteOf(labels, 2u * cell) | byteOf(labels, 2u * cell + 1u) << 8, 0);
     int count = 1, fronts = 0;
     uint number;
-    n[0] = n[1] = n[2] = normal = direction8(normals, cell);
+    n[0] = n[1] = n[2] = normal = normalOf(cell);
     if (k.x != -128.0) {
         k.x = 2.0 * floor(0.5 * k.x);
     } else if (hasCorners && rank(texel(cornerBits, cell / 96u), cell % 96u, number)) {
@@ -141,7 +147,7 @@ bool meetWalls(uint cell, vec3 from, vec3 to, out float s, out vec3 normal, out 
             n = vec3[3](vec3(127, 0, 0), vec3(0, 127, 0), vec3(0, 0, 127));
             k = vec3(0);
         } else {
-            n[1] = octahedral(vec2(signedByte(item.z >> 16), signedByte(item.z >> 24)));
+            n[1] = octahedral(vec2(signedByte(item.z >> 16), signedByte(item.z >> 24)), 127.0);
             uvec4 by = uvec4(0);
             for (int i = 0; i < 8; i++) {
                 vec3 u = vec3(i & 1, i >> 1 & 1, i >> 2) * 2.0 - 1.0;
@@ -192,7 +198,7 @@ bool meet(uint box, bool isLeaf, vec3 from, vec3 to, out float s, out vec3 norma
         label = seen(byteOf(labels, box - nodeCount));
         if (label == 0u) return false;
 #endif
-        normal = hasNormals ? direction8(normals, box - nodeCount) : vec3(0);
+        normal = hasNormals ? normalOf(box - nodeCount) : vec3(0);
         return true;
     }
     uint number = box - nodeCount;
@@ -202,10 +208,10 @@ bool meet(uint box, bool isLeaf, vec3 from, vec3 to, out float s, out vec3 norma
     float offset;
     if (isLeaf) {
         rank(texel(leafBits, box / 96u), box % 96u, number);
-        normal = direction8(leafNormals, number);
+        normal = octahedral(code(leafNormals, number), 127.0);
         offset = signedByte(byteOf(leafOffsets, number));
     } else {
-        normal = direction8(normals, number);
+        normal = normalOf(number);
         offset = signedByte(byteOf(offsets, number));
         uint at;
         if (hasCorners && offset == -128.0 && rank(texel(cornerBits, number / 96u), number % 96u, at)) {
@@ -301,10 +307,10 @@ vec3 normalAt(ivec3 place) {
         if (!rank(texel(nodes, node / 12u), node % 12u * 8u + octant, child)) return vec3(0);
         node = child;
         if (hasLeaves && level > 0 && rank(texel(leafBits, child / 96u), child % 96u, number)) {
-            return normalize(direction8(leafNormals, number));
+            return normalize(octahedral(code(leafNormals, number), 127.0));
         }
     }
-    return normalize(direction8(normals, node - nodeCount));
+    return normalize(normalOf(node - nodeCount));
 }
 
 /** The mean of the normals around a point that look about the same way: smooth where the surface is, sharp at its edges. */
@@ -365,11 +371,9 @@ void main() {
     bool isHit = !isGone && trace(o, d, t, hit);
     if (isHit && cut.xyz != vec3(0) && dot(cut.xyz, o + d * hit.t) < cut.w - 1e-3) isHit = false;
 #ifdef NUMBERS
-    found = isHit ? uvec4(hit.box + 1u, floatBitsToUint(hit.t), uint(hit.level) | hit.label << 8, 0) : uvec4(0);
-    if (isHit) {
-        vec3 n = normalize(normalToCamera * hit.normal);
-        found.w = uint(int(round(n.x * 127.0)) & 255) | uint(int(round(n.y * 127.0)) & 255) << 8 | uint(int(round(n.z * 127.0)) & 255) << 16;
-    }
+    vec3 n = normalize(normalToCamera * hit.normal);
+    uint more = uint(hit.level) | hit.label << 8 | packSnorm2x16(vec2(0, n.z));
+    found = isHit ? uvec4(hit.box + 1u, floatBitsToUint(hit.t), more, packSnorm2x16(n.xy)) : uvec4(0);
 #else
     if (!isHit) {
         found = mix(background[0], background[1], 0.5 + 0.5 * at.y) * weight;

@@ -214,12 +214,12 @@ function showState(named = '') {
     $('cut').value = view.cut;
     $('place').value = view.cutAt;
     $('place').hidden = $('flip').hidden = view.cut === 'none';
-    $('dark').setAttribute('aria-pressed', view.dark);
+    $('dark').setAttribute('aria-pressed', view.isDark);
     $('colors').setAttribute('aria-pressed', view.colors);
     document.querySelectorAll('#list input').forEach((eye, i) => { eye.checked = !view.hidden[i + 1]; });
     const labels = view.labels.length, hidden = view.hidden.reduce((sum, is) => sum + is, 0);
     $('count').textContent = hidden ? `${labels - hidden} of ${labels}` : labels;
-    main.classList.toggle('dark', view.dark);
+    main.style.colorScheme = view.isDark ? 'dark' : 'light';
     main.classList.toggle('picks', $('tool').value !== 'pick');
 }
 
@@ -345,7 +345,7 @@ function keys(event) {
         c: () => { view.cut = CUTS[(CUTS.indexOf(view.cut) + 1) % CUTS.length]; },
         '[': () => { view.cutAt = Math.max(0, view.cutAt - .02); }, ']': () => { view.cutAt = Math.min(1, view.cutAt + .02); },
         f: () => { view.flipped = !view.flipped; },
-        b: () => { view.dark = !view.dark; },
+        b: () => { view.dark = !view.isDark; },
         l: () => { $('parts').open = !$('parts').open; },
         m: () => {
             const tool = $('tool');
@@ -383,7 +383,8 @@ function tools() {
     on('flip', 'click', () => { view.flipped = !view.flipped; });
     on('tool', 'change', clearPoints);
     on('clear', 'click', clearPoints);
-    on('dark', 'click', () => { view.dark = !view.dark; });
+    on('dark', 'click', () => { view.dark = !view.isDark; });
+    matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => changed($('named').value));
     on('colors', 'click', () => { view.colors = !view.colors; });
     $('save').addEventListener('click', savePicture);
     $('help').addEventListener('click', () => {

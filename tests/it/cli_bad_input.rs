@@ -210,6 +210,7 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["render", &input, "-o", &output, "--eye", "1,2,3"], &["--look-at"]),
         (&["render", &input, "-o", &output, "--view", "front", "--eye", "1,2,3"], &["--view", "--eye"]),
         (&["render", &input, "-o", &output, "--size", "0x5"], &["0x5", "1 to 32768"]),
+        (&["render", &input, "-o", &output, "--size", "0"], &["'0'", "512 for a square"]),
         (&["render", &input, "-o", &output, "--fov", "180"], &["180", "170 degrees"]),
         (&["render", &input, "-o", &output, "--view", "inside"], &["inside", "front"]),
         (&["render", &input, "-o", &output, "--zoom", "0"], &["'0'", "0.01 to 1000"]),

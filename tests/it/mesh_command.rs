@@ -179,7 +179,7 @@ fn a_mesh_is_built_within_a_small_cap_of_the_whole_process() {
 }
 
 #[test]
-fn scan_and_batch_take_meshes_where_a_grid_is_given() {
+fn scan_and_batch_take_meshes() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     std::fs::create_dir(at("in")).unwrap();
@@ -190,11 +190,9 @@ fn scan_and_batch_take_meshes_where_a_grid_is_given() {
     put("cut.stl", &ball().stl()[..700]);
     put("notes.txt", b"nothing");
     let (input, out) = (at("in"), at("out"));
-    // Without a grid they are left out, and it is said what takes them.
+    // The grid needs not be said.
     let scan = oct(&["scan", &input, "--json"]).json();
-    assert_eq!((&scan["items"], scan["left_out"][0]["count"].as_u64()), (&serde_json::json!([]), Some(4)));
-    assert!(scan["left_out"][0]["reason"].as_str().unwrap().contains("--grid N or --voxel MM"));
-    let scan = oct(&["scan", &input, "--grid", "40", "--json"]).json();
+    assert_eq!(scan["items"], oct(&["scan", &input, "--grid", "40", "--json"]).json()["items"]);
     let said = |key: &str| scan[key].as_u64().unwrap();
     assert_eq!((said("usable"), said("refused"), said("copies")), (2, 1, 1));
     let names = |report: &serde_json::Value| {
@@ -205,8 +203,8 @@ fn scan_and_batch_take_meshes_where_a_grid_is_given() {
         report["items"].as_array().unwrap().iter().map(named).collect::<Vec<_>>()
     };
     let batch = |grid: &str| {
-        let args = ["batch", &input, "--out", &out, "--grid", grid, "--memory", "24MiB", "--json"];
-        let run = oct(&args);
+        let grid = if grid.is_empty() { vec![] } else { vec!["--grid", grid] };
+        let run = oct(&[&["batch", &input, "--out", &out, "--memory", "24MiB", "--json"], &*grid].concat());
         assert_eq!(run.code, 8, "{}", run.stderr);
         serde_json::from_str::<serde_json::Value>(&run.stdout).unwrap()
     };
@@ -225,6 +223,14 @@ fn scan_and_batch_take_meshes_where_a_grid_is_given() {
     }
     assert_eq!(counts(&batch("40")), [0, 3, 1]);
     assert_eq!(counts(&batch("48")), [2, 1, 1]);
+    // By itself as fine as a model that is built alone in this memory.
+    let report = batch("");
+    assert_eq!((counts(&report), counts(&batch(""))), ([2, 1, 1], [0, 3, 1]));
+    let item = report["items"].as_array().unwrap().iter().find(|item| item["status"] == "converted").unwrap();
+    let own = ["build", item["input"].as_str().unwrap(), "-o", &model, "--memory", "24MiB", "--json"];
+    oct(&own).json();
+    let batched = at(&format!("out/{}", item["model"]["file"].as_str().unwrap()));
+    assert!(std::fs::read(batched).unwrap() == std::fs::read(&model).unwrap());
 }
 
 #[test]
@@ -246,12 +252,7 @@ fn scan_and_batch_take_trees_of_solids_as_they_take_meshes() {
     put("ct.json", br#"{"dims": [8, 8, 8], "dtype": "u8", "spacing_mm": [1, 1, 1]}"#);
     put("own.csg", b"difference() { volume(\"ct.raw\", iso = 5); sphere(2); }");
     let (input, out) = (at("in"), at("out"));
-    // Without a grid they are left out, and it is said what takes them.
     let scan = oct(&["scan", &input, "--json"]).json();
-    let trees = scan["left_out"].as_array().unwrap().iter().find(|l| l["count"] == 8).unwrap();
-    let reason = trees["reason"].as_str().unwrap();
-    assert!(reason.contains("a tree of solids") && reason.contains("--grid N"), "{scan}");
-    let scan = oct(&["scan", &input, "--grid", "40", "--json"]).json();
     let said = |key: &str| scan[key].as_u64().unwrap();
     assert_eq!((said("usable"), said("refused"), said("copies")), (6, 3, 1), "{scan}");
     let reason_of = |name: &str| {

@@ -357,3 +357,15 @@ fn sheets_turntables_and_numbers_are_written_for_models_and_scenes() {
     oct(&["render", &at("two.toml"), "-o", &at("p.png"), "--ids", &at("i.png")])
         .refused(2, &["--ids", "scene"]);
 }
+
+#[test]
+fn a_size_of_one_number_is_a_square() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    oct(&["build", "synthetic:sphere@16", "-o", &at("m.oct"), "--json"]).json();
+    for (size, name) in [("48", "a.png"), ("48x48", "b.png"), ("48x40", "c.png")] {
+        oct(&["render", &at("m.oct"), "-o", &at(name), "--size", size, "--json"]).json();
+    }
+    let bytes = |name: &str| std::fs::read(at(name)).unwrap();
+    assert!(bytes("a.png") == bytes("b.png") && bytes("a.png") != bytes("c.png"));
+}

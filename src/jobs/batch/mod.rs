@@ -109,7 +109,7 @@ pub struct BatchRequest {
     pub thumbnails_of_all: bool,
     /// Volumes of fewer slices are left alone: scouts, scanned documents, single pictures.
     pub min_slices: u32,
-    /// How meshes and trees of solids are put on a grid; they are left out where it is not chosen.
+    /// How meshes and trees of solids are put on a grid.
     pub grid: GridOptions,
     /// Only DICOM series of these modalities (`CT`, `MR`, ...) are taken; all volumes if there are none.
     pub modalities: Vec<String>,
@@ -170,7 +170,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     let scratch = request.build.scratch_folder(&request.out.join("x"));
     let skip = request.out.canonicalize().ok();
     let masks = request.find_labels.then(Overlap::default);
-    let how = OpenOptions { skip, masks, meshes: request.grid.grid.is_some(), ..request.how.clone() };
+    let how = OpenOptions { skip, masks, meshes: true, ..request.how.clone() };
     let mut catalogue = Catalogue::survey(&request.inputs, &how, &scratch)?;
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {

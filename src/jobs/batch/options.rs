@@ -19,7 +19,7 @@ pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
         b.lod,
         request.thumbnails,
         request.clean,
-        request.grid.mesh(),
+        request.grid.stated(),
         request.grid.keep_colors
     );
     format!("{:016x}", fnv(text.as_bytes()))

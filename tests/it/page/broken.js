@@ -35,7 +35,7 @@ async function broken(rounds, seed) {
         }
         try {
             head = JSON.parse(head);
-            const found = await sections(head, chunks.map(chunk => () => chunk));
+            const found = await sections(head, chunks);
             if (kind > 1) for (let i = 0; i <= random(3); i++) {
                 const kinds = Object.keys(found), one = kinds[random(kinds.length)];
                 found[one] = damaged(found[one], random);

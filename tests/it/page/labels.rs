@@ -82,16 +82,16 @@ fn compare(name: &str, (model, models): (&Model, &[Model]), looks: &[Look], said
             let due = nearest(models, &look.hidden, line);
             hits += usize::from(due.is_some());
             let seen = (got[0] > 0)
-                .then(|| ((got[2] >> 8) as u8, cells[usize::try_from(got[0] - 1 - nodes).unwrap()]));
+                .then(|| (got[2].to_le_bytes()[1], cells[usize::try_from(got[0] - 1 - nodes).unwrap()]));
             if seen != due.map(|(label, cell, _)| (label, cell)) {
                 other += 1;
             } else if let Some((_, _, normal)) = due.filter(|(_, _, normal)| *normal != [0.0; 3]) {
-                far += usize::from(dot(normal_of(got), look.turned(unit(normal))) < 0.999);
+                far += usize::from(!are_alike(normal_of(got), look.turned(unit(normal))));
             }
         }
         println!("{name}, camera {number}: {hits} hits, {other} other labels or boxes, {far} other normals");
-        assert!(other <= MAX_OTHER, "{name}, camera {number}: {other} of {hits}");
-        assert!(far <= MAX_OTHER, "{name}, camera {number}: {far} normals of {hits}");
+        assert!(other <= max_other(), "{name}, camera {number}: {other} of {hits}");
+        assert!(far <= max_other(), "{name}, camera {number}: {far} normals of {hits}");
         assert_eq!(picture["picks"], 0, "{name}, camera {number}");
         all += hits;
     }

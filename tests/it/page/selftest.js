@@ -27,7 +27,7 @@ function pictures() {
             const hit = view.pick(page.model, 2 * (x + .5) / SIDE - 1, 1 - 2 * (y + .5) / SIDE, 1);
             const box = hit ? (hit.voxel < 0 ? hit.leaf : hit.voxel + page.model.nodes) + 1 : 0;
             const [drawn, , level] = found.subarray(4 * (y * SIDE + x));
-            picks += box !== drawn || (hit?.label ?? 0) !== level >> 8;
+            picks += box !== drawn || (hit?.label ?? 0) !== (level >> 8 & 255);
         }
         return {found: text(found), picks};
     });
@@ -37,7 +37,7 @@ function pictures() {
 function parts(key, click, middle) {
     const rows = [...$('list').children], eyes = rows.map(row => row.querySelector('input')), view = page.view;
     key('0');
-    const seen = () => page.drawing.numbers(view, 64, 64).reduce((sum, n, i) => sum + (i % 4 === 2 && n >> 8 === 1), 0);
+    const seen = () => page.drawing.numbers(view, 64, 64).reduce((sum, n, i) => sum + (i % 4 === 2 && (n >> 8 & 255) === 1), 0);
     const before = seen();
     eyes[0].click();
     const results = {'an eye hides': before > 0 && seen() === 0 && $('count').textContent === `${rows.length - 1} of ${rows.length}`};
@@ -151,12 +151,13 @@ async function events() {
 /** Damaged sections: each is refused with a sentence, or rays through it end. */
 function damaged() {
     let seed = 12345, refused = 0, opened = 0, met = 0;
+    const sound = {NODE: Uint8Array.from({length: page.model.nodes}, (_, node) => page.model.infobyte(node)), ...page.model.sections};
     const random = n => {
         seed = Math.imul(seed, 1664525) + 1013904223 >>> 0;
         return seed % n;
     };
     for (let round = 0; round < 400; round++) {
-        const sections = Object.fromEntries(Object.entries(page.model.sections).map(([kind, bytes]) => [kind, bytes.slice()]));
+        const sections = Object.fromEntries(Object.entries(sound).map(([kind, bytes]) => [kind, bytes.slice()]));
         const head = structuredClone(page.model.head), kinds = Object.keys(sections);
         for (let change = 0; change <= random(4); change++) {
             const kind = kinds[random(kinds.length)], bytes = sections[kind];

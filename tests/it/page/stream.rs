@@ -13,6 +13,7 @@ const SUMS: &str = r"(() => {
     const sum = bytes => bytes.reduce((sum, byte) => Math.imul(sum ^ byte, 16777619) >>> 0, 2166136261);
     const {head, sections} = page.model, found = {};
     for (const kind of Object.keys(sections).sort()) found[kind] = [sections[kind].length, sum(sections[kind])];
+    found.texels = sum(page.model.texels);
     for (const key of ['depth', 'dims', 'nodes', 'voxels', 'leaves', 'cells', 'affine', 'value_bytes', 'value_scale', 'patient']) found[key] = head[key];
     found.labels = (head.labels ?? []).map(({number, name, color, voxels}) => [number, name, color, voxels]);
     found.list = document.getElementById('list').textContent;
@@ -297,6 +298,45 @@ fn damaged(sound: &[u8], seed: u64) -> Vec<u8> {
 fn page_of_docs() -> String {
     let docs = include_str!("../../../src/jobs/COMMANDS.md");
     docs.split_once("```html\n").unwrap().1.split_once("```").unwrap().0.to_owned()
+}
+
+/// Fetches wait in a page that has what is seen, until they are let go.
+const HELD: &str = r"{
+    const real = window.fetch;
+    const held = new Promise(done => { window.release = done; });
+    window.fetch = async (...all) => {
+        if (typeof page === 'object' && page.model?.head.coarse === 1) await held;
+        return real(...all);
+    };
+}";
+
+#[test]
+fn normals_that_are_seen_come_before_the_others() {
+    let Some(browser) = chromium() else { return };
+    let folder = tempfile::tempdir().unwrap();
+    let (model, page) = paged(folder.path(), "m", &["synthetic:head@512", "--surface", "skin"]);
+    linked(&page.with_extension("oct"), &page);
+    let site = Site::of(Manner::Ranges, folder.path());
+    let mut driver = Driver::start(&browser);
+    driver.call("Page.addScriptToEvaluateOnNewDocument", serde_json::json!({ "source": HELD }));
+    driver.visit(&site.address("m.html"));
+    driver.until("typeof main === 'object' && page.model?.head.coarse === 1 && !!page.drawing");
+    let pictures = "['front', 'back'].map(name => (page.view.named(name, 4 / 3), page.drawing.numbers(page.view, 200, 150)))";
+    driver.ask(&format!("window.early = {pictures}; true"));
+    let sent = site.sent.load(std::sync::atomic::Ordering::Acquire);
+    let (all, normals) = (model.header().file_bytes, 2 * model.header().voxels);
+    println!("{sent} of {all} bytes for what is seen");
+    assert!(sent + normals / 4 < all, "{sent} of {all}");
+    driver.ask("window.release(); true");
+    assert_eq!(driver.ended("whole"), "");
+    driver.ask(&format!("window.late = {pictures}; true"));
+    let other = "window.late.map((words, k) => words.filter((word, i) => i % 4 > 1 && word !== window.early[k][i]).length)";
+    let [front, back] = [0, 1].map(|k| driver.number(&format!("{other}[{k}]")));
+    println!("{front} other words of normals in front, {back} behind");
+    // Some pixels are between those that were looked at.
+    assert!(front < 0.002 * 30000.0 && back > 0.1 * 30000.0, "{front} and {back} words of 30000 pixels");
+    let again = site.sent.load(std::sync::atomic::Ordering::Acquire);
+    assert!(again < all + (1 << 16), "{again} of {all} bytes: nothing is fetched twice");
 }
 
 #[test]
