@@ -20,7 +20,8 @@ fn main() {
 
 /// The archive that belongs to the compiler.
 fn archive() -> Option<PathBuf> {
-    let of_target = env::var("TARGET").ok().and_then(|target| env::var(format!("CXX_{}", target.replace('-', "_"))).ok());
+    let of_target =
+        env::var("TARGET").ok().and_then(|target| env::var(format!("CXX_{}", target.replace('-', "_"))).ok());
     let compiler = of_target.or_else(|| env::var("CXX").ok()).unwrap_or_else(|| "c++".into());
     let found = Command::new(compiler).arg("-print-file-name=libstdc++.a").output().ok()?;
     let path = PathBuf::from(String::from_utf8(found.stdout).ok()?.trim());

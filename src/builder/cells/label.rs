@@ -63,7 +63,10 @@ mod tests {
             let middle: f64 = at + 0.5 * step;
             share += step * (-0.5 * middle * middle).exp() / std::f64::consts::TAU.sqrt();
             at += step;
-            assert!((quantile(share) - at).abs() < 1e-4 && quantile(-share) == -quantile(share), "{share} {at}");
+            assert!(
+                (quantile(share) - at).abs() < 1e-4 && quantile(-share) == -quantile(share),
+                "{share} {at}"
+            );
         }
     }
 }
