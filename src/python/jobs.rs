@@ -180,13 +180,14 @@ pub(super) fn verify(py: Python<'_>, path: PathBuf) -> PyResult<String> {
 #[pyfunction]
 pub(super) fn export(
     py: Python<'_>,
-    (input, output): (PathBuf, PathBuf),
+    files: (PathBuf, PathBuf),
     form: Option<&str>,
     simplify: u32,
     error: Option<&str>,
     smooth: Option<f64>,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
+    let (input, output) = files;
     let form = match form {
         Some(name) => ExportForm::ALL.into_iter().find(|form| form.name() == name),
         None => ExportForm::of(&output),
