@@ -262,8 +262,8 @@ fn slim(text: &str) -> String {
     slim
 }
 
-/// Lines without blanks, one after the other where marks part them, since every statement ends with one; those of the preprocessor, and with what may be a
-/// comment, stay alone.
+/// Lines without blanks, one after the other where marks part them, since every statement ends with one. Lines of the
+/// preprocessor stay alone, and those with what may be a comment.
 fn joined(text: &str) -> String {
     let mut joined = String::with_capacity(text.len());
     let is_alone = |line: &str| line.starts_with('#') || line.contains("//");
