@@ -21,7 +21,7 @@ use std::io;
 use std::iter;
 use std::thread::{self, Builder, ScopedJoinHandle, available_parallelism};
 
-use super::write::{Sink, Vertex};
+use super::write::{Sink, Vertex, unit};
 use crate::geom::Affine;
 use patch::{Bound, Fewer, Patch};
 use spool::{Contents, Place, Spool};
@@ -123,22 +123,25 @@ impl<'a> Decimator<'a> {
         Ok(())
     }
 
-    fn hand_on(&mut self, part: &Part, (fewer, shared): Fewer) -> io::Result<()> {
+    fn hand_on(&mut self, part: &Part, fewer: Fewer) -> io::Result<()> {
         let Part { numbers, vertices, patch } = part;
-        let faces = fewer.as_ref().unwrap_or(&patch.faces);
-        let mut news = vec![None; numbers.len()];
+        let faces = fewer.faces.as_ref().unwrap_or(&patch.faces);
+        let mut vertices = vertices.clone();
+        vertices.extend(fewer.middles.iter().map(|ends| middle(ends.map(|end| part.vertices[end as usize]))));
+        let is_shared = |local: usize| fewer.shared.get(local).is_some_and(|shared| *shared);
+        let mut news = vec![None; vertices.len()];
         for face in faces {
             let mut corners = [0; 3];
             for (corner, local) in corners.iter_mut().zip(face.map(|local| local as usize)) {
                 *corner = match news[local] {
                     Some(new) => new,
                     None => {
-                        let new = self.number(&vertices[local], shared[local].then_some(numbers[local]))?;
+                        let new = self.number(&vertices[local], is_shared(local).then(|| numbers[local]))?;
                         *news[local].insert(new)
                     }
                 };
             }
-            self.to.triangle(corners, face.map(|local| patch.at[local as usize]))?;
+            self.to.triangle(corners, face.map(|local| vertices[local as usize].at))?;
         }
         self.triangles += faces.len() as u64;
         Ok(())
@@ -157,6 +160,13 @@ impl<'a> Decimator<'a> {
         }
         Ok(new)
     }
+}
+
+/// The vertex in the middle of an edge.
+fn middle([a, b]: [Vertex; 2]) -> Vertex {
+    let of = |p: [f32; 3], q: [f32; 3]| [0, 1, 2].map(|k| f32::midpoint(p[k], q[k]));
+    let light = [0, 1, 2].map(|k| a.light[k].midpoint(b.light[k]));
+    Vertex { at: of(a.at, b.at), normal: unit(of(a.normal, b.normal)), light }
 }
 
 /// A brick's triangles, or some of them.
