@@ -145,7 +145,7 @@ impl Patch {
             });
         }
         // Between the points that are looked at, distances are a little larger.
-        let within = bound.mm - (bound.voxel_mm / 128.0).min(0.25 * bound.mm);
+        let within = bound.mm - (bound.voxel_mm / 64.0).min(0.25 * bound.mm);
         let mut coarse = Near::new(span, within, faces.iter().map(corners));
         let is_kept = {
             let mut kept = vec![false; local.len()];
