@@ -213,7 +213,7 @@ mod tests {
         let faces = faces.unwrap();
         // No new edge joins two corners of the border.
         let old = edges(&patch.faces);
-        let is_border = |corner: u64| shared.get(corner as usize).is_some_and(|shared| *shared);
+        let is_border = |corner: u64| usize::try_from(corner).is_ok_and(|at| shared.get(at) == Some(&true));
         let joins = |edge: &Edge| is_border(edge >> 32) && is_border(edge & u64::from(u32::MAX));
         let joined = |edge: &Edge| !joins(edge) || old.binary_search(edge).is_ok();
         assert!(!middles.is_empty() && edges(&faces).iter().all(joined));
