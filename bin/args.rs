@@ -163,7 +163,7 @@ pub(crate) struct ExportArgs {
     #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SIMPLIFIED)))]
     pub(crate) simplify: u32,
     /// Leave out corners of triangles while the surface stays this close to the full one: in voxels of the finest
-    /// spacing (0.1), or in mm (0.05mm)
+    /// spacing (0.1), or in mm (0.05mm); at most one voxel
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true, conflicts_with = "simplify")]
     pub(crate) error: Option<Tolerance>,
     /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0 they follow the faces

@@ -99,6 +99,25 @@ def rays(side, folder):
             line += f" ({RAYS / took['open3d.cast_rays'] / 1e6:.2f} M/s); {(hit != np.isfinite(theirs)).sum()} differ"
             line += f", hits {np.median(away):.4f} voxel apart at the median"
         print(line, flush=True)
+        if name == "picture order":
+            seen = given["infobyte.first_hits"]
+    # From what the picture shows, the light of the sky: by the cosine, a voxel off the surface.
+    at, normal = seen.position[seen.is_hit], seen.normal[seen.is_hit]
+    around = random.normal(size=at.shape)
+    ways = normal + around / np.linalg.norm(around, axis=1, keepdims=True)
+    starts = at + normal
+    pairs = {"infobyte.any_hit": lambda: model.any_hit(starts, ways, threads=1)}
+    if o3d:
+        one = o3d.core.Tensor(np.hstack([starts, ways]).astype(np.float32))
+        pairs["open3d.test_occlusions"] = lambda: scene.test_occlusions(one, nthreads=1)
+    print(" ambient")
+    took, given = turns(pairs)
+    met = given["infobyte.any_hit"]
+    line = f"  {len(at) / took['infobyte.any_hit'] / 1e6:.2f} M/s, {met.mean():.3f} hit"
+    if o3d:
+        line += f"; {took['open3d.test_occlusions'] / took['infobyte.any_hit']:.2f} x open3d's"
+        line += f"; {(met != given['open3d.test_occlusions'].numpy()).sum()} differ"
+    print(line, flush=True)
 
 
 def misses(side, folder):

@@ -21,7 +21,7 @@ use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
     CHANNELS, EACH, ERROR, FORCE, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT,
-    RANGE, SECTION, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
+    RANGE, SECTION, SIMPLIFY, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
 
@@ -81,18 +81,20 @@ pub enum UsageError {
     LabelNames { path: PathBuf, line: usize },
     #[error("{}: names the label {number} twice; name it once", shown(.path))]
     LabelTwice { path: PathBuf, number: u16 },
-    #[error("{}: is there already; {FORCE} replaces it, and the models of the other labels", shown(.path))]
+    #[error("{}: already exists; {FORCE} replaces it, and the models of the other labels", shown(.path))]
     Exists { path: PathBuf },
     #[error("{}: has no labels that could be hidden; build a map of labels with {LABELS}", shown(.path))]
     Unlabelled { path: PathBuf },
     #[error("{}: has no labels to list; leave out {LEGEND}, or build a map of labels with {LABELS}", shown(.path))]
     NoLegend { path: PathBuf },
-    #[error("{}: the plane does not meet it; choose {SECTION} with {axis} from {} to {} mm", shown(.path), Short(*.from_mm), Short(*.to_mm))]
+    #[error("{}: the plane does not intersect it; choose {SECTION} with {axis} from {} to {} mm", shown(.path), Short(*.from_mm), Short(*.to_mm))]
     Section { path: PathBuf, axis: char, from_mm: f64, to_mm: f64 },
-    #[error("{}: has no labels but one surface; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}", shown(.path))]
+    #[error("{}: has a single surface and no labels; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}", shown(.path))]
     OneSurface { path: PathBuf },
     #[error("{}: walls are moved by 0 to half a voxel; choose {SMOOTH} in between", shown(.path))]
     SmoothRange { path: PathBuf },
+    #[error("{}: {ERROR} is {} voxels of the finest spacing here; give at most 1 voxel, or make triangles of blocks with {SIMPLIFY}", shown(.path), Short(*.voxels))]
+    ErrorRange { path: PathBuf, voxels: f64 },
     #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
     NoLabel {
         path: PathBuf,
@@ -119,7 +121,7 @@ pub enum UsageError {
     Strip { path: PathBuf, fault: StripFault },
     #[error("{}: {fault}", shown(.path))]
     Export { path: PathBuf, fault: ExportFault },
-    #[error("{}: the placement leaves it without a volume; give three rows that are not parallel, as in 1,0,0,0,0,1,0,0,0,0,1,0", shown(.path))]
+    #[error("{}: the placement makes it flat; give three rows that are not parallel, as in 1,0,0,0,0,1,0,0,0,0,1,0", shown(.path))]
     FlatPlacement { path: PathBuf },
     #[error("a head of {side} voxels a side cannot be made; choose 1 to 65536")]
     HeadSize { side: u32 },

@@ -35,7 +35,7 @@ pub enum Tolerance {
 
 impl Tolerance {
     /// In voxels of the finest spacing.
-    pub(super) fn voxels(self, spacing_mm: [f64; 3]) -> f64 {
+    pub(crate) fn voxels(self, spacing_mm: [f64; 3]) -> f64 {
         match self {
             Self::Voxels(voxels) => voxels,
             Self::Mm(mm) => mm / spacing_mm.into_iter().fold(f64::INFINITY, f64::min),

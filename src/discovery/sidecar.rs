@@ -424,7 +424,7 @@ mod tests {
                 .err()
                 .unwrap()
                 .to_string()
-                .contains("no file of the same stem")
+                .contains("no data file with the same stem")
         );
         fs::write(at("a.raw"), [1; 8]).unwrap();
         fs::write(at("a.oct"), [1; 9]).unwrap();

@@ -71,7 +71,7 @@ pub(crate) enum SourceFault {
         #[source]
         cause: io::Error,
     },
-    #[error("{}: needs {} to be decoded, and {MEMORY} leaves {} for that; allow at least {} more", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
+    #[error("{}: needs {} to be decoded, and {MEMORY} leaves only {}; allow at least {} more", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
     Memory { path: PathBuf, needed_bytes: u64, allowed_bytes: u64 },
     #[error("{}: has {images} images; sorting them takes {} of memory, and {} is left; allow at least {} more with {MEMORY}", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
     ManyImages { path: PathBuf, images: u64, needed_bytes: u64, allowed_bytes: u64 },
@@ -321,7 +321,7 @@ pub(crate) enum Misuse {
     )]
     Undescribed,
     #[error(
-        "holds headerless voxels by its name (.vol); put the .vgi that describes it beside it, or add {DIMS} NXxNYxNZ and {DTYPE}"
+        "contains headerless voxels, judging by its name (.vol); put the .vgi that describes it into its folder, or add {DIMS} NXxNYxNZ and {DTYPE}"
     )]
     SamplesOnly,
     #[error("{0}")]

@@ -66,7 +66,7 @@ pub(crate) enum MeshFault {
     Description { needed_bytes: u64, allowed_bytes: u64 },
     #[error("is an archive that is damaged or cut short; copy it again")]
     BadArchive,
-    #[error("holds a part that would grow from {} to {}, which no mesh does; it is refused", Bytes(*.stored), Bytes(*.stated))]
+    #[error("contains a part that would unpack from {} to {}, more than any mesh would; it is refused", Bytes(*.stored), Bytes(*.stated))]
     Bomb { stated: u64, stored: u64 },
     #[error("names a file by an empty name; repair the file")]
     NoName,
@@ -241,7 +241,7 @@ pub(crate) enum MeshLack {
     #[error("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if *.thin == 1 { "is" } else { "are" }, if *.thin == 1 { "it" } else { "them" })]
     Thin { thin: u64, parts: u64 },
     #[error(
-        "reaches {voxels} voxels further than the model: what lies there is thinner than a voxel; {FILL} surface or smaller voxels keep it"
+        "extends {voxels} voxels beyond the model: that part is thinner than a voxel; {FILL} surface or smaller voxels keep it"
     )]
     Short { voxels: u64 },
 }

@@ -18,7 +18,7 @@ pub(crate) enum ZarrFault {
     Missing { field: &'static str },
     #[error("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", .what.escape_debug())]
     Unread { what: String },
-    #[error("has a side of no voxels, or one of more than {most}")]
+    #[error("has a side of 0 voxels, or of more than {most}")]
     Size { most: u32 },
     #[error("is a chunk that is cut short; copy it again")]
     Short,

@@ -133,6 +133,7 @@ pub fn export(
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
+    refuse_wide(&model, input, request)?;
     if (request.form.has_triangles() || request.form.is_mask()) && !model.frame().labels.is_empty() {
         return labels::export_labels(input, output, &model, request, progress);
     }
@@ -199,6 +200,16 @@ fn refuse_part(model: &Model, input: &Path, request: ExportRequest) -> Result<()
         (true, Some(seen_from)) => {
             let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
             Err(UsageError::KeepsPart { path, seen_from }.into())
+        }
+        _ => Ok(()),
+    }
+}
+
+/// Refuses a bound above a voxel, which bricks are too small for.
+fn refuse_wide(model: &Model, input: &Path, request: ExportRequest) -> Result<(), Error> {
+    match request.error.map(|error| error.voxels(model.affine().spacing_mm())) {
+        Some(voxels) if voxels > 1.0 => {
+            Err(UsageError::ErrorRange { path: input.to_path_buf(), voxels }.into())
         }
         _ => Ok(()),
     }
@@ -410,7 +421,7 @@ impl ExportReport {
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
         if let Some(fine) = self.fine_triangles {
-            text += &format!("  {fine} triangles before\n");
+            text += &format!("  of {fine} fine triangles\n");
         }
         if let Some(apart) = self.apart_voxels {
             text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));

@@ -481,7 +481,7 @@ mod tests {
             let point = ViewPoint::Free { eye, look_at, up };
             Camera::new(point, Projection::Perspective, 40.0, 1.0, |_| 0.0).map_err(|e| e.to_string())
         };
-        assert!(free([1.0; 3], [1.0; 3], None).unwrap_err().contains("the eye is in the point"));
+        assert!(free([1.0; 3], [1.0; 3], None).unwrap_err().contains("the eye is at the point"));
         assert!(
             free([0.0; 3], [0.0, 0.0, 5.0], Some([0.0, 0.0, -2.0])).unwrap_err().contains("up direction")
         );

@@ -75,7 +75,7 @@ pub(crate) enum CameraFault {
     Zoom { factor: f64, least: f64, most: f64 },
     #[error("a camera coordinate is not a finite number")]
     NotFinite,
-    #[error("the eye is in the point that it looks at; move one of them ({EYE}, {LOOK_AT})")]
+    #[error("the eye is at the point that it looks at; move one of them ({EYE}, {LOOK_AT})")]
     EyeInTarget,
     #[error(
         "the eye is too far from the point that it looks at for any picture; give both in mm, near the model ({EYE}, {LOOK_AT})"

@@ -148,7 +148,7 @@ fn unrolling_allocates_no_more_than_is_stated_and_one_byte_less_is_refused() {
             |bytes| Workspace { scratch: folder.path(), memory: Budget::new(bytes), progress: &Silent };
         let refused = source.prepare(&workspace(needed - 1)).expect_err("one byte less is not enough");
         assert_eq!(refused.minimum_bytes(), Some(needed), "{name}");
-        let allowed = format!("leaves {} for that", Bytes(needed - 1));
+        let allowed = format!("leaves only {}", Bytes(needed - 1));
         assert!(refused.to_string().contains(&allowed), "{name}: {refused}");
         let (done, Taken { peak, .. }) = measured(|| source.prepare(&workspace(needed)));
         done.unwrap();

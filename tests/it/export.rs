@@ -537,6 +537,8 @@ fn options_that_do_not_apply() {
     run(&case.path("m.nrrd"), &["--error", "0.1"]).refused(2, &["--error", "triangles"]);
     run(&stl, &["--error", "0.1", "--simplify", "1"]).refused(2, &["--error", "--simplify"]);
     run(&stl, &["--error", "-1"]).refused(2, &["--error", "-1"]);
+    run(&stl, &["--error", "1.01"]).refused(2, &["--error", "1.01 voxels", "--simplify"]);
+    run(&stl, &["--error", "1e300mm"]).refused(2, &["--error", "--simplify"]);
     assert_eq!(fs::read(&stl).unwrap(), before);
     assert_eq!(run(&case.path("other.stl"), &["--as", "nrrd", "--force"]).code, 0);
     assert_eq!(run(&case.path("points.ply"), &["--as", "points"]).code, 0);

@@ -417,8 +417,8 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     let options = BuildOptions { threshold: Threshold::Iso(0.5), ..BuildOptions::default() };
     infobyte::build(&plain, &options, folder.path().join("p.oct")).unwrap();
     let (m, p) = (at("m.oct"), at("p.oct"));
-    oct(&["export", &p, "--each", &at("each")]).refused(2, &["has no labels"]);
-    oct(&["export", &p, "-o", &at("p.stl"), "--smooth", "0"]).refused(2, &["has no labels"]);
+    oct(&["export", &p, "--each", &at("each")]).refused(2, &["no labels"]);
+    oct(&["export", &p, "-o", &at("p.stl"), "--smooth", "0"]).refused(2, &["no labels"]);
     oct(&["export", &m, "-o", &at("m.stl"), "--smooth", "0.6"]).refused(2, &["from 0 to 0.5"]);
     oct(&["export", &m, "-o", &at("m.stl"), "--simplify", "1"]).refused(2, &["cannot be simplified"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);

@@ -102,7 +102,7 @@ fn hold_each(input: &Path, dims: [u32; 3], map: &[u16], memory: &str) -> Value {
     }
     // What is there stays, unless it is to go.
     let before = fs::read(each.join(&names(&each)[0])).unwrap();
-    run(&[]).refused(2, &["is there already", "--force", ".oct"]);
+    run(&[]).refused(2, &["already exists", "--force", ".oct"]);
     assert!(fs::read(each.join(&names(&each)[0])).unwrap() == before);
     assert_eq!(run(&["--force"]).code, 0);
     assert_eq!(names(&each).len(), listed.len());

@@ -202,7 +202,7 @@ fn what_cannot_be_read_is_refused_by_name() {
         ("beams", model("<object id=\"1\"><mesh><b:beamlattice xmlns:b=\"urn:b\"/></mesh></object>", item)),
         ("cannot be understood", packed("<!DOCTYPE a [<!ENTITY b \"c\">]><model/>", 8)),
         ("UTF-16", packed("\u{0}<", 0)),
-        ("would grow", packed(&text("millimeter", &"<object id=\"1\"/>".repeat(500_000), item), 8)),
+        ("would unpack", packed(&text("millimeter", &"<object id=\"1\"/>".repeat(500_000), item), 8)),
         ("archive that is damaged", threemf(&body())[..300].to_vec()),
         ("a part of the archive", archive(&[("3D/b.model", vec![1], 0)])),
         (

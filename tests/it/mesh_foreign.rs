@@ -516,7 +516,7 @@ fn a_fin_of_a_body_that_vanishes_is_reported() {
                 let model = folder.path().join("m.oct");
                 let report = build_mesh(&[input], &on_grid(grid), &options, &model, &Silent).unwrap();
                 let notes: Vec<_> = report.notes.iter().map(ToString::to_string).collect();
-                let wanted = "fin.stl reaches 14 voxels further than the model: what lies there is thinner than a voxel; fill surface or smaller voxels keep it";
+                let wanted = "fin.stl extends 14 voxels beyond the model: that part is thinner than a voxel; fill surface or smaller voxels keep it";
                 assert_eq!(notes, if met { vec![] } else { vec![wanted.to_owned()] }, "{axis} {surface:?}");
             }
         }

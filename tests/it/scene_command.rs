@@ -141,7 +141,7 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
         (format!("{model}[camera]\neye = [1,2,3]\n"), &["[camera], eye", "look_at"]),
         (
             format!("{model}[camera]\neye = [1,2,3]\nlook_at = [1,2,3]\n"),
-            &["[camera]", "the eye is in the point"],
+            &["[camera]", "the eye is at the point"],
         ),
         (
             format!("{model}[camera]\neye = [1,2,3]\nlook_at = [1,2,9]\nup = [0,0,1]\n"),

@@ -63,7 +63,7 @@ fn slices_have_the_area_of_what_they_cut() {
         oct(&[&["render", &model, "-o", &text(&folder.path().join("x.png"))], extra].concat())
             .refused(2, words);
     };
-    refused(&["--section", "z=90"], &["m.oct", "does not meet it", "--section", "with z from"]);
+    refused(&["--section", "z=90"], &["m.oct", "does not intersect it", "--section", "with z from"]);
     refused(&["--section", "w=1"], &["'w=1' is not a plane", "z=40"]);
     refused(&["--section", "z=30", "--view", "left"], &["--section", "--view"]);
     refused(&["--section", "z=30", "--lod", "on"], &["--lod", "--section"]);

@@ -185,6 +185,14 @@ impl Batch {
         }
     }
 
+    #[inline(always)]
+    fn jet(&self, i: usize) -> Jet {
+        Jet {
+            gradient: [self.gradient[0][i], self.gradient[1][i], self.gradient[2][i]],
+            second: std::array::from_fn(|k| self.second[k][i]),
+        }
+    }
+
     /// Has the cell one depth inside, and one outside?
     fn has_two_values(&self, at: usize) -> bool {
         pick::has_two_values(self.mask(at), &std::array::from_fn(|c| self.depth[c][at]))
@@ -203,15 +211,12 @@ impl Kernel for FitKernel<'_> {
         let len = b.len.next_multiple_of(8).min(BATCH);
         find_crossings(b, len);
         for i in 0..len {
-            let jet = Jet {
-                gradient: [b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]],
-                second: std::array::from_fn(|k| b.second[k][i]),
-            };
-            let gradient = jet.at([b.mean[0][i], b.mean[1][i], b.mean[2][i]]);
-            b.near[i] = jet.near_crossings(gradient);
-            for (all, gradient) in b.gradient.iter_mut().zip(gradient) {
-                all[i] = gradient;
-            }
+            let gradient = b.jet(i).at([b.mean[0][i], b.mean[1][i], b.mean[2][i]]);
+            (b.gradient[0][i], b.gradient[1][i], b.gradient[2][i]) = (gradient[0], gradient[1], gradient[2]);
+        }
+        for i in 0..len {
+            let jet = b.jet(i);
+            b.near[i] = jet.near_crossings(jet.gradient);
         }
         for i in 0..len {
             b.code[i] = normal::encode([-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]]);
@@ -239,11 +244,15 @@ impl Kernel for GradientKernel<'_> {
         let b = self.0;
         let len = b.len.next_multiple_of(8).min(BATCH);
         let (mut normal, mut held, mut same) = ([[0.0; BATCH]; 3], [0.0; BATCH], [0_u32; BATCH]);
+        // One task a loop: loops that do more do not become vectors.
+        for i in 0..len {
+            let [n, ..] = directions([-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]]);
+            (normal[0][i], normal[1][i], normal[2][i]) = (n[0], n[1], n[2]);
+        }
         for i in 0..len {
             let gradient = [-b.gradient[0][i], -b.gradient[1][i], -b.gradient[2][i]];
-            let [n, ..] = directions(gradient);
-            (normal[0][i], normal[1][i], normal[2][i]) = (n[0], n[1], n[2]);
-            same[i] = u32::from(is_same_surface(gradient, n, b.code[i]) & (b.fitted[i] != 0));
+            let unit = [normal[0][i], normal[1][i], normal[2][i]];
+            same[i] = u32::from(is_same_surface(gradient, unit, b.code[i])) & b.fitted[i];
         }
         for (t, (p, q)) in b.crossing.iter().zip(EDGES) {
             let start = [0, 1, 2].map(|a| if p >> a & 1 == 1 { 0.5 } else { -0.5 });
@@ -259,15 +268,21 @@ impl Kernel for GradientKernel<'_> {
             *held = pull(*held);
         }
         fit_near(&mut normal, &b.crossing, &b.mean, &held, len);
+        let (mut codes, mut offsets) = ([0_u16; BATCH], [0.0; BATCH]);
         for i in 0..len {
-            let code = normal::encode([normal[0][i], normal[1][i], normal[2][i]]);
+            codes[i] = normal::encode([normal[0][i], normal[1][i], normal[2][i]]);
+        }
+        for i in 0..len {
             let depth: [f32; CORNERS] = std::array::from_fn(|c| b.depth[c][i]);
             let crossing: [f32; 12] = std::array::from_fn(|e| b.crossing[e][i]);
             let mean = [b.mean[0][i], b.mean[1][i], b.mean[2][i]];
-            let fitted = fit_plane(code, b.mask[i], depth, crossing, mean);
-            let taken = (same[i] != 0) & (fitted.covers == 0);
-            b.code[i] = if taken { code } else { b.code[i] };
-            b.offset[i] = if taken { fitted.offset } else { b.offset[i] };
+            let fitted = fit_plane(codes[i], b.mask[i], depth, crossing, mean);
+            offsets[i] = fitted.offset;
+            same[i] &= 1 - fitted.covers;
+        }
+        for i in 0..len {
+            b.code[i] = if same[i] != 0 { codes[i] } else { b.code[i] };
+            b.offset[i] = if same[i] != 0 { offsets[i] } else { b.offset[i] };
         }
     }
 }

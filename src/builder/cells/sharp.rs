@@ -145,8 +145,10 @@ fn try_near(s: &mut Sharp, len: usize, all: bool) {
         let depth: [f32; CORNERS] = std::array::from_fn(|c| s.depth[c][i]);
         let crossing: [f32; 12] = std::array::from_fn(|e| s.crossing[e][i]);
         let mean = [s.mean[0][i], s.mean[1][i], s.mean[2][i]];
-        let code = s.tried.code[i];
-        s.tried.set(i, code, fit_plane(code, s.mask[i], depth, crossing, mean));
+        let plane = fit_plane(s.tried.code[i], s.mask[i], depth, crossing, mean);
+        s.tried.offset[i] = plane.offset;
+        s.tried.badness[i] = plane.badness;
+        s.tried.covers[i] = plane.covers;
     }
     let (tried, best) = (&s.tried, &mut s.best);
     for i in 0..len {

@@ -63,7 +63,7 @@ pub(crate) enum NotInParts {
     )]
     WideValues,
     #[error(
-        "{LABELS} cannot be used in parts yet, as the table of labels is of all of them; build the model at once"
+        "{LABELS} cannot be used in parts yet, as the table of labels covers all parts; build the model in one piece"
     )]
     Labels,
 }

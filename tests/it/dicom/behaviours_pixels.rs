@@ -516,7 +516,7 @@ fn too_little_memory_and_a_full_disk_are_told_apart() {
     let image = Image::of(&header).unwrap();
     let mut all = Collected::default();
     let error = unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(10), &mut all).unwrap_err();
-    assert!(error.minimum_bytes().is_some() && error.to_string().contains("leaves 10 B for that"), "{error}");
+    assert!(error.minimum_bytes().is_some() && error.to_string().contains("leaves only 10 B"), "{error}");
     assert!(image.unroll_bytes() <= MEMORY);
     let error =
         unroll(&file[..], Path::new("x"), &header, &image, &Budget::new(MEMORY), &mut Full).unwrap_err();

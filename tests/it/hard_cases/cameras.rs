@@ -57,7 +57,7 @@ hard_cases! {
         "A sight of length 0 is divided by its length.",
         "ifc-lite #2450 (a view matrix of NaN)" => {
         let refused = look(&hollow(), [3.0; 3], [3.0; 3], None);
-        assert!(refused.unwrap_err().to_string().contains("the eye is in the point that it looks at"));
+        assert!(refused.unwrap_err().to_string().contains("the eye is at the point that it looks at"));
     }
 
     cameras_that_are_no_numbers:

@@ -31,7 +31,7 @@ fn wrong_numbers_are_called_what_they_are() {
         oct(&["render", &model, "-o", &picture, "--eye", eye, "--look-at", "0,0,0", "--size", "9x9"])
     };
     seen("1e308,0,0").refused(2, &["too far"]);
-    seen("0,0,0").refused(2, &["in the point that it looks at"]);
+    seen("0,0,0").refused(2, &["at the point that it looks at"]);
     assert_eq!(seen("1e9,0,0").code, 0);
 }
 

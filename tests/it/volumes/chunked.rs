@@ -346,7 +346,7 @@ fn damaged_arrays_are_refused_with_the_file_and_the_reason() {
     // Metadata that promises too much, or says something else.
     let good = version_2(&object, &Value::Null);
     for (key, value, words) in [
-        ("shape", json!([70_000, 4, 4]), ["a side of no voxels", "more than"]),
+        ("shape", json!([70_000, 4, 4]), ["a side of 0 voxels", "more than"]),
         ("shape", json!([0, 4, 4]), ["`shape`", "damaged"]),
         ("shape", json!("none"), ["`shape`", "damaged"]),
         ("chunks", json!([1, 1]), ["`chunks`", "damaged"]),

@@ -305,7 +305,7 @@ fn headers_before_raw_samples_are_placed_or_refused_with_the_way_out() {
         build(name, &bytes).refused(3, &words);
     }
     let bare = file(at, "bare.vol", &object.bytes);
-    let words = ["headerless voxels by its name (.vol)", ".vgi", "--dims NXxNYxNZ and --dtype"];
+    let words = ["headerless voxels, judging by its name (.vol)", ".vgi", "--dims NXxNYxNZ and --dtype"];
     command::build(&[&bare], &model, &["--iso", "1"]).refused(2, &words);
 }
 
