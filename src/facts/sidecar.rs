@@ -27,7 +27,9 @@ pub(crate) enum SideCarFault {
     Orientation,
     #[error("is not a description of a raw volume any more")]
     Changed,
-    #[error("describes a raw volume, but no data file with the same stem is in its folder; name it with the key file")]
+    #[error(
+        "describes a raw volume, but no data file with the same stem is in its folder; name it with the key file"
+    )]
     NoData,
     #[error("its data `{}` is a link that leads out of the folder of the side-car; put the data there, or add {FOLLOW_LINKS}", .data.escape_debug())]
     Linked { data: String },

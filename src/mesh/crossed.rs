@@ -137,23 +137,35 @@ pub(crate) fn cross_edges(
             continue;
         }
         let sign = area.signum();
-        // Twice the area between a side and the line, 0 or more within.
-        let side = |p: usize, q: usize, [y, z]: [i64; 2]| {
-            sign * ((at(q, b) - at(p, b)) * (z - at(p, c)) - (at(q, c) - at(p, c)) * (y - at(p, b)))
-        };
+        let centre = |c: i32| i64::from(c) * i64::from(STEPS) + i64::from(HALF);
+        let start = [centre(from[b]), centre(from[c])];
+        // Twice the area between a side and a line, 0 or more within: at the first centre, and how it changes from one
+        // to the next.
+        let sides = [[1, 2], [2, 0], [0, 1]].map(|[p, q]| {
+            let (y, z) = (sign * (at(q, b) - at(p, b)), sign * (at(q, c) - at(p, c)));
+            let first = y * (start[1] - at(p, c)) - z * (start[0] - at(p, b));
+            [first, -z * i64::from(STEPS), y * i64::from(STEPS)]
+        });
+        let [[first_0, right_0, up_0], [first_1, right_1, up_1], [first_2, right_2, up_2]] = sides;
+        // Scalars: an array would go through memory, and each step would wait for it.
+        let (mut row_0, mut row_1, mut row_2) = (first_0, first_1, first_2);
         for row in from[c]..=to[c] {
+            let (mut next_0, mut next_1, mut next_2) = (row_0, row_1, row_2);
+            (row_0, row_1, row_2) = (row_0 + up_0, row_1 + up_1, row_2 + up_2);
             for column in from[b]..=to[b] {
-                let centre = [column, row].map(|c| i64::from(c) * i64::from(STEPS) + i64::from(HALF));
-                let weights = [side(1, 2, centre), side(2, 0, centre), side(0, 1, centre)];
-                if weights[0] | weights[1] | weights[2] < 0 {
+                let (w0, w1, w2) = (next_0, next_1, next_2);
+                (next_0, next_1, next_2) = (w0 + right_0, w1 + right_1, w2 + right_2);
+                if w0 | w1 | w2 < 0 {
                     continue;
                 }
-                let sum: f64 = (0..3).map(|v| weights[v] as f64 * f64::from(t[3 * v + axis])).sum();
+                let part = |weight: i64, vertex: usize| weight as f64 * f64::from(t[3 * vertex + axis]);
+                let sum = part(w0, 0) + part(w1, 1) + part(w2, 2);
                 let place = (sum / area.abs() as f64 - f64::from(HALF)) / f64::from(STEPS);
-                let first = place.floor();
-                let along = place - first;
+                let below = place as i32;
+                let first = below - i32::from(f64::from(below) > place);
+                let along = place - f64::from(first);
                 let mut low = [0; 3];
-                (low[axis], low[b], low[c]) = (first as i32, column, row);
+                (low[axis], low[b], low[c]) = (first, column, row);
                 let normal = *normal.get_or_insert_with(|| normal_of(t));
                 offer(&EdgeCrossing { low, axis, along, normal });
                 if along <= SAME {

@@ -66,8 +66,7 @@ fn what_cannot_be_placed_or_read_is_refused() {
     let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
     ball(&at("a.oct"), 2.0, SurfaceKind::Skin);
     let a = at("a.oct");
-    oct(&["intersect", &a, &a, "--place", "1,0,0,0,1,0,0,0,0,0,1,0"])
-        .refused(2, &["a.oct", "makes it flat"]);
+    oct(&["intersect", &a, &a, "--place", "1,0,0,0,1,0,0,0,0,0,1,0"]).refused(2, &["a.oct", "makes it flat"]);
     oct(&["intersect", &a, &a, "--place", "1,0,0"]).refused(2, &["three rows of four"]);
     oct(&["intersect", &a, &a, "--move", "1,nan,0"]).refused(2, &["--move"]);
     oct(&["intersect", &a, &at("b.oct")]).refused(3, &["b.oct"]);

@@ -374,8 +374,7 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     }
     let plain = at("plain.oct");
     assert_eq!(oct(&["build", "synthetic:sphere@20", "-o", &plain]).code, 0);
-    oct(&["render", &plain, "-o", &at("refused.png"), "--hide", "1"])
-        .refused(2, &["no labels", "--labels"]);
+    oct(&["render", &plain, "-o", &at("refused.png"), "--hide", "1"]).refused(2, &["no labels", "--labels"]);
     std::fs::write(at("s.toml"), format!("{keys}opacity = {{ 7 = 3.0 }}\n")).unwrap();
     oct(&["render", &at("s.toml"), "-o", &at("refused.png")])
         .refused(3, &["[[model]] 1, opacity", "out of range"]);

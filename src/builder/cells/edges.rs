@@ -48,6 +48,14 @@ pub(crate) struct CellEdge {
     pub(crate) low_inside: bool,
 }
 
+/// A number rounded to the nearest, halves up, without the call that `floor` is on machines of old.
+#[inline(always)]
+fn rounded(v: f64) -> i32 {
+    let up = v + 0.5;
+    let whole = up as i32;
+    whole - i32::from(f64::from(whole) > up)
+}
+
 /// The edges of a brick's cells in one slice, and the items of these cells.
 pub(crate) struct CellEdges {
     /// The lowest sample.
@@ -56,6 +64,8 @@ pub(crate) struct CellEdges {
     wanted: [[u64; SIDE]; FAMILIES],
     low_inside: [[u64; SIDE]; FAMILIES],
     crossings: Vec<Crossing>,
+    /// The normal that was offered last, and its parts at length 1, as it is and turned.
+    facing: ([f64; 3], [[i16; 3]; 2]),
     items: CellItems,
 }
 
@@ -72,6 +82,7 @@ impl CellEdges {
             wanted: [[0; SIDE]; FAMILIES],
             low_inside: [[0; SIDE]; FAMILIES],
             crossings: vec![NOT_CROSSED; Self::MAX_EDGES],
+            facing: ([0.0; 3], [[0; 3]; 2]),
             items: CellItems::new(),
         }
     }
@@ -192,13 +203,16 @@ impl CellEdges {
         let low_inside = self.low_inside[family][y] >> x & 1 == 1;
         let away = if low_inside { 1.0 - along } else { along };
         // Outwards is from the end that is inside to the other.
-        let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let sign = if (normal[axis] >= 0.0) == low_inside { NORMAL } else { -NORMAL };
-        let rounded = |v: f64| (v + 0.5).floor();
-        #[expect(clippy::cast_sign_loss, reason = "held to 0..=1")]
+        let is_turned = (normal[axis] >= 0.0) != low_inside;
+        #[expect(clippy::float_cmp, reason = "a triangle's normal comes as it came before")]
+        if self.facing.0 != normal {
+            let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+            let parts = |sign: f64| normal.map(|c| rounded(c / length * sign) as i16);
+            self.facing = (normal, [parts(NORMAL), parts(-NORMAL)]);
+        }
         let crossing = Crossing {
-            away: rounded(away.clamp(0.0, 1.0) * PARTS) as u32,
-            normal: normal.map(|c| rounded(c / length * sign) as i16),
+            away: rounded(away.clamp(0.0, 1.0) * PARTS).cast_unsigned(),
+            normal: self.facing.1[usize::from(is_turned)],
         };
         let known = &mut self.crossings[(family * SIDE + y) * SIDE + x];
         *known = crossing.min(*known);
