@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 
 use super::bits::BitVolume;
 use super::brick::{BrickReader, channel_bytes};
-use super::cells::larger::{Bound, Distances, FineBrick, Joiner, Kept, LEVELS};
+use super::cells::larger::{Bound, Distances, FineBrick, Joiner, LEVELS, ModelNode};
 use super::error::{BuildError, ScratchFault};
 use super::item::ChannelForm;
 use super::layout::{BRICK_LEVELS, StoredChannels, boxes_in_brick};
@@ -186,9 +186,9 @@ impl Worker<'_> {
             joiner.for_each_kept(e, |_, kept| {
                 boxes += 1;
                 if e <= levels {
-                    payload.push(if let Kept::Inner(infobyte) = kept { infobyte } else { 0 });
+                    payload.push(if let ModelNode::Inner(infobyte) = kept { infobyte } else { 0 });
                 }
-                reduced.leaves[e - 1] += u16::from(matches!(kept, Kept::Leaf(_)));
+                reduced.leaves[e - 1] += u16::from(matches!(kept, ModelNode::Leaf(_)));
             });
             if let Some(count) = reduced.boxes.get_mut(e - 1) {
                 *count = boxes;
@@ -196,12 +196,12 @@ impl Worker<'_> {
         }
         for e in 1..=levels {
             joiner.for_each_kept(e, |_, kept| {
-                if let Kept::Leaf(leaf) = kept {
+                if let ModelNode::Leaf(leaf) = kept {
                     payload.extend(leaf.code.to_le_bytes());
                 }
             });
             joiner.for_each_kept(e, |_, kept| {
-                if let Kept::Leaf(leaf) = kept {
+                if let ModelNode::Leaf(leaf) = kept {
                     payload.push(leaf.offset.cast_unsigned());
                 }
             });
@@ -304,8 +304,8 @@ fn put_means(
     let brick = brick_of(reader, corners);
     let item = reader.channels[at].item_bytes();
     joiner.for_each_kept(1, |of, kept| match kept {
-        Kept::Leaf(leaf) => rule.add_repeated(&mut sums[of / 8], &leaf.code.to_le_bytes(), 4),
-        Kept::Inner(_) => joiner.for_each_run_of(&brick, of, |cells| {
+        ModelNode::Leaf(leaf) => rule.add_repeated(&mut sums[of / 8], &leaf.code.to_le_bytes(), 4),
+        ModelNode::Inner(_) => joiner.for_each_run_of(&brick, of, |cells| {
             let items = &reader.channels[at].items[cells.start * item..cells.end * item];
             rule.add_items(&mut sums[of / 8], items, item);
         }),
@@ -316,7 +316,7 @@ fn put_means(
             fold(&mut sums, CELLS as usize >> (3 * e));
         }
         joiner.for_each_kept(e, |of, kept| {
-            if let Kept::Leaf(leaf) = kept {
+            if let ModelNode::Leaf(leaf) = kept {
                 rule.add_repeated(&mut sums[of], &leaf.code.to_le_bytes(), 1 << (2 * e));
             }
         });

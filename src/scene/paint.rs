@@ -24,7 +24,7 @@ use crate::render::{Camera, RenderError};
 use super::body::{Met, Part, Purpose};
 use super::light::{Ambient, Light};
 use super::rays::Rays;
-use super::shade::{Branch, Kept, Stage};
+use super::shade::{Branch, Stage, WorkerMemory};
 use super::world::World;
 
 /// How a scene is shown.
@@ -154,7 +154,7 @@ impl Painter<'_> {
         for (strip, normals) in strips.iter_mut().zip(normals.into_iter().flatten()) {
             strip.normals = normals;
         }
-        let begin = || (Tracer::new(self.form), Kept::new(self.files));
+        let begin = || (Tracer::new(self.form), WorkerMemory::new(self.files));
         let rays = strips.into_par_iter().enumerate().map_init(begin, |(tracer, kept), (number, strip)| {
             kept.rays = Rays::default();
             let rows = self.strip(tracer, kept, number * TILE, strip);
@@ -167,7 +167,7 @@ impl Painter<'_> {
     }
 
     /// Paints a strip of pixels from row `top` on; how many rows it has.
-    fn strip(&self, tracer: &mut Tracer, kept: &mut Kept, top: usize, strip: Strip<'_>) -> usize {
+    fn strip(&self, tracer: &mut Tracer, kept: &mut WorkerMemory, top: usize, strip: Strip<'_>) -> usize {
         let (width, samples) = (self.look.width as usize, self.samples);
         let rows = strip.rgba.len() / 4 / width.max(1);
         let mut sums = vec![Sum::default(); width * rows];
@@ -243,7 +243,7 @@ impl Painter<'_> {
     }
 
     /// Adds what a line sees to a pixel.
-    fn add(&self, kept: &mut Kept, met: Option<(usize, Met)>, at: [usize; 2], sum: &mut Sum) {
+    fn add(&self, kept: &mut WorkerMemory, met: Option<(usize, Met)>, at: [usize; 2], sum: &mut Sum) {
         kept.rays.primary += 1;
         sum.lines += 1;
         let Some((number, first)) = met else { return };

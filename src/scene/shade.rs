@@ -49,7 +49,7 @@ impl Branch {
 }
 
 /// The memory of a worker, from one point to the next.
-pub(super) struct Kept {
+pub(super) struct WorkerMemory {
     around: Vec<Surroundings>,
     waiting: Vec<Branch>,
     lot: Lot,
@@ -58,7 +58,7 @@ pub(super) struct Kept {
     pub(super) seen: BTreeSet<Seen>,
 }
 
-impl Kept {
+impl WorkerMemory {
     pub(super) fn new(files: usize) -> Self {
         let around = (0..files).map(|_| Surroundings::new()).collect();
         let (rays, seen) = (Rays::default(), BTreeSet::new());
@@ -115,7 +115,7 @@ impl Stage<'_> {
     /// part of that which is seen.
     pub(super) fn color(
         &self,
-        kept: &mut Kept,
+        kept: &mut WorkerMemory,
         first: Branch,
         met: Option<(usize, Met)>,
         pixel: [usize; 2],
@@ -148,11 +148,16 @@ impl Stage<'_> {
     }
 
     /// The unit normal that is shown where a line from the eye meets a body.
-    pub(super) fn normal(&self, kept: &mut Kept, line: Line, (number, met): (usize, Met)) -> [f64; 3] {
+    pub(super) fn normal(
+        &self,
+        kept: &mut WorkerMemory,
+        line: Line,
+        (number, met): (usize, Met),
+    ) -> [f64; 3] {
         self.spot(kept, &Branch::first(line), number, met).normal
     }
 
-    fn spot(&self, kept: &mut Kept, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
+    fn spot(&self, kept: &mut WorkerMemory, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
         let body = &self.world.bodies[number];
         let (line, material) = (branch.line, body.part.material());
         let length = dot(line.1, line.1).sqrt();
@@ -184,7 +189,13 @@ impl Stage<'_> {
     }
 
     /// A normal, and whether the line comes from outside.
-    fn surface_normal(&self, kept: &mut Kept, branch: &Branch, number: usize, hit: Hit) -> ([f64; 3], bool) {
+    fn surface_normal(
+        &self,
+        kept: &mut WorkerMemory,
+        branch: &Branch,
+        number: usize,
+        hit: Hit,
+    ) -> ([f64; 3], bool) {
         let (body, line) = (&self.world.bodies[number], branch.line);
         let outward = body.outward(line, hit);
         let length = dot(line.1, line.1).sqrt();
@@ -205,7 +216,7 @@ impl Stage<'_> {
     }
 
     /// Mirrored and bent lines.
-    fn follow(&self, kept: &mut Kept, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
+    fn follow(&self, kept: &mut WorkerMemory, waiting: &mut Vec<Branch>, branch: &Branch, spot: &Spot<'_>) {
         let (material, cosine) = (spot.material, (-dot(spot.normal, spot.sight)).max(0.0));
         if let (true, Met::Surface(hit)) = (spot.opacity < 1.0, spot.met) {
             // What a label lets through goes straight on.
@@ -279,7 +290,7 @@ impl Stage<'_> {
     }
 
     /// Light that a surface throws back by itself.
-    fn local(&self, kept: &mut Kept, spot: &Spot<'_>, pixel: [usize; 2]) -> [f64; 3] {
+    fn local(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, pixel: [usize; 2]) -> [f64; 3] {
         let material = spot.material;
         let matt = material.solid() * material.diffuse;
         // Within what is clear nothing shines.
@@ -311,7 +322,7 @@ impl Stage<'_> {
     }
 
     /// Part of a lamp's light that comes here.
-    fn through(&self, kept: &mut Kept, lamp: &Light, way: Way, spot: &Spot<'_>) -> Option<[f64; 3]> {
+    fn through(&self, kept: &mut WorkerMemory, lamp: &Light, way: Way, spot: &Spot<'_>) -> Option<[f64; 3]> {
         if !lamp.shadows {
             return Some([1.0; 3]);
         }
@@ -320,7 +331,7 @@ impl Stage<'_> {
     }
 
     /// Part of the surroundings that is open.
-    fn openness(&self, kept: &mut Kept, spot: &Spot<'_>, pixel: [usize; 2]) -> f64 {
+    fn openness(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, pixel: [usize; 2]) -> f64 {
         // What lets light through is not darkened by it.
         if self.ambient.rays == 0 || spot.opacity < 1.0 {
             return 1.0;

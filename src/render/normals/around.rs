@@ -72,8 +72,8 @@ pub(crate) struct Surroundings {
     /// Levels of the grid that is kept here.
     levels: u32,
     /// What was found by them.
-    pub(super) smooth: smooth::Kept,
-    pub(super) larger: larger::Kept,
+    pub(super) smooth: smooth::Neighbourhoods,
+    pub(super) larger: larger::BoxNormals,
 }
 
 impl Surroundings {
@@ -84,8 +84,8 @@ impl Surroundings {
             blocks: [Block::NONE; KEPT_BLOCKS],
             way,
             levels: u32::MAX,
-            smooth: smooth::Kept::default(),
-            larger: larger::Kept::default(),
+            smooth: smooth::Neighbourhoods::default(),
+            larger: larger::BoxNormals::default(),
         }
     }
 

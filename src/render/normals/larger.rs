@@ -22,7 +22,7 @@ type BoxNormal = Option<[f64; 3]>;
 
 /// The normals of the boxes that were asked for last.
 #[derive(Clone, Debug)]
-pub(super) struct Kept {
+pub(super) struct BoxNormals {
     /// By place and edge of the box.
     found: Vec<(u64, BoxNormal)>,
     /// The last walk: to this cell, by these nodes from the root on.
@@ -31,13 +31,13 @@ pub(super) struct Kept {
     known: u32,
 }
 
-impl Default for Kept {
+impl Default for BoxNormals {
     fn default() -> Self {
         Self { found: Vec::new(), to: [0; 3], nodes: [NodeIndex::ROOT; NODES], known: 1 }
     }
 }
 
-impl Kept {
+impl BoxNormals {
     /// The normal of the box of edge `2^edge_log2` at a place of the grid: of the larger leaf that it is or lies in, or the
     /// mean of what is in it.
     fn normal(&mut self, view: &ModelView<'_>, place: [u32; 3], edge_log2: u32) -> BoxNormal {
@@ -86,7 +86,7 @@ fn unit(normal: [i32; 3]) -> [f64; 3] {
 /// leaf's.
 pub(super) fn blended(
     view: &ModelView<'_>,
-    kept: &mut Kept,
+    kept: &mut BoxNormals,
     at: [f64; 3],
     edge_log2: u32,
     own: [f64; 3],

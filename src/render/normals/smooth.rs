@@ -65,7 +65,7 @@ struct Neighbourhood {
 
 /// The neighbourhoods that a worker met last; empty until the first. Memory: 60 KiB.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Kept(Vec<Neighbourhood>);
+pub(super) struct Neighbourhoods(Vec<Neighbourhood>);
 
 impl Neighbourhood {
     const NOWHERE: Self = Self {

@@ -28,7 +28,7 @@ impl Joiner {
         self.for_each_run(brick, |cells| stay += cells.len());
         for e in 1..=LEVELS {
             self.for_each_kept(e, |at, kept| {
-                if let super::Kept::Leaf(_) = kept {
+                if let super::ModelNode::Leaf(_) = kept {
                     stay += self.cells(brick, at, e).len();
                 }
             });

@@ -198,7 +198,7 @@ enum State {
 
 /// A node of the model within a brick.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(in crate::builder) enum Kept {
+pub(in crate::builder) enum ModelNode {
     /// With children as in this infobyte.
     Inner(u8),
     Leaf(Leaf),
@@ -275,7 +275,7 @@ impl Kernel for Measure<'_, '_> {
         let mut kept = Vec::new();
         for e in 1..=joiner.levels {
             joiner.for_each_kept(e, |at, found| {
-                if let Kept::Leaf(leaf) = found {
+                if let ModelNode::Leaf(leaf) = found {
                     kept.push((at, e, leaf));
                 }
             });
@@ -439,15 +439,15 @@ impl Joiner {
     }
 
     /// Calls `found` with the nodes of the model that have an edge of 2^e, in Morton order, and their places in it.
-    pub(in crate::builder) fn for_each_kept(&self, e: usize, mut found: impl FnMut(usize, Kept)) {
+    pub(in crate::builder) fn for_each_kept(&self, e: usize, mut found: impl FnMut(usize, ModelNode)) {
         for (at, state) in self.states[e - 1].iter().enumerate() {
             if e < LEVELS && self.states[e][at / 8] != State::Inner {
                 continue;
             }
             match state {
                 State::Empty => {}
-                State::Leaf(leaf, _) => found(at, Kept::Leaf(*leaf)),
-                State::Inner => found(at, Kept::Inner(self.infobyte(at, e))),
+                State::Leaf(leaf, _) => found(at, ModelNode::Leaf(*leaf)),
+                State::Inner => found(at, ModelNode::Inner(self.infobyte(at, e))),
             }
         }
     }

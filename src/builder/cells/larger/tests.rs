@@ -133,7 +133,7 @@ fn check(field: &Field<'_>, error: f64, spacing: [f64; 3]) -> (usize, usize) {
     let mut leaves = 0;
     for e in 1..=LEVELS {
         joiner.for_each_kept(e, |at, kept| {
-            let Kept::Leaf(leaf) = kept else { return };
+            let ModelNode::Leaf(leaf) = kept else { return };
             leaves += 1;
             let low = morton::decode((at as u64) << (3 * e)).map(|c| c as usize);
             let edge = 1_usize << e;
@@ -219,7 +219,7 @@ fn a_plane_becomes_few_leaves_and_the_root_of_a_small_grid_none() {
         let mut largest = 0;
         for e in 1..=LEVELS {
             joiner.for_each_kept(e, |_, kept| {
-                if let Kept::Leaf(_) = kept {
+                if let ModelNode::Leaf(_) = kept {
                     largest = largest.max(e);
                 }
             });
