@@ -9,8 +9,13 @@
 //! Where faces meet in a voxel, its normal is their mean, each the more the nearer its plane is: taken from one of them
 //! only, normals would change from voxel to voxel along an edge. A face that looks back from the nearest one
 //! is that of a thin wall's other side, and does not count.
+//!
+//! Of a union of balls the candidates of a voxel are all that hold it, whichever exposed neighbour is asked: if it is
+//! one, the tree turns with it, and if there are more, none turns it alone. Of ten thousand in nearly one place the
+//! first few faces count, and the nearest surface; where all of them hold the voxel, that is one of the innermost.
 
 use super::leaf::Leaf;
+use super::place::centre;
 use super::program::{self, Step};
 use super::sampled::Sampler;
 use super::solid::{CsgSolid, Keep, Remainder};
@@ -30,6 +35,9 @@ const AT_ONCE: usize = 63;
 /// With more leaves than this next to the voxels of a brick's slice, these are described by blocks of so many rows and
 /// columns, each with the leaves next to it.
 const FEW: usize = 2;
+/// Balls that are joined into one body, and are more than this next to a brick's slice, are looked at as such if the
+/// innermost of them are an eighth of them at most.
+const MANY_BALLS: usize = 64;
 const BLOCK: usize = 8;
 
 /// Buffers of the descriptions, and what they gave.
@@ -75,9 +83,12 @@ impl Candidates {
         // Faces between a voxel's middle and a neighbour's are nearer than that: weights never jump.
         let reach = unit.iter().map(|c| c.abs()).sum::<f64>();
         let weight = reach - distance / (2.0 * HALF_A_VOXEL);
+        if self.count == MAX_FACES {
+            return;
+        }
         let known = &self.faces[..self.count];
         let is_new = known.iter().all(|(other, _)| dot(*other, unit) < SAME);
-        if length.is_normal() && weight > 0.0 && is_new && self.count < MAX_FACES {
+        if length.is_normal() && weight > 0.0 && is_new {
             self.faces[self.count] = (unit, weight);
             self.count += 1;
         }
@@ -102,6 +113,8 @@ struct Around<'s> {
     solid: &'s CsgSolid<'s>,
     steps: &'s [Step],
     samplers: &'s [Sampler<'s>],
+    /// Of many balls that are joined into one body, those in which no other lies.
+    innermost: Option<&'s [Step]>,
 }
 
 impl Around<'_> {
@@ -170,9 +183,10 @@ impl Description {
         };
         let mut insides = [0_u32; BRICK];
         let mut any_sampled = false;
-        if steps.len() < 2 * FEW {
-            any_sampled =
-                self.describe_block(skin, [0, 0], BRICK, Around { solid, steps, samplers }, &mut insides);
+        let innermost = innermost(steps, skin.corner(), solid, &mut nearer);
+        if steps.len() < 2 * FEW || innermost.is_some() {
+            let around = Around { solid, steps, samplers, innermost };
+            any_sampled = self.describe_block(skin, [0, 0], BRICK, around, &mut insides);
         } else {
             for block in 0..(BRICK / BLOCK).pow(2) {
                 let from = [block % (BRICK / BLOCK) * BLOCK, block / (BRICK / BLOCK) * BLOCK];
@@ -183,7 +197,7 @@ impl Description {
                 let [from_x, from_y] = from.map(|at| u32::try_from(at).unwrap_or(0));
                 let corner = [x + from_x, y + from_y, z];
                 let steps = left_around(steps, corner, [BLOCK; 2], solid, Keep::All, &mut nearer);
-                let around = Around { solid, steps, samplers };
+                let around = Around { solid, steps, samplers, innermost: None };
                 any_sampled |= self.describe_block(skin, from, BLOCK, around, &mut insides);
             }
         }
@@ -270,6 +284,10 @@ impl Description {
             any_exposed = true;
             let beside = [voxel[0] + way[0], voxel[1] + way[1], voxel[2] + way[2]];
             if exists(beside) {
+                if let Some(innermost) = around.innermost {
+                    self.offer_balls(&mut best, voxel, beside, around.solid, innermost);
+                    break;
+                }
                 self.offer(&mut best, voxel, beside, around, true);
             }
         }
@@ -333,6 +351,42 @@ impl Description {
             }
             if any {
                 break;
+            }
+        }
+    }
+
+    /// Takes all balls of a union that hold a voxel next to which there is none.
+    fn offer_balls(
+        &self,
+        best: &mut Candidates,
+        voxel: [i32; 3],
+        beside: [i32; 3],
+        solid: &CsgSolid<'_>,
+        innermost: &[Step],
+    ) {
+        let mut rest = self.leaves.iter();
+        while best.count < MAX_FACES
+            && let Some(leaf) = rest.next()
+        {
+            if solid.contains(*leaf, voxel) {
+                take(best, *leaf, voxel, beside, true, solid);
+            }
+        }
+        // Faces are not taken any more. Nested balls are compared in the grid only.
+        let dims = solid.place.dims.to_array();
+        let is_amid = (0..3).all(|k| (1..dims[k].max(1) - 1).contains(&voxel[k].cast_unsigned()));
+        let leaves = || innermost.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf);
+        if is_amid && leaves().all(|leaf| solid.contains(leaf, voxel)) {
+            leaves().for_each(|leaf| take(best, leaf, voxel, beside, true, solid));
+            return;
+        }
+        let middle = voxel.map(centre);
+        for leaf in rest {
+            let nearest = best.best.map_or(f64::INFINITY, |best| best.distance);
+            if let Leaf::Ball(ball) = &solid.leaves[*leaf as usize]
+                && ball.contains_within(middle, nearest)
+            {
+                take(best, *leaf, voxel, beside, true, solid);
             }
         }
     }
@@ -495,5 +549,107 @@ fn left_around<'p>(
         Some(Cover::Mixed) => out,
         Some(_) => &[],
         None => steps,
+    }
+}
+
+/// Those of many balls joined into one body in which no other lies, next to a brick's slice; `None` where they are not
+/// many, or not much fewer.
+fn innermost<'p>(
+    steps: &'p [Step],
+    corner: [u32; 3],
+    solid: &CsgSolid<'_>,
+    out: &'p mut Vec<Step>,
+) -> Option<&'p [Step]> {
+    let is_ball = |step: &Step| {
+        program::leaf_of(*step).is_none_or(|(leaf, _)| matches!(solid.leaves[leaf as usize], Leaf::Ball(_)))
+    };
+    if steps.len() < 2 * MANY_BALLS || !program::is_union(steps) || !steps.iter().all(is_ball) {
+        return None;
+    }
+    let innermost = left_around(steps, corner, [BRICK; 2], solid, Keep::Innermost, out);
+    (!innermost.is_empty() && 8 * innermost.len() <= steps.len()).then_some(innermost)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::super::leaf::Ball;
+    use super::super::place::LatticeGrid;
+    use super::*;
+    use crate::mesh::{Bounds, GridChoice, STEPS};
+
+    const SIDE: i32 = 24;
+
+    /// A union of balls in nearly one place, some of them around the same middle.
+    fn union(count: u32, next: &mut impl FnMut(i32) -> i32) -> CsgSolid<'static> {
+        let (about, same) = (1 + next(STEPS), 1 + next(9));
+        let mut middle = [SIDE / 2 * STEPS; 3];
+        let leaves: Vec<Leaf> = (0..count)
+            .map(|_| {
+                if next(same) == 0 {
+                    middle = std::array::from_fn(|_| SIDE / 2 * STEPS + next(about));
+                }
+                Leaf::Ball(Ball { middle, radius: 7 * STEPS + next(about) })
+            })
+            .collect();
+        let mut program = vec![0];
+        program.extend((1..count).flat_map(|leaf| [leaf << 1, 1 << 30]));
+        let choice = GridChoice::Side { voxels: SIDE.cast_unsigned(), margin: 1 };
+        let place = LatticeGrid::around(choice, &Bounds { low: [0.0; 3], high: [1.0; 3] }).unwrap();
+        let extents = leaves.iter().map(Leaf::extent).collect();
+        let (counts, name) = ([leaves.len(), program.len()], String::new());
+        CsgSolid { name, place, leaves, extents, program, sampled: Vec::new(), counts, text: None }
+    }
+
+    /// Of many balls in nearly one place, those that are looked at give what all give.
+    #[test]
+    fn balls_joined_into_one_body_give_the_faces_that_all_leaves_give() {
+        let mut state = 9_u32;
+        let mut next = |n: i32| {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            i32::try_from(state >> 8).unwrap() % n
+        };
+        let (mut compared, mut few, mut left_out) = (0, 0, 0);
+        for round in 0..60 {
+            let solid = union(2 + 5 * round, &mut next);
+            let inside = |p: [i32; 3]| (0..solid.leaves.len()).any(|leaf| solid.leaves[leaf].contains(p));
+            let mut description = Description::new(solid.leaves.len(), solid.program.len());
+            description.leaves.extend(
+                solid.program.iter().filter_map(|step| program::leaf_of(*step)).map(|(leaf, _)| leaf),
+            );
+            let mut innermost = Vec::with_capacity(solid.program.len());
+            for _ in 0..400 {
+                let voxel: [i32; 3] = std::array::from_fn(|_| 1 + next(SIDE - 2));
+                let mut exposed = Exposed::default();
+                for (face, way) in exposed.faces.iter_mut().zip(FACES) {
+                    *face = u32::from(!inside(std::array::from_fn(|k| voxel[k] + way[k])));
+                }
+                if !inside(voxel) || exposed.faces == [0; 6] {
+                    continue;
+                }
+                let corner = [0, voxel[1] / 8 * 8, voxel[2]].map(i32::cast_unsigned);
+                let least = left_around(
+                    &solid.program,
+                    corner,
+                    [BRICK, BLOCK],
+                    &solid,
+                    Keep::Innermost,
+                    &mut innermost,
+                );
+                if least.is_empty() {
+                    continue;
+                }
+                left_out += solid.program.len() - least.len();
+                let [all, some] = [None, Some(least)].map(|innermost| {
+                    let around = Around { solid: &solid, steps: &solid.program, samplers: &[], innermost };
+                    let found = description.candidates(voxel, 0, &exposed, around);
+                    let best = found.best.map(|best| (best.distance, best.leaf));
+                    (best, found.faces[..found.count].to_vec())
+                });
+                assert_eq!(all, some, "{voxel:?}");
+                few += u32::from(all.1.len() < MAX_FACES);
+                compared += 1;
+            }
+        }
+        assert!(compared > 1000 && few > 100 && left_out > 100_000, "{compared} {few} {left_out}");
     }
 }

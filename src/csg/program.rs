@@ -92,6 +92,19 @@ impl Nesting for Apart {
     }
 }
 
+/// Leaves that lie the other way round: what would be left of an intersection is left of a union.
+pub(super) struct Inverse<N>(pub(super) N);
+
+impl<N: Nesting> Nesting for Inverse<N> {
+    fn reach(&self, leaf: u32) -> Option<i64> {
+        self.0.reach(leaf).map(|reach| -reach)
+    }
+
+    fn holds(&self, outer: u32, inner: u32) -> bool {
+        self.0.holds(inner, outer)
+    }
+}
+
 /// The leaf of a part that decides most of it: of one leaf, or of leaves that are all joined alike.
 #[derive(Clone, Copy)]
 struct Lead {
@@ -192,6 +205,11 @@ pub(super) fn prune(
         stack[top - 1] = (joined, first, lead);
     }
     Some(if top == 0 { Cover::Outside } else { stack[0].0 })
+}
+
+/// Is it a union of leaves?
+pub(super) fn is_union(program: &[Step]) -> bool {
+    program.iter().all(|step| leaf_of(*step).map_or(*step == OR, |(_, negated)| !negated))
 }
 
 /// The value of a program, of 64 voxels or cases at once.

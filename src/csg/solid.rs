@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 use super::describe::Description;
 use super::leaf::{Extent, Leaf, Nested, Rows};
 use super::place::LatticeGrid;
-use super::program::{self, Apart, STACK, Step};
+use super::program::{self, Apart, Inverse, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
 use crate::builder::BuildFault;
 use crate::builder::{
@@ -55,6 +55,8 @@ pub(super) enum Keep {
     All,
     /// Those that say what is inside, and where edges are crossed.
     Outermost,
+    /// Of leaves that are joined into one body, those in which the others lie nowhere: the nearest to what is in all.
+    Innermost,
 }
 
 /// Boxes within boxes: halves of a tile.
@@ -112,6 +114,7 @@ impl CsgSolid<'_> {
         match keep {
             Keep::All => program::prune(steps, cover, &Apart, out),
             Keep::Outermost => program::prune(steps, cover, &Nested::new(&self.leaves, region), out),
+            Keep::Innermost => program::prune(steps, cover, &Inverse(Nested::new(&self.leaves, region)), out),
         }
     }
 

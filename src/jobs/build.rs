@@ -147,14 +147,20 @@ pub fn convert(
     let subject = job.open(kind, inputs, how)?;
     refuse_own_input(inputs, job.output)?;
     let input = inputs.iter().map(|p| data(p)).collect::<Vec<_>>().join(" ");
+    let pseudonym = match &subject {
+        Subject::Volume(volume) => volume.info().description.name.clone(),
+        _ => String::new(),
+    };
     let built = job.reshape(subject).and_then(|subject| job.build(subject, input, started));
-    built.map_err(|error| in_full(error, inputs))
+    built.map_err(|error| in_full(error, inputs, &pseudonym))
 }
 
-/// An error with the whole path of the only input, where it names that by its last part.
-fn in_full(mut error: Error, inputs: &[PathBuf]) -> Error {
+/// An error with the whole path of the only input, where it names that by its last part or by its pseudonym.
+fn in_full(mut error: Error, inputs: &[PathBuf], pseudonym: &str) -> Error {
     let [path] = inputs else { return error };
-    let is_it = |name: &Path| name.file_name().is_some() && name.file_name() == path.file_name();
+    let is_it = |name: &Path| {
+        name == Path::new(pseudonym) || name.file_name().is_some() && name.file_name() == path.file_name()
+    };
     let named = match &mut error {
         Error::Source(inner) => {
             if let SourceFault::Usage { path: own, .. } = inner.fault_mut()

@@ -220,6 +220,7 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["render", "s.toml", "-o", &output, "--color", "#ffffff"], &["--color", "scene"]),
         (&["thumbnail", &input, "-o", &output, "--size", "0"], &["'0'", "1 to 16384"]),
         (&["demo", "-o", &output, "--size", "0"], &["'0'", "1 to 16384"]),
+        (&["help", "build", "render"], &["one command at a time", "`oct help build`"]),
         (&["info"], &["MODEL.oct"]),
         (&["pack", &input], &["--output"]),
     ] {

@@ -141,6 +141,16 @@ fn the_budget_of_a_volume_that_is_cleaned_is_named_at_once() {
 }
 
 #[test]
+fn the_budget_of_jpeg_2000_is_named_at_once() {
+    let folder = tempfile::tempdir().unwrap();
+    for name in ["dicom-ct-15-syntaxes/j2k-90.dcm", "dicom-ct-15-syntaxes/j2k-lossy-91.dcm"] {
+        let Some(real) = real_data(name) else { return };
+        let copy = put(folder.path(), "slice.dcm", &fs::read(real).unwrap());
+        judge(&copy, &[]);
+    }
+}
+
+#[test]
 fn the_budget_of_a_tree_is_named_at_once_and_kept() {
     let folder = tempfile::tempdir().unwrap();
     let sphere = |x: usize| {

@@ -82,6 +82,16 @@ impl Ball {
         }
     }
 
+    /// Is a point inside, and its surface perhaps not farther away than so many lattice steps?
+    #[inline]
+    #[expect(clippy::cast_precision_loss, reason = "with room")]
+    pub(in crate::csg) fn contains_within(&self, p: [i64; 3], steps: f64) -> bool {
+        let beyond = self.beyond(p);
+        // The distance is the difference of the squares by the sum of the roots, which is at most two radii.
+        let most = (steps + 1.0) * 2.0 * f64::from(self.radius);
+        beyond <= 0 && -(beyond as f64) <= most && (beyond < 0 || self.contains(p))
+    }
+
     /// Away from the middle.
     #[expect(clippy::cast_precision_loss, reason = "a direction")]
     pub(super) fn outwards(&self, p: [i64; 3]) -> [f64; 3] {

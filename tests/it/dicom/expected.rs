@@ -173,6 +173,29 @@ fn stored_values_of_every_file_match_another_readers() {
     assert!(exact > 160, "only {exact} files were compared");
 }
 
+/// JPEG 2000 is said to need what its codestream and its samples take, and little more.
+#[test]
+fn jpeg_2000_takes_what_it_is_said_to_need() {
+    let files = [
+        "dicom-ct-15-syntaxes/j2k-90.dcm",
+        "dicom-ct-15-syntaxes/j2k-lossy-91.dcm",
+        "dicom-odd/htj2k-rgb.dcm",
+    ];
+    for path in files.into_iter().filter_map(real_data) {
+        let file = File::open(&path).unwrap();
+        let header = scan(&file).unwrap();
+        let image = Image::of(&header).unwrap();
+        let within = |bytes| {
+            let mut all = Collected::default();
+            unroll(&file, &path, &header, &image, &Budget::new(bytes), &mut all)
+        };
+        let needed = image.unroll_bytes();
+        within(needed).unwrap();
+        let refused = within(needed - (128 << 10)).expect_err("far less is not enough");
+        assert!(refused.minimum_bytes().is_some(), "{refused}");
+    }
+}
+
 #[test]
 fn the_lossy_slice_is_the_lossless_one_but_for_its_quantisation() {
     let samples = |kind: &str| {

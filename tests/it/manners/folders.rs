@@ -86,6 +86,10 @@ fn a_scan_names_and_judges_as_a_batch_does_copies_included() {
     let shown = oct(&["scan", &text(&top)]).stdout;
     assert!(shown.contains("only headers were read") && shown.contains("1 skipped as copies"), "{shown}");
     assert!(shown.contains("skipped: is a copy of"), "{shown}");
+    // No two rows read the same, whatever lies in one folder.
+    for name in all(&listed, "name") {
+        assert!(shown.contains(name.as_str().unwrap()), "{name}: {shown}");
+    }
 }
 
 #[test]

@@ -125,6 +125,23 @@ fn uneven_spacing_and_a_ct_without_a_threshold_are_told() {
     assert!(shown.contains("  hint: "), "{shown}");
 }
 
+/// A series is called what it was called on the command line: its pseudonym says nothing to the one who typed that.
+#[test]
+fn errors_of_a_series_name_its_folder() {
+    let folder = tempfile::tempdir().unwrap();
+    let (series, model) = (folder.path().join("head of May"), text(&folder.path().join("m.oct")));
+    super::folders::series(&series, "1.2.3", "CT", 8.0);
+    for (extra, code, words) in [
+        (["--iso", "100000"], 3, "head of May: no voxel lies in the range from 100000 up"),
+        (["--memory", "5MiB"], 4, "head of May: --memory 5MiB is too small"),
+        (["--roi", "0..1,0..99,0..1"], 2, "head of May"),
+    ] {
+        let run = oct(&[&["build", &text(&series), "-o", &model], &extra[..]].concat());
+        run.refused(code, &[words]);
+        assert!(!run.stderr.contains("ct-"), "{run:?}");
+    }
+}
+
 #[test]
 fn an_error_is_an_object_under_json_whatever_went_wrong() {
     let folder = tempfile::tempdir().unwrap();

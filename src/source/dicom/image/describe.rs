@@ -61,6 +61,8 @@ pub struct Image {
     pub access: Access,
     /// Number of frames, at least 1.
     pub frames: u32,
+    /// Bytes of the pixel element that are there: of all frames.
+    pub(crate) held_bytes: u64,
     pub(crate) storage: Storage,
     pub(crate) mapping: Mapping,
     /// Cells a pixel.
@@ -114,6 +116,7 @@ impl Image {
             layout: PixelLayout::new(columns.into(), rows.into(), delivered(mapping, stored), stored),
             access: Access::Unrolled,
             frames,
+            held_bytes: pixels.available,
             storage,
             mapping,
             // 1 or 3, see `mapping_of`.

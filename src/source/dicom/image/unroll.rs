@@ -21,8 +21,11 @@ use crate::source::dicom::parse::syntax::Codec;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::{Result, SourceError};
 
-/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000, which counts its own.
+/// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000.
 const DICOM_DECODER: u64 = 256 << 10;
+
+/// Buffers for a code-block, lists of a tile and small change of JPEG 2000, which counts all it holds.
+const JPEG2000_DECODER: u64 = 64 << 10;
 
 /// The tables of a palette, read as it is turned into grey.
 const DICOM_PALETTE: u64 = 384 << 10;
@@ -82,14 +85,30 @@ impl Image {
         let samples = u64::from(self.layout.columns) * u64::from(self.samples);
         let frame = u64::from(self.layout.rows) * samples;
         let codec = match self.storage {
-            // The codestream, its coefficients (32 bits) and the rows being put together.
-            Storage::Coded(Codec::Jpeg2000) => frame.saturating_mul(6),
+            Storage::Coded(Codec::Jpeg2000) => {
+                return self.jpeg2000_bytes(frame) + self.rows_bytes() + self.table_bytes();
+            }
             // Sixteen rows of 32 bits in the widest subsampling.
             Storage::Coded(Codec::Jpeg | Codec::JpegLs) => samples * 4 * 20,
             Storage::Coded(Codec::JpegPasses) => frame.saturating_mul(2) + samples * 4 * 20,
             Storage::Coded(Codec::Rle | Codec::None) | Storage::Plain | Storage::Bits => 0,
         };
         codec + self.rows_bytes() + DICOM_DECODER + self.table_bytes()
+    }
+
+    /// The codestream, coefficients of 32 bits, lines that the wavelets go along (nine of the longer side), and a
+    /// thirty-second of the samples for code-blocks and their pieces, which is enough for blocks of 32 x 32.
+    fn jpeg2000_bytes(&self, frame: u64) -> u64 {
+        let codestream =
+            if self.frames == 1 { self.held_bytes } else { self.held_bytes.min(frame.saturating_mul(2)) };
+        let longest = u64::from(self.layout.columns.max(self.layout.rows));
+        let interleaved =
+            if self.samples > 1 { u64::from(self.layout.columns) * u64::from(self.samples) * 4 } else { 0 };
+        codestream.saturating_add(frame.saturating_mul(4))
+            + frame / 32
+            + 36 * longest
+            + interleaved
+            + JPEG2000_DECODER
     }
 
     /// Rows held here, in addition to the decoder.
