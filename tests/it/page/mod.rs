@@ -124,7 +124,7 @@ fn looks(model: &Model) -> Vec<Look> {
     let ends = [0, 1, 2].map(ends);
     let middle = ends.map(|[low, high]| 0.5 * (low + high));
     let reach = ends.map(|[low, high]| (0.5 * (high - low)).powi(2)).iter().sum::<f64>().sqrt();
-    // A model that is longer than this is seen in part, in a view that is not all of a pixel high.
+    // Half a parallel picture's height at most, so that the model's thinnest side has 8 pixels.
     let thinnest = ends.map(|[low, high]| high - low).into_iter().fold(f64::INFINITY, f64::min);
     let most = thinnest * f64::from(side()) / 16.0;
     let head = [0.0, 0.0, 1.0];
@@ -136,7 +136,7 @@ fn looks(model: &Model) -> Vec<Look> {
         perspective,
         hidden: Vec::new(),
     };
-    // The middle of a box of the model near its own.
+    // The middle of the box that is nearest to the model's.
     let far = |at: [f64; 3]| (0..3).map(|a| (at[a] - middle[a]).powi(2)).sum::<f64>();
     let boxes = model.voxels().map(|cell| model.affine().apply(cell.voxel.map(f64::from)));
     let near = boxes.min_by(|a, b| far(*a).total_cmp(&far(*b))).unwrap();
