@@ -173,7 +173,7 @@ def memory_of(page: pathlib.Path, arguments: list[str]) -> dict:
     time.sleep(2)
     rest = browser.memory()
     browser.close()
-    row = {name: (bytes - empty) / 1e6 for name, bytes in (("most", most), ("first", first), ("rest", rest))}
+    row = {name: (sum_ - empty) / 1e6 for name, sum_ in (("most", most), ("first", first), ("rest", rest))}
     print(page.name, json.dumps(row), file=sys.stderr)
     return row
 
