@@ -113,9 +113,9 @@ fn a_browser_meets_each_label_where_the_librarys_rays_meet_it_whatever_is_hidden
             let count = models.len() as u8;
             let mut all: Vec<Look> = looks(&model).into_iter().chain(looks(&model)).collect();
             for look in &mut all {
-                // No line of sight runs along a face or an edge between two cells: up is y for a camera, so that a
-                // column of pixels can lie in the plane of such edges, and which of two boxes it meets is then a matter
-                // of the last bit. With .213 and .377 one did, to within 4e-6 mm, which are a unit of single precision.
+                // No line of sight runs along an edge between two cells. Up is y for a camera, so that a column of pixels
+                // can lie near the plane of such edges; with .213 and .377 one did, 4e-6 of a cell from it. The page met
+                // the right boxes, in single and double precision; the library, which rounds origins to 2^-16, the next.
                 look.target = std::array::from_fn(|a| look.target[a] + [0.2137, 0.1713, 0.3779][a]);
             }
             all[6].hidden = vec![1];
