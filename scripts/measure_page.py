@@ -1,10 +1,14 @@
 #!/usr/bin/env python3
-"""What a browser takes to open a page of `oct export`, over several openings: medians, and the memory of all its processes.
+"""What a browser takes to open a page of `oct export`, over several openings: medians of times and of memory.
 
     scripts/measure_page.py PAGE.html [TIMES] [BROWSER ARGUMENTS...]
 
 Times begin when the browser begins to fetch the page: `decoded` when the model is in memory, `picture` when its first
-frame is drawn. Memory is private and shared pages by parts (Pss), less that of an empty page.
+frame is drawn. Memory, in openings of its own, is the sum of private and shared pages by parts (Pss) of all the browser's
+processes: the most that was seen until a second after the first picture, then, and two seconds after the fine one. What the
+model costs is that less the same of a page of a single voxel, which has the scripts, the graphics and the window's
+buffers, too; both are printed above an empty page besides. The page of a voxel
+is made by `oct` (INFOBYTE_OCT, else target/release/oct). Sizes of the window and other arguments are for all three.
 """
 
 import json
@@ -14,6 +18,7 @@ import statistics
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 
 USUAL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
@@ -93,28 +98,102 @@ class Browser:
         self.profile.cleanup()
 
 
+def one_voxel(folder: pathlib.Path) -> pathlib.Path:
+    """The page of a model of one voxel."""
+    default = pathlib.Path(__file__).resolve().parent.parent / "target/release/oct"
+    program = os.environ.get("INFOBYTE_OCT", str(default))
+    raw, model, page = folder / "one.raw", folder / "one.oct", folder / "one.html"
+    raw.write_bytes(b"\xc8")
+    build = ["build", raw, "--dims", "1x1x1", "--dtype", "u8", "--iso", "100", "--surface", "skin", "-o", model, "--quiet"]
+    subprocess.run([program, *build], check=True)
+    subprocess.run([program, "export", model, "-o", page, "--quiet"], check=True)
+    return page
+
+
+READY = "typeof page === 'object' && (page.pictured || page.error)"
+# The model is opened when the still picture has been seen, which is a matter of chance else; and the fine picture begins
+# two seconds after the first one, in place of .16.
+STEADY = """const usual = setTimeout, add = document.addEventListener;
+const seen = opens => requestAnimationFrame(() => requestAnimationFrame(() => usual(opens, 200)));
+window.setTimeout = (does, ms, ...more) => usual(does, ms === 160 ? 2000 : ms, ...more);
+document.addEventListener = (name, does) => add.call(document, name, name === 'DOMContentLoaded' ? () => seen(does) : does);"""
+TIMES = "({ready: page.began, decoded: page.began + page.opened, picture: page.pictured, error: page.error})"
+
+
+def started(arguments: list[str]) -> Browser:
+    browser = Browser(arguments)
+    browser.until("document.readyState === 'complete'")
+    time.sleep(2)
+    return browser
+
+
+def times_of(page: pathlib.Path, arguments: list[str]) -> dict:
+    """Times of an opening in ms."""
+    browser = started(arguments)
+    browser.open(page.resolve().as_uri())
+    browser.until(READY)
+    row = dict(browser.ask(TIMES))
+    browser.until("document.querySelector('main').dataset.drawn || page.error")
+    row["fine"] = browser.ask("performance.now()")
+    browser.close()
+    print(page.name, json.dumps(row), file=sys.stderr)
+    return row
+
+
+class Watch(threading.Thread):
+    """The most memory of a browser that is seen, some fifty times a second."""
+
+    def __init__(self, browser: Browser):
+        super().__init__(daemon=True)
+        self.browser, self.most, self.ends = browser, 0, threading.Event()
+        self.start()
+
+    def run(self):
+        while not self.ends.wait(0.02):
+            self.most = max(self.most, self.browser.memory())
+
+    def end(self) -> int:
+        self.ends.set()
+        self.join()
+        return self.most
+
+
+def memory_of(page: pathlib.Path, arguments: list[str]) -> dict:
+    """Memory of an opening above an empty page, in MB."""
+    browser = started(arguments)
+    empty = browser.memory()
+    browser.call("Page.enable")
+    browser.call("Page.addScriptToEvaluateOnNewDocument", source=STEADY)
+    watch = Watch(browser)
+    browser.open(page.resolve().as_uri())
+    browser.until(READY)
+    time.sleep(1)
+    most, first = watch.end(), browser.memory()
+    browser.until("document.querySelector('main').dataset.drawn || page.error")
+    time.sleep(2)
+    rest = browser.memory()
+    browser.close()
+    row = {name: (sum_ - empty) / 1e6 for name, sum_ in (("most", most), ("first", first), ("rest", rest))}
+    print(page.name, json.dumps(row), file=sys.stderr)
+    return row
+
+
 def main():
-    page = pathlib.Path(sys.argv[1]).resolve().as_uri()
+    page = pathlib.Path(sys.argv[1])
     times = int(sys.argv[2]) if len(sys.argv) > 2 else 5
-    rows = []
-    for _ in range(times):
-        browser = Browser(sys.argv[3:] or USUAL)
-        browser.until("document.readyState === 'complete'")
-        time.sleep(1)
-        before = browser.memory()
-        browser.open(page)
-        browser.until("typeof page === 'object' && (page.pictured || page.error)")
-        row = dict(browser.ask("({ready: page.began, decoded: page.began + page.opened, picture: page.pictured, error: page.error})"))
-        row["memory_mb"] = (browser.memory() - before) / 1e6
-        browser.until("document.querySelector('main').dataset.drawn || page.error")
-        row["fine"] = browser.ask("performance.now()")
-        time.sleep(2)
-        row["rest_mb"] = (browser.memory() - before) / 1e6
-        rows.append(row)
-        browser.close()
-        print(json.dumps(row), file=sys.stderr)
-    numbers = [name for name in rows[0] if name != "error"]
-    print(json.dumps({name: round(statistics.median(row[name] for row in rows), 1) for name in numbers}))
+    arguments = USUAL + sys.argv[3:]
+    result = {}
+    rows = [times_of(page, arguments) for _ in range(times)]
+    for name in ("ready", "decoded", "picture", "fine"):
+        result[name] = round(statistics.median(row[name] for row in rows), 1)
+    with tempfile.TemporaryDirectory() as folder:
+        one = one_voxel(pathlib.Path(folder))
+        # In turns.
+        rows = [(memory_of(page, arguments), memory_of(one, arguments)) for _ in range(times)]
+    for name in ("most", "first", "rest"):
+        ours, base = (statistics.median(row[of][name] for row in rows) for of in (0, 1))
+        result[f"{name}_mb"] = {"model": round(ours - base, 1), "above empty": round(ours, 1), "voxel above empty": round(base, 1)}
+    print(json.dumps(result))
 
 
 if __name__ == "__main__":

@@ -61,21 +61,20 @@ class Drawing {
         for (const filter of [gl.TEXTURE_MIN_FILTER, gl.TEXTURE_MAG_FILTER]) gl.texParameteri(gl.TEXTURE_2D, filter, gl.NEAREST);
         gl.texStorage2D(gl.TEXTURE_2D, 1, gl.RGBA32UI, Math.min(texels, WIDTH), rows);
         const whole = Math.floor(bytes.length / 16 / WIDTH), rest = texels - whole * WIDTH;
-        const send = (row, width, count, words) => {
-            gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, width, count, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
+        const send = (row, width, words) => {
+            gl.texSubImage2D(gl.TEXTURE_2D, 0, 0, row, width, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
         };
-        // Parts of 256 KiB, and a look at each MiB, which waits for it: so that no second copy of everything is held.
+        // A row at a time, and a look at every fourth, which waits for it: so that no second copy of everything is held.
         gl.bindFramebuffer(gl.FRAMEBUFFER, this.framebuffer);
         gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, this.textures[name], 0);
-        for (let row = 0; row < whole; row += 4) {
-            const count = Math.min(4, whole - row);
-            if (row % 16 === 0) gl.readPixels(0, 0, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, new Uint32Array(4));
-            send(row, WIDTH, count, new Uint32Array(bytes.buffer, bytes.byteOffset + 16 * row * WIDTH, 4 * count * WIDTH));
+        for (let row = 0; row < whole; row++) {
+            if (row % 4 === 0) gl.readPixels(0, 0, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, new Uint32Array(4));
+            send(row, WIDTH, new Uint32Array(bytes.buffer, bytes.byteOffset + 16 * row * WIDTH, 4 * WIDTH));
         }
         if (rest > 0) {
             const last = new Uint8Array(16 * rest);
             last.set(bytes.subarray(16 * whole * WIDTH));
-            send(whole, rest, 1, new Uint32Array(last.buffer));
+            send(whole, rest, new Uint32Array(last.buffer));
         }
     }
 

@@ -10,8 +10,10 @@ function decoded(text) {
     return bytes;
 }
 
-/** Lets go of bytes now, without waiting for the browser to look what is still needed. */
-const drop = bytes => bytes.buffer.transfer?.(0);
+/** Lets go of bytes now, without waiting for the browser to look what is still needed: posts them where none receives. */
+const drop = bytes => bin.port1.postMessage(0, [bytes.buffer]);
+const bin = new MessageChannel();
+bin.port2.close();
 
 /** The bytes of parts one after the other, up to so many at a time; those before are let go. */
 function reader(parts) {
@@ -91,7 +93,11 @@ if (typeof document !== 'undefined') new MutationObserver(take).observe(document
 /** The model of the page; its place alone, where pictures of it come from a server. */
 async function *models(head) {
     take();
-    yield head.sections.length ? new Model(head, await sections(head, came)) : placed(head);
+    if (!head.sections.length) return void (yield placed(head));
+    const found = await sections(head, came), model = new Model(head, found);
+    // The model has them in texels.
+    drop(found.NODE);
+    yield model;
 }
 
 if (typeof module !== 'undefined') module.exports = {decoded, sections};

@@ -124,21 +124,28 @@ fn looks(model: &Model) -> Vec<Look> {
     let ends = [0, 1, 2].map(ends);
     let middle = ends.map(|[low, high]| 0.5 * (low + high));
     let reach = ends.map(|[low, high]| (0.5 * (high - low)).powi(2)).iter().sum::<f64>().sqrt();
+    // Half a parallel picture's height at most, so that the model's thinnest side has 8 pixels.
+    let thinnest = ends.map(|[low, high]| high - low).into_iter().fold(f64::INFINITY, f64::min);
+    let most = thinnest * f64::from(side()) / 16.0;
     let head = [0.0, 0.0, 1.0];
     let look = |forward, up, part: f64, perspective| Look {
         forward,
         up,
         target: middle,
-        half: reach * part,
+        half: (reach * part).min(if perspective { f64::INFINITY } else { most }),
         perspective,
         hidden: Vec::new(),
     };
+    // The middle of the box that is nearest to the model's.
+    let far = |at: [f64; 3]| (0..3).map(|a| (at[a] - middle[a]).powi(2)).sum::<f64>();
+    let boxes = model.voxels().map(|cell| model.affine().apply(cell.voxel.map(f64::from)));
+    let near = boxes.min_by(|a, b| far(*a).total_cmp(&far(*b))).unwrap();
     vec![
         look([0.0, 1.0, 0.0], head, 0.9, false),
         look([-0.55, 0.75, -0.38], head, 0.8, true),
         look([0.3, -0.2, -0.9], [0.0, 1.0, 0.0], 0.4, false),
         // Within the model, and not on a face between two cells: an eye in matter there meets either of them.
-        Look { target: middle.map(|c| c + 0.25), ..look([1.0, 0.0, 0.0], head, 0.15, true) },
+        Look { target: near.map(|c| c + 0.25), ..look([1.0, 0.0, 0.0], head, 0.15, true) },
     ]
 }
 
