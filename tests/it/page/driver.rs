@@ -59,6 +59,11 @@ impl Driver {
 
     /// Calls a method of the protocol, and waits for what it gives.
     pub(super) fn call(&mut self, method: &str, parameters: Value) -> Value {
+        self.tried(method, parameters).unwrap_or_else(|error| panic!("{method}: {error}"))
+    }
+
+    /// The same, with what the browser says where it refuses.
+    fn tried(&mut self, method: &str, parameters: Value) -> Result<Value, Value> {
         self.number += 1;
         let mut message = serde_json::json!({ "id": self.number, "method": method, "params": parameters });
         if let Some(session) = &self.session {
@@ -74,19 +79,28 @@ impl Driver {
             let mut answer: Value = serde_json::from_slice(&answer).unwrap();
             assert_ne!(answer["method"], "Inspector.targetCrashed", "{method}: the tab was lost");
             if answer["id"] == self.number {
-                assert!(answer["error"].is_null(), "{method}: {answer}");
-                return answer["result"].take();
+                let error = answer["error"].take();
+                return if error.is_null() { Ok(answer["result"].take()) } else { Err(error) };
             }
         }
     }
 
     /// What an expression is in the page, which knows nothing of it.
     pub(super) fn ask(&mut self, expression: &str) -> Value {
+        self.asked(expression).unwrap_or_else(|error| panic!("{expression}: {error}"))
+    }
+
+    fn asked(&mut self, expression: &str) -> Result<Value, Value> {
         let asked =
             serde_json::json!({ "expression": expression, "returnByValue": true, "awaitPromise": true });
-        let mut answer = self.call("Runtime.evaluate", asked);
+        let mut answer = self.tried("Runtime.evaluate", asked)?;
         assert!(answer["exceptionDetails"].is_null(), "{expression}: {answer}");
-        answer["result"]["value"].take()
+        Ok(answer["result"]["value"].take())
+    }
+
+    /// Goes back in the history, once the call has been answered.
+    pub(super) fn back(&mut self) {
+        self.ask("setTimeout(() => history.back()), true");
     }
 
     pub(super) fn number(&mut self, expression: &str) -> f64 {
@@ -97,11 +111,15 @@ impl Driver {
         self.ask(expression).as_str().unwrap_or_else(|| panic!("{expression} is not a text")).to_owned()
     }
 
-    /// Waits until an expression is true.
+    /// Waits until an expression is true. A page that is just left for another gives no answer.
     pub(super) fn until(&mut self, expression: &str) {
         for _ in 0..MAX_LOOKS {
-            if self.ask(expression) == true {
-                return;
+            match self.asked(expression) {
+                Ok(found) if found == true => return,
+                Err(error) if error["message"] != "Inspected target navigated or closed" => {
+                    panic!("{expression}: {error}")
+                }
+                _ => {}
             }
             std::thread::sleep(Duration::from_millis(50));
         }

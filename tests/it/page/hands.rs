@@ -260,7 +260,7 @@ fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
     assert!(pairs.filter(|(a, b)| a != b).count() <= 8, "another picture");
     page.visit("about:blank");
     page.until("location.href === 'about:blank'");
-    page.ask("history.back()");
+    page.back();
     page.until("typeof page === 'object' && !!page.view");
     page.whole();
     assert_eq!(page.state(), state, "back");
@@ -268,7 +268,7 @@ fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
     page.ask("location.hash = 'f=1,0,0&u=0,0,1', true");
     page.until("page.view.toString().startsWith('f=1,0,0&')");
     page.whole();
-    page.ask("history.back()");
+    page.back();
     page.until(&format!("page.view.toString() === '{state}'"));
     // An address without sense, of a page that has shown nothing yet.
     page.visit("about:blank");
