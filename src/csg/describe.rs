@@ -355,7 +355,7 @@ impl Description {
         }
     }
 
-    /// Takes all balls of a union that hold a voxel next to which there is none.
+    /// Takes the balls of a union that contain a voxel with an empty neighbour.
     fn offer_balls(
         &self,
         best: &mut Candidates,
