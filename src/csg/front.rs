@@ -1,6 +1,6 @@
 //! From a tree to a solid: the grid, the leaves placed on it, and what they are read from.
 
-use std::cell::Cell;
+use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 
 use super::CsgOptions;
@@ -14,12 +14,12 @@ use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
 use super::tree::{Faces, NodeId, Shape, Tree};
-use crate::budget::{Budget, MemoryCap};
+use crate::budget::{Budget, MemoryCap, Reservation};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
-use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
+use crate::mesh::{Bounds, GridChoice, STEPS, least_part, mesh_bounds, mesh_part};
 use crate::platform::give_back;
 use crate::volume::VolumeSource;
 
@@ -61,6 +61,8 @@ pub(super) struct Front<'a, 't> {
     pub(super) progress: &'a dyn Progress,
     /// The most that flat trees and the making of a leaf have taken at a time, without the tree.
     pub(super) peak: Cell<u64>,
+    /// Where only the smallest cap is sought, what is reserved of it, and what meshes hold of that.
+    pub(super) dry: Option<(&'a Budget, RefCell<Vec<Reservation>>)>,
 }
 
 impl<'a, 't> Front<'a, 't> {
@@ -161,8 +163,16 @@ impl<'a, 't> Front<'a, 't> {
         meshes: usize,
     ) -> Result<SampledLeaf<'a>, BuildError> {
         let rows = to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
-        let to_voxels = (Affine { rows }, place.dims);
-        let (solid, _) = mesh_part(path, to_voxels, meshes, self.options, &self.scratch, self.progress)?;
+        let (to_voxels, scratch) = ((Affine { rows }, place.dims), &self.scratch);
+        let solid = match &self.dry {
+            None => mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?.0,
+            Some((dry, held)) => {
+                let least = least_part(path, to_voxels, self.options, scratch, dry)?;
+                let (solid, held_now) = least.ok_or_else(|| too_small(self.name, self.options.memory, 0))?;
+                held.borrow_mut().extend(held_now);
+                solid
+            }
+        };
         Ok(SampledLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 

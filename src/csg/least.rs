@@ -1,7 +1,7 @@
 //! The smallest memory cap within which the model of a tree can be built.
 
-use std::cell::Cell;
-use std::path::Path;
+use std::cell::{Cell, RefCell};
+use std::path::{Path, PathBuf};
 
 use super::front::Front;
 use super::leaf::{Extent, Leaf};
@@ -9,7 +9,7 @@ use super::place::LatticeGrid;
 use super::read::{count_file, parse_file};
 use super::solid::CsgSolid;
 use super::text::{ParsedTree, TextCounts};
-use super::tree::room;
+use super::tree::{Shape, room};
 use super::{CsgOptions, solid_of};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, current_rss_bytes};
@@ -21,16 +21,22 @@ use crate::mesh::{Bounds, GridChoice};
 const MADE_BYTES: u64 = 1 << 20;
 
 /// The smallest cap, found on a budget without a limit that was made before the tree was read: a small tree is made for it,
-/// of a larger one what its text becomes is counted. `None` for a tree that cannot be read, or with files, whose
-/// own readers name what they take.
-pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, dry: &Budget) -> Option<u64> {
+/// of a larger one what its text becomes is counted. `None` for a tree that cannot be read, or that has volumes, or
+/// is large and has files: their own readers name what they take.
+pub(crate) fn least_cap(
+    path: &Path,
+    csg: &CsgOptions,
+    options: &BuildOptions,
+    scratch: PathBuf,
+    dry: &Budget,
+) -> Option<u64> {
     // What the process really holds leaves room, as more code is counted than runs before a build.
     let room = match options.memory {
         MemoryCap::Process(limit_bytes) => limit_bytes.saturating_sub(current_rss_bytes()),
         MemoryCap::Share(bytes) => bytes,
     };
     match parse_file(path, MADE_BYTES.max(room / 4)).ok()? {
-        Ok(parsed) => made(path, &parsed, csg, options, dry)?,
+        Ok(parsed) => made(path, &parsed, (csg, options), scratch, dry)?,
         Err(_) => counted(path, &count_file(path)?, csg, options, dry)?,
     }
     Some(dry.smallest_limit(1))
@@ -40,16 +46,18 @@ pub(crate) fn least_cap(path: &Path, csg: &CsgOptions, options: &BuildOptions, d
 fn made(
     path: &Path,
     ParsedTree { tree, root, peak_bytes }: &ParsedTree,
-    csg: &CsgOptions,
-    options: &BuildOptions,
+    (csg, options): (&CsgOptions, &BuildOptions),
+    scratch: PathBuf,
     dry: &Budget,
 ) -> Option<()> {
-    if tree.files().next().is_some() {
+    if tree.files().any(|shape| matches!(shape, Shape::Volume { .. })) {
         return None;
     }
     drop(dry.reserve(peak_bytes + MIN_WORKER + WORKER_OVERHEAD));
     let options = BuildOptions { memory: MemoryCap::Share(u64::MAX / 2), ..options.clone() };
-    let (peak, scratch) = (Cell::new(0), std::path::PathBuf::new());
+    let peak = Cell::new(0);
+    // Its meshes are read while it is held.
+    let held = dry.reserve(tree.bytes()).ok()?;
     let front = Front {
         tree,
         root: *root,
@@ -60,9 +68,11 @@ fn made(
         scratch,
         progress: &Silent,
         peak,
+        dry: Some((dry, RefCell::default())),
     };
     let placed = front.placed().ok()?;
     let (solid, _) = front.solid(&placed).ok()?;
+    drop(held);
     drop(dry.reserve(tree.bytes() + front.peak.get()));
     let _leaves = dry.reserve(solid.bytes());
     drop(reserve_least_of(&*solid_of(solid, path, &options).ok()?, &options, dry).ok()?);

@@ -129,7 +129,7 @@ pub(crate) fn with_tree<T>(
     let CsgInput { tree, root, name, volumes } = input;
     let (name, volumes) = (&name, &volumes);
     let peak = Cell::new(0);
-    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress, peak };
+    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress, peak, dry: None };
     let placed = front.placed()?;
     let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);

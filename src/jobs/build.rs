@@ -411,7 +411,8 @@ impl BuildJob<'_> {
         let dry = Budget::dry(self.options.memory);
         self.tree_within(path, then).map_err(|error| match error {
             Error::Build(error) if error.minimum_bytes().is_some() => {
-                let least = least_cap(path, &self.grid.tree(), self.options, &dry);
+                let scratch = self.options.scratch_folder(self.output);
+                let least = least_cap(path, &self.grid.tree(), self.options, scratch, &dry);
                 Error::Build(error.with_minimum(least))
             }
             other => other,

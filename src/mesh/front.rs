@@ -166,9 +166,24 @@ impl Front<'_> {
         })
     }
 
-    /// The smallest cap that works: what every stage takes, of the files as they are. The triangles are read once for
-    /// it, as only their sums tell whether the mesh is closed.
+    /// The smallest cap that works: what every stage takes, of the files as they are.
     fn least(&self, dry: &Budget) -> Result<u64, BuildError> {
+        if let Some((mesh, _held)) = self.least_solid(dry)? {
+            let colored = self.is_of_cells() || mesh.wanted.is_some_and(|wanted| wanted.colors);
+            let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
+            let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };
+            drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
+        }
+        Ok(dry.smallest_limit(1))
+    }
+
+    /// A solid without triangles that takes the least memory, and what is held of it while it is built; `None` where
+    /// the description of a file is all that was read. Every stage before has reserved what it takes. The triangles are
+    /// read once for it, as only their sums tell whether the mesh is closed.
+    pub(super) fn least_solid(
+        &self,
+        dry: &Budget,
+    ) -> Result<Option<(MeshSolid, Vec<Reservation>)>, BuildError> {
         let reading = dry.reserve(READER_BYTES);
         let files = match self.open(DESCRIPTIONS) {
             Ok(files) => files,
@@ -177,7 +192,7 @@ impl Front<'_> {
                 let Some(bytes) = described_bytes(&error) else { return Err(error) };
                 // More than that is not held to find out how much it is.
                 drop(dry.reserve(2 * bytes + BINNING_BYTES));
-                return Ok(dry.smallest_limit(1));
+                return Ok(None);
             }
         };
         let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
@@ -185,7 +200,7 @@ impl Front<'_> {
         let described = dry.reserve(held);
         let (grid, _) = self.grid(&files)?;
         let bins = Binner::new(self.boxes(&grid), &self.scratch)?.finish()?;
-        let _bins = dry.reserve(Bins::memory_bytes(self.boxes(&grid)));
+        let held_bins = dry.reserve(Bins::memory_bytes(self.boxes(&grid)));
         let counted = self.count(&files, &grid, &mut |_| Ok(()))?;
         let wanted = self.wanted(&files);
         let painted = if wanted.anything() { COLLECTING_BYTES + image_bytes(&files, wanted) } else { 0 };
@@ -194,19 +209,14 @@ impl Front<'_> {
             drop(dry.reserve(BOUNDARY_BYTES));
         }
         drop((files, reading));
-        // A part of what the description took stays with the allocator.
-        let _described = described;
-        let colored = self.is_of_cells() || wanted.colors;
-        let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
-        let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };
         let (name, resident, inputs) = (self.name(), MIN_RESIDENT, Vec::new());
         let rule = Rule::NonZero;
         let wanted = wanted.anything().then_some(wanted);
         let (closed, open, paint) = (true, false, None);
         let reach = Arc::clone(&self.reach);
         let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, reach, inputs, wanted, paint };
-        drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
-        Ok(dry.smallest_limit(1))
+        // A part of what the description took stays with the allocator.
+        Ok(Some((mesh, [described, held_bins].into_iter().flatten().collect())))
     }
 
     fn solid_within(&self, budget: &Budget) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {

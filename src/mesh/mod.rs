@@ -58,9 +58,9 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
-use crate::budget::{Budget, MemoryCap};
+use crate::budget::{Budget, MemoryCap, Reservation};
 use crate::builder::FileSolid;
-use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Tile};
+use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Silent, Tile};
 use crate::facts::SourceError;
 pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -219,23 +219,42 @@ pub(crate) fn mesh_part(
     scratch: &Path,
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
+    as_part(path, (placed, dims), options, scratch, progress, |front| {
+        let (mut solid, facts, _) = front.solid()?;
+        solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
+        Ok((solid, facts))
+    })
+}
+
+/// A part that takes the least memory, without triangles; what all of it takes until it is made is reserved from `dry`,
+/// and what it holds then stays so. `None` where its description alone is larger than what is looked at.
+///
+/// # Errors
+/// As [`build_mesh`].
+pub(crate) fn least_part(
+    path: &Path,
+    placed: (Affine, Dims),
+    options: &BuildOptions,
+    scratch: &Path,
+    dry: &Budget,
+) -> Result<Option<(MeshSolid, Vec<Reservation>)>, BuildError> {
+    as_part(path, placed, options, scratch, &Silent, |front| front.least_solid(dry))
+}
+
+fn as_part<T>(
+    path: &Path,
+    (placed, dims): (Affine, Dims),
+    options: &BuildOptions,
+    scratch: &Path,
+    progress: &dyn Progress,
+    then: impl FnOnce(&Front<'_>) -> Result<T, BuildError>,
+) -> Result<T, BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
     let mesh =
         MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false };
-    let inputs = [path.to_path_buf()];
-    let scratch = scratch.to_path_buf();
-    let front = Front {
-        inputs: &inputs,
-        mesh: &mesh,
-        options,
-        scratch,
-        progress,
-        placed: Some(placed),
-        reach: Arc::default(),
-    };
-    let (mut solid, facts, _) = front.solid()?;
-    solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
-    Ok((solid, facts))
+    let (inputs, scratch) = ([path.to_path_buf()], scratch.to_path_buf());
+    let (placed, reach) = (Some(placed), Arc::default());
+    then(&Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach })
 }
 
 /// Least memory of a share in which a mesh of nearly any kind is built.
