@@ -7,6 +7,7 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::build::{BuildFigures, BuildJob, BuildSummary, GridOptions};
+use super::info::boxes;
 use super::picture::{Outputs, refuse_clash, render_file, thumbnail_file};
 use super::render::RenderRequest;
 use super::verify::verify_file;
@@ -15,6 +16,7 @@ use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
 use crate::clean::CleanOptions;
 use crate::error::{Error, UsageError};
+use crate::format::SurfaceKind;
 use crate::source::Subject;
 use crate::synthetic::SyntheticHead;
 use crate::text::{data, shown};
@@ -158,8 +160,8 @@ impl DemoSummary {
                 format!("{} synthetic CT head, {} as a stream", self.built.info.frame.dims(), Bytes(raw)),
             ),
             ("model", format!("{} ({})", shown(&self.files.model), Bytes(r.file_bytes))),
-            ("skin voxels", format!("{} in {} nodes", r.skin_voxels, r.nodes)),
-            ("bytes per skin voxel", format!("{:.3}", ratio(r.file_bytes, r.skin_voxels))),
+            (boxes(SurfaceKind::Cells), format!("{} in {} nodes", r.skin_voxels, r.nodes)),
+            ("bytes per cell", format!("{:.3}", ratio(r.file_bytes, r.skin_voxels))),
             ("smaller than the volume", format!("{:.0} times", ratio(raw, r.file_bytes))),
             (
                 "peak resident memory",

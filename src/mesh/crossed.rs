@@ -14,8 +14,8 @@ use std::path::Path;
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::solid::{MeshSolid, MeshWorker};
 use crate::builder::{
-    CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker,
-    Tile, VoxelBox,
+    BuildError, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
@@ -55,6 +55,10 @@ impl Solid for MeshCells {
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
         self.mesh.check_unchanged()
+    }
+
+    fn nothing_inside(&self) -> BuildError {
+        self.mesh.nothing_inside()
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {

@@ -19,7 +19,7 @@ use crate::jobs::render::RenderRequest;
 use crate::jobs::scene::SceneRequest;
 use crate::jobs::scene::Section;
 use crate::mesh::{Fill, GridChoice, UpAxis, usual_channels};
-use crate::render::{NamedView, Samples, Shading, Smoothing, ViewPoint};
+use crate::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{GapPolicy, OpenOptions, RawOptions, SubjectKind};
 use crate::volume::Overlap;
 use crate::volume::{Placement, Rescale, ScalarType};
@@ -136,7 +136,12 @@ impl BuildAsked {
             || self.keep_thin
             || self.fill.as_deref() == Some("surface");
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
-        self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))
+        let surface = self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))?;
+        let given = [("gradient", self.gradient.is_some()), ("connectivity", self.connectivity == Some(6))];
+        match given.into_iter().find(|(_, given)| *given && surface == SurfaceKind::Cells) {
+            Some((name, _)) => Err(format!("{name} is for skin voxels, and cells are built; leave it out")),
+            None => Ok(surface),
+        }
     }
 
     /// Where models of each label go, if they are wanted; like that of all labels they replace what is there.
@@ -351,7 +356,7 @@ pub(super) struct PictureAsked {
     up: Option<[f64; 3]>,
     turned: Option<f64>,
     projection: String,
-    fov: f64,
+    fov: Option<f64>,
     zoom: f64,
     color: Option<[u8; 3]>,
     shading: String,
@@ -391,14 +396,22 @@ impl PictureAsked {
         ];
         let (shading, smoothing) =
             choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
+        let projection = self.projection.parse()?;
+        let unused = [
+            ("fov", "projection='perspective'", self.fov.is_some() && projection == Projection::Parallel),
+            ("ao_rays", "shading='ao'", self.ao_rays.is_some() && shading == Shading::Plain),
+        ];
+        if let Some((name, with, _)) = unused.into_iter().find(|(.., is_unused)| *is_unused) {
+            return Err(format!("{name} changes nothing without {with}; add that, or leave {name} out"));
+        }
         let samples =
             choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
         Ok(RenderRequest {
             width,
             height,
             point,
-            projection: self.projection.parse()?,
-            fov_deg: self.fov,
+            projection,
+            fov_deg: self.fov.unwrap_or(RenderRequest::FOV_DEG),
             threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             lod: self.lod,
             samples: if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples },

@@ -246,6 +246,22 @@ fn a_small_file_of_very_many_frames_is_refused_before_they_are_looked_at() {
 }
 
 #[test]
+fn a_tree_that_does_not_fit_the_cap_fails_alone() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("in"), folder.path().join("out"));
+    fs::create_dir(&top).unwrap();
+    fs::write(top.join("ball.stl"), Body::sphere([20.0; 3], 15.0, 3).stl()).unwrap();
+    let places = "multmatrix([[1,0,0,0.00001],[0,1,0,0],[0,0,1,0],[0,0,0,1]]) {\n";
+    let deep = format!("{}cube(3);{}", places.repeat(100_000), "}".repeat(100_000));
+    fs::write(top.join("deep.csg"), deep).unwrap();
+    let (code, report) = batch(&top, &out, &["--memory", "12MiB"]);
+    assert_eq!((code, counts(&report)), (8, [1, 0, 1]), "{report}");
+    assert!(report.to_string().contains("--memory"), "{report}");
+    let peak = report["peak_rss_bytes"].as_u64().unwrap();
+    assert!(peak <= 12 << 20, "{peak}");
+}
+
+#[test]
 fn jobs_share_the_file_descriptors() {
     let folder = tempfile::tempdir().unwrap();
     let (top, out) = (folder.path().join("in"), folder.path().join("out"));
@@ -283,6 +299,9 @@ fn lists_and_pages_say_what_is_there() {
     assert!(run.code == 0 && run.stderr.contains(" cells, "), "{run:?}");
     let page = fs::read_to_string(out.join("index.html")).unwrap();
     assert!(page.contains("<dt>cells</dt>") && !page.contains("skin voxels"));
+    let demo =
+        oct(&["demo", "--size", "32", "--memory", "16MiB", "-o", &text(&folder.path().join("demo.oct"))]);
+    assert!(demo.stdout.contains("\ncells ") && !demo.stdout.contains("skin voxel"), "{demo:?}");
     // Slices at one place form no volume: of two series it is said which.
     let flat = folder.path().join("flat");
     fs::create_dir(&flat).unwrap();

@@ -523,6 +523,22 @@ fn a_fin_of_a_body_that_vanishes_is_reported() {
     }
 }
 
+#[test]
+fn an_open_shell_around_nothing_is_told_of_the_fill_that_keeps_it() {
+    let folder = tempfile::tempdir().unwrap();
+    // A square between two layers of centres: its cap is itself.
+    let corners = [[4.0, 4.0], [20.0, 4.0], [20.0, 20.0], [4.0, 20.0]].map(|[x, y]| [x, y, 5.9]);
+    let sheet = Body::new(&corners, &[[0, 1, 2], [0, 2, 3]]);
+    let input = file(folder.path(), "sheet.stl", &sheet.stl());
+    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
+        let (grid, options) = (exact_grid([24; 3]), BuildOptions { surface, ..share(8, 2) });
+        let model = folder.path().join("m.oct");
+        let build = |mesh| build_mesh(std::slice::from_ref(&input), &mesh, &options, &model, &Silent);
+        let sentence = build(on_grid(grid)).unwrap_err().to_string();
+        assert!(sentence.contains("fill surface"), "{surface:?}: {sentence}");
+    }
+}
+
 /// A body of several balls and boxes, on lattice points that singles hold.
 fn random_body(random: &mut Random) -> Body {
     let mut body = Body::default();

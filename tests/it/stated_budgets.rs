@@ -96,7 +96,10 @@ fn the_budget_of_a_mesh_is_named_at_once() {
             ("stl", body.stl()),
             ("ply", body.ply("binary_little_endian")),
             ("obj", body.obj()),
+            ("off", body.off()),
             ("glb", glb_of(body)),
+            ("gltf", containers::gltf(body)),
+            ("3mf", containers::threemf(body)),
         ] {
             let input = put(at, &format!("{name}.{suffix}"), &bytes);
             judge(&input, &["--grid", "64"]);
@@ -171,6 +174,11 @@ fn the_budget_of_a_tree_is_named_at_once_and_kept() {
         let [a, b, c, d] = [0, 1, 2, 3].map(|i| 4 * k + i);
         write!(faces, "[{a},{b},{c}],[{a},{c},{d}],[{a},{d},{b}],[{b},{d},{c}],").unwrap();
     }
+    // Meshes of a tree are looked at, and one after the other is read while those before are held.
+    put(folder.path(), "ball.stl", &Body::sphere([0.0; 3], 30.0, 3).stl());
+    put(folder.path(), "ball.ply", &Body::sphere([0.0; 3], 25.0, 4).ply("binary_little_endian"));
+    let pair = "difference() { import(file = \"ball.stl\"); import(file = \"ball.ply\"); }";
+    judge(&put(folder.path(), "pair.csg", pair.as_bytes()), &["--grid", "64"]);
     let large = format!("polyhedron(points=[{corners}[0,0,0]], faces=[{faces}[0,1,2],[0,2,1]]);");
     let large = format!("{large} cube([20000, 8000, 8000]);");
     let many = |solid: &str| {

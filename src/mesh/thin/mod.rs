@@ -23,7 +23,7 @@ use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
 use super::solid::{MeshSolid, row_words};
 use crate::builder::{
-    Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
@@ -80,6 +80,10 @@ impl Solid for ThinSolid {
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
         self.mesh.check_unchanged()
+    }
+
+    fn nothing_inside(&self) -> BuildError {
+        self.mesh.nothing_inside()
     }
 
     fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {

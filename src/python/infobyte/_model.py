@@ -180,7 +180,7 @@ class Model:
         up: Sequence[float] | None = None,
         turned: float | None = None,
         projection: str = "parallel",
-        fov: float = 35.0,
+        fov: float | None = None,
         zoom: float = 1.0,
         color: Sequence[int] | None = None,
         shading: str = "soft",
@@ -201,7 +201,7 @@ class Model:
 
         `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
         or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
-        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees from bottom to top. `zoom`:
+        `view`. `projection`: `parallel` or `perspective`, of `fov` degrees (35) from bottom to top. `zoom`:
         magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
         `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
         in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
@@ -468,7 +468,7 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     """The request of a picture, and its sides."""
     width, height = (size, size) if isinstance(size, int) else size
     usual = {
-        "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": 35.0,
+        "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,
         "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
         "annotate": False, "title": False, "legend": False, "section": None, "background": None, "threads": None,
     }
