@@ -311,7 +311,14 @@ fn distance(p: [f64; 3], triangles: &[[[f64; 3]; 3]]) -> f64 {
         }
         to_edge(*a, *b).min(to_edge(*b, *c)).min(to_edge(*c, *a))
     };
-    triangles.iter().map(to_face).fold(f64::INFINITY, f64::min)
+    triangles.iter().fold(f64::INFINITY, |least, t| {
+        // Beyond all of what is nearer already along an axis.
+        let is_far = |k: usize| {
+            t.iter().all(|corner| corner[k] - p[k] >= least)
+                || t.iter().all(|corner| p[k] - corner[k] >= least)
+        };
+        if is_far(0) || is_far(1) || is_far(2) { least } else { least.min(to_face(t)) }
+    })
 }
 
 impl Mesh {

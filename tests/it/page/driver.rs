@@ -26,6 +26,13 @@ pub(super) struct Driver {
 }
 
 impl Driver {
+    /// Starts a browser whose window is small, as software for graphics takes its time for each pixel.
+    pub(super) fn small(browser: &Path) -> Self {
+        let mut driver = Self::start(browser);
+        driver.size([400, 300], false);
+        driver
+    }
+
     /// Starts a browser with an empty page.
     pub(super) fn start(browser: &Path) -> Self {
         let profile = tempfile::tempdir().unwrap();
