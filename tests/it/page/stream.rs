@@ -62,14 +62,17 @@ fn a_page_fetches_the_same_model_as_a_page_holds() {
     let mut driver = Driver::small(&browser);
     let (ranges, whole) = (Site::of(Manner::Ranges, folder.path()), Site::of(Manner::Whole, folder.path()));
     let unstated = Site::of(Manner::Unstated, folder.path());
-    for (name, arguments) in cases {
+    for (number, (name, arguments)) in cases.into_iter().enumerate() {
         let (_, page) = paged(folder.path(), name, arguments);
         linked(&page.with_extension("oct"), &folder.path().join("viewer.html"));
         driver.open(&page, "");
         driver.ended("whole");
+        // What a server can do says nothing of what the model is: two of them try all.
+        let sites = [&ranges, &whole, &unstated];
+        let sites = if long() > 1 || number % 4 == 1 { &sites[..] } else { &sites[..1] };
         let pictured = driver.ask(&format!("{SUMS}(true)"));
         let wanted = driver.ask(&format!("{SUMS}(false)"));
-        for site in [&ranges, &whole, &unstated] {
+        for site in sites {
             for query in ["", "?model=./"] {
                 let query = if query.is_empty() { String::new() } else { format!("{query}{name}.oct") };
                 driver.visit("about:blank");
