@@ -74,24 +74,23 @@ impl Projection {
             let inside = if dq == 0 { dp > 0 } else { towards > 0 };
             (at, if inside { 0 } else { -1 }, -dq * i64::from(STEPS))
         };
-        let (mut e0, t0, s0) = edge(1, 2);
-        let (mut e1, t1, s1) = edge(2, 0);
-        let (mut e2, t2, s2) = edge(0, 1);
+        let edges = [edge(1, 2), edge(2, 0), edge(0, 1)];
+        let Some((skipped, count)) = between(&edges, last - first) else { return };
+        let [(mut e0, t0, s0), (mut e1, t1, s1), (mut e2, t2, s2)] =
+            edges.map(|(at, outside, step)| (at + i64::from(skipped) * step, outside, step));
         let [x0, x1, x2] = self.corners.map(|corner| corner[self.axis]);
         let scale = 1.0 / (self.area as f64 * f64::from(HALF));
-        for column in first..=last {
+        let first = first + skipped;
+        for column in first..=first + count {
             if ((e0 + t0) | (e1 + t1) | (e2 + t2)) >= 0 {
                 let at = (e0 as f64 * x0 as f64 + e1 as f64 * x1 as f64 + e2 as f64 * x2 as f64) * scale;
-                let whole = at.floor();
-                let rest = at - whole;
-                let half = if rest > SURE && rest < 1.0 - SURE {
-                    #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^18 halves")]
-                    let half = whole as i64;
-                    half
-                } else {
-                    self.exact_half([e0, e1, e2])
-                };
-                each(column, half);
+                // Without a call, as `floor` is one.
+                #[expect(clippy::cast_possible_truncation, reason = "coordinates are below 2^18 halves")]
+                let towards_zero = at as i64;
+                let whole = towards_zero - i64::from(towards_zero as f64 > at);
+                let rest = at - whole as f64;
+                let is_sure = rest > SURE && rest < 1.0 - SURE;
+                each(column, if is_sure { whole } else { self.exact_half([e0, e1, e2]) });
             }
             e0 += s0;
             e1 += s1;
@@ -113,6 +112,27 @@ impl Projection {
         let side = [-nx, ny, nz].into_iter().find(|c| *c != 0).map_or(0, i64::signum);
         if side * self.normal[self.axis].signum() < 0 { half } else { half - 1 }
     }
+}
+
+/// Of steps 0 to `last` along a row the first of those on which all three edges may be positive, and how many follow it;
+/// `None` if there are none. Each edge is given by its value at step 0, what is added to it, and what a step adds.
+fn between(edges: &[(i64, i64, i64); 3], last: i32) -> Option<(i32, i32)> {
+    let (mut from, mut to) = (0, last);
+    for (at, outside, step) in edges {
+        #[expect(
+            clippy::cast_precision_loss,
+            clippy::cast_possible_truncation,
+            reason = "widened by one; saturates"
+        )]
+        let zero = (-(at + outside) as f64 / *step as f64) as i32;
+        match step.signum() {
+            0 if at + outside < 0 => return None,
+            0 => {}
+            1 => from = from.max(zero.saturating_sub(1)),
+            _ => to = to.min(zero.saturating_add(1)),
+        }
+    }
+    (from <= to).then_some((from, to - from))
 }
 
 /// The direction of a triangle: differences are below 2^30, so that it fits.
@@ -171,34 +191,31 @@ pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl F
 
 /// Where a triangle's plane lies within a slice, about: what keeps the cost of a triangle to its surface.
 struct Slab {
-    normal: [f64; 3],
-    corner: [f64; 3],
-    /// The slice, with a step more on either side.
-    z: (f64, f64),
+    /// Columns in which the plane meets the slice's two faces in row 0, and how far they move from row to row; `None` where
+    /// rows lie in the plane or beside it.
+    columns: Option<([f64; 2], f64)>,
 }
 
 impl Slab {
-    #[expect(clippy::cast_precision_loss, reason = "columns are widened by one")]
+    #[expect(clippy::cast_precision_loss, reason = "columns are widened")]
     fn new(t: &Triangle, normal: [i64; 3], z: i32) -> Self {
+        let [nx, ny, nz] = normal.map(|c| c as f64);
+        let [x0, y0, z0] = [t[0], t[1], t[2]].map(f64::from);
         let floor = f64::from(z) * f64::from(STEPS);
-        let corner = [t[0], t[1], t[2]].map(f64::from);
-        Self { normal: normal.map(|c| c as f64), corner, z: (floor - 1.0, floor + f64::from(STEPS) + 1.0) }
+        // The slice, with a step more on either side.
+        let faces = [floor - 1.0, floor + f64::from(STEPS) + 1.0];
+        let column = |x: f64| (x - f64::from(HALF)) / f64::from(STEPS);
+        let at = |z: f64| column(x0 - (nz * (z - z0) + ny * (f64::from(HALF) - y0)) / nx);
+        Self { columns: (normal[0] != 0).then(|| (faces.map(at), -ny / nx)) }
     }
 
     /// Columns of a row between which the plane may be within the slice.
     fn columns(&self, y: i32) -> (i32, i32) {
-        let [nx, ny, nz] = self.normal;
-        let [x0, y0, z0] = self.corner;
-        if nx == 0.0 {
-            return (i32::MIN / 2, i32::MAX / 2);
-        }
-        let dy = f64::from(y) * f64::from(STEPS) + f64::from(HALF) - y0;
-        let at = |z: f64| x0 - (nz * (z - z0) + ny * dy) / nx;
-        let (a, b) = (at(self.z.0), at(self.z.1));
-        let column = |x: f64| ((x - f64::from(HALF)) / f64::from(STEPS)).clamp(-1e6, 1e6);
+        let Some((faces, step)) = self.columns else { return (i32::MIN / 2, i32::MAX / 2) };
+        let [a, b] = faces.map(|column| column + step * f64::from(y));
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-        let columns = (column(a.min(b)).floor() as i32 - 1, column(a.max(b)).ceil() as i32 + 1);
-        columns
+        let [low, high] = [a.min(b), a.max(b)].map(|column| column.clamp(-1e6, 1e6) as i32);
+        (low - 2, high + 2)
     }
 }
 
