@@ -1,4 +1,6 @@
 //! The `oct` command: arguments in, one call into the library, an exit code out.
+// What goes wrong ends in a sentence.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod args;
 mod bars;

@@ -111,6 +111,8 @@
 //! ```text
 //! source --slabs--> builder (classify, skin, gradient, swap, merge) --> .oct --> load --> render
 //! ```
+// What a file holds ends in a model or in a sentence.
+#![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
 mod atomic;
 pub mod budget;

@@ -43,10 +43,7 @@ impl<T: Scalar> Voxels<T> {
                 samples.extend((0..dims.nx()).map(|x| sample([x, y, z])));
             }
         }
-        match Self::new(dims, samples) {
-            Some(voxels) => voxels,
-            None => unreachable!("one sample was made for each voxel"),
-        }
+        Self { info: VolumeInfo::in_memory(dims, T::TYPE), samples }
     }
 
     /// The same voxels at another place: `affine` maps voxel indices to LPS mm.
