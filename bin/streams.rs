@@ -106,10 +106,10 @@ pub(crate) fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
 
 /// Suffixes of files that are neither models nor PNG pictures.
 const OTHERS: &[&str] = &[
-    "avi", "bmp", "bz2", "csv", "dcm", "dicom", "gif", "glb", "gz", "hdr", "heic", "htm", "html", "ima",
-    "img", "jp2", "jpeg", "jpg", "json", "md", "mgh", "mgz", "mha", "mhd", "mp4", "nhdr", "nii", "npy",
-    "npz", "nrrd", "obj", "off", "pdf", "ply", "raw", "stl", "svg", "tar", "tif", "tiff", "toml", "txt",
-    "webp", "xml", "zip", "zst",
+    "3mf", "am", "avi", "bmp", "bz2", "csg", "csv", "dcm", "dicom", "gif", "glb", "gltf", "gz", "hdr",
+    "heic", "htm", "html", "ima", "img", "jp2", "jpeg", "jpg", "json", "md", "mgh", "mgz", "mha", "mhd",
+    "mp4", "mrc", "nhdr", "nii", "npy", "npz", "nrrd", "obj", "off", "pdf", "ply", "raw", "stl", "svg",
+    "tar", "tif", "tiff", "toml", "txt", "vgi", "vol", "vtk", "webp", "xml", "zarr", "zip", "zst",
 ];
 
 /// Refuses a name that says that the file is something else.

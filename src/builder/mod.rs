@@ -20,7 +20,8 @@
 //!
 //! | files | what they do |
 //! |---|---|
-//! | `solid`, `file_solid`, `volume`, `typed`, `cells` | what is built: any solid, one from files, a volume with a threshold |
+//! | `typed` | from samples to a solid: start here for volumes |
+//! | `solid`, `volume`, `cells`, `file_solid` | any solid; a volume's skin; a volume's cells, which `oct build` makes; one from files |
 //! | `labels` | the skin of every label of a volume |
 //! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |

@@ -257,7 +257,7 @@ pub(crate) enum Fault {
     )]
     ChangedInUse,
     #[error(
-        "is {0}; DICOM, NRRD, NIfTI, MetaImage, .npy, MRC, VTK, VGStudio, Amira, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
+        "is {0}; DICOM, NRRD, NIfTI, MetaImage, .npy, MRC, VTK, VGStudio, Amira, Zarr, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
     )]
     Known(Known),
     #[error("is not DICOM, in spite of its name; for headerless voxels add {DIMS} and {DTYPE}")]

@@ -12,7 +12,7 @@
 //! | [`single`] | the same for one ray alone |
 //! | [`batch`] | the same for many rays without neighbours, eight in flight: secondary rays |
 //! | [`surface`] | the last decision: is this box a hit |
-//! | [`cells`] | the surface within a cell |
+//! | [`cells`] | the surface within a cell: `meet` decides, `predict` and `look` are its short cuts |
 //! | [`discrete`] | the paper's own traversal |
 //! | [`form`] | portable, AVX2, AVX-512 or that with VBMI2; `lanes`, `lanes_x86` and `lanes_vbmi2` are their arithmetic |
 //! | `pairs` | rays of a tile and the planes of a brick, sixteen pairs at a time |

@@ -461,7 +461,8 @@ fn model(bytes: &[u8]) -> bool {
     // A mask of the largest grid takes longer than a case may.
     if view.depth() <= 8 {
         // A page begins with a picture of its full size, which takes seconds with the counters of coverage.
-        let written = ExportForm::ALL.into_iter().filter(|form| *form != ExportForm::Html);
+        let of_pages = [ExportForm::Html, ExportForm::Linked];
+        let written = ExportForm::ALL.into_iter().filter(|form| !of_pages.contains(form));
         for (form, simplify) in written.zip(0..) {
             // Surfaces of labels are not simplified, and others are not moved.
             let has_labels = view.labels().is_some();
