@@ -115,7 +115,7 @@ impl Projection {
 }
 
 /// Of steps 0 to `last` along a row the first of those on which all three edges may be positive, and how many follow it;
-/// `None` if there are none. Each edge is given by its value at step 0, what is added to it, and what a step adds.
+/// `None` where no step is left. Each edge is given by its value at step 0, what is added to it, and what a step adds.
 fn between(edges: &[(i64, i64, i64); 3], last: i32) -> Option<(i32, i32)> {
     let (mut from, mut to) = (0, last);
     for (at, outside, step) in edges {
@@ -192,7 +192,7 @@ pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl F
 /// Where a triangle's plane lies within a slice, about: what keeps the cost of a triangle to its surface.
 struct Slab {
     /// Columns in which the plane meets the slice's two faces in row 0, and how far they move from row to row; `None` where
-    /// rows lie in the plane or beside it.
+    /// rows are parallel to the plane.
     columns: Option<([f64; 2], f64)>,
 }
 
