@@ -290,8 +290,45 @@ fn simplified_meshes_are_closed_smaller_and_near() {
     }
 }
 
-/// The least distance of a point to triangles.
-fn distance(p: [f64; 3], triangles: &[[[f64; 3]; 3]]) -> f64 {
+/// Triangles by the least x of their corners, and the most that one of them reaches along x.
+struct Surface {
+    triangles: Vec<[[f64; 3]; 3]>,
+    reach: f64,
+}
+
+fn least_x(t: &[[f64; 3]; 3]) -> f64 {
+    t[0][0].min(t[1][0]).min(t[2][0])
+}
+
+impl Surface {
+    fn of(mut triangles: Vec<[[f64; 3]; 3]>) -> Self {
+        triangles.sort_by(|a, b| least_x(a).total_cmp(&least_x(b)));
+        let reach = triangles.iter().map(|t| t[0][0].max(t[1][0]).max(t[2][0]) - least_x(t));
+        Self { reach: reach.fold(0.0, f64::max), triangles }
+    }
+
+    /// The least distance of a point: of the triangles before and behind it, until all others are further along x.
+    fn distance(&self, p: [f64; 3]) -> f64 {
+        let (before, behind) = self.triangles.split_at(self.triangles.partition_point(|t| least_x(t) < p[0]));
+        let mut least = f64::INFINITY;
+        for t in before.iter().rev() {
+            if p[0] - least_x(t) - self.reach >= least {
+                break;
+            }
+            least = least.min(distance(p, t));
+        }
+        for t in behind {
+            if least_x(t) - p[0] >= least {
+                break;
+            }
+            least = least.min(distance(p, t));
+        }
+        least
+    }
+}
+
+/// The distance of a point to a triangle.
+fn distance(p: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let sub = |a: [f64; 3], b: [f64; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let to_edge = |a: [f64; 3], b: [f64; 3]| {
@@ -300,25 +337,15 @@ fn distance(p: [f64; 3], triangles: &[[[f64; 3]; 3]]) -> f64 {
         let away = sub(ap, ab.map(|c| c * along));
         dot(away, away).sqrt()
     };
-    let to_face = |[a, b, c]: &[[f64; 3]; 3]| {
-        let (u, v, w) = (sub(*b, *a), sub(*c, *a), sub(p, *a));
-        let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));
-        let whole = uu * vv - uv * uv;
-        let [s, t] = [(vv * uw - uv * vw) / whole, (uu * vw - uv * uw) / whole];
-        if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
-            let away = [0, 1, 2].map(|k| w[k] - s * u[k] - t * v[k]);
-            return dot(away, away).sqrt();
-        }
-        to_edge(*a, *b).min(to_edge(*b, *c)).min(to_edge(*c, *a))
-    };
-    triangles.iter().fold(f64::INFINITY, |least, t| {
-        // Beyond all of what is nearer already along an axis.
-        let is_far = |k: usize| {
-            t.iter().all(|corner| corner[k] - p[k] >= least)
-                || t.iter().all(|corner| p[k] - corner[k] >= least)
-        };
-        if is_far(0) || is_far(1) || is_far(2) { least } else { least.min(to_face(t)) }
-    })
+    let (u, v, w) = (sub(*b, *a), sub(*c, *a), sub(p, *a));
+    let (uu, uv, vv, uw, vw) = (dot(u, u), dot(u, v), dot(v, v), dot(u, w), dot(v, w));
+    let whole = uu * vv - uv * uv;
+    let [s, t] = [(vv * uw - uv * vw) / whole, (uu * vw - uv * uw) / whole];
+    if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
+        let away = [0, 1, 2].map(|k| w[k] - s * u[k] - t * v[k]);
+        return dot(away, away).sqrt();
+    }
+    to_edge(*a, *b).min(to_edge(*b, *c)).min(to_edge(*c, *a))
 }
 
 impl Mesh {
@@ -353,8 +380,9 @@ fn meshes_within_an_error_are_closed_smaller_and_near() {
             last = mesh.triangles.len();
             let (old, new) = (fine.faces(), mesh.faces());
             let middle = |t: &[[f64; 3]; 3]| [0, 1, 2].map(|k| (t[0][k] + t[1][k] + t[2][k]) / 3.0);
-            let there = old.iter().map(|t| distance(t[0], &new).max(distance(middle(t), &new)));
-            let back = new.iter().map(|t| distance(middle(t), &old));
+            let (old, new) = (Surface::of(old), Surface::of(new));
+            let there = old.triangles.iter().map(|t| new.distance(t[0]).max(new.distance(middle(t))));
+            let back = new.triangles.iter().map(|t| old.distance(middle(t)));
             let worst = there.chain(back).fold(0.0, f64::max) / least;
             assert!(worst <= bound, "{surface:?} {bound}: {worst}");
             // Corners are those of the fine mesh, with their normals, but for some in the middle of new edges.

@@ -109,8 +109,8 @@ fn parts_of_any_number_join_into_the_file_of_one_build() {
     let half = ["--surface", "skin", "--downsample", "2"];
     type Row<'a> = (&'a [&'a str], [u32; 3], ScalarType, &'a [u32]);
     let table: [Row<'_>; 11] = [
-        (&["--surface", "skin"], [150, 270, 300], U16, &[1, 2, 3, 7, 64, 256]),
-        (&cells, [150, 270, 300], I16, &[1, 2, 3, 7, 64]),
+        (&["--surface", "skin"], [150, 270, 300], U16, &[1, 2, 3, 7, if long() > 1 { 256 } else { 40 }]),
+        (&cells, [150, 270, 300], I16, if long() > 1 { &[1, 2, 3, 7, 64] } else { &[2, 7] }),
         // Cells reach one further than samples.
         (&cells, [40, 128, 256], U8, &[2, 3, 7]),
         (&rich, [129, 257, 140], U8, &[3, 7]),
@@ -159,12 +159,12 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
         (&skin, U8, 1),
         (&skin, I8, 3),
         (&cut, U16, 5),
-        (&skin, I16, 40),
+        (&skin, I16, if long() > 1 { 40 } else { 9 }),
         (&half, U8, 7),
         (&skin, I32, 3),
         (&skin, F32, 4),
         (&half, F32, 2),
-        (&["--surface", "cells"], F64, 300),
+        (&["--surface", "cells"], F64, if long() > 1 { 300 } else { 24 }),
     ];
     for (options, scalar, count) in table {
         let job = Job::new([90, 200, 300], scalar, options);
@@ -183,7 +183,7 @@ fn the_threshold_of_all_parts_is_that_of_one_build() {
 fn any_options_give_the_bytes_of_one_build_with_components_and_cavities_across_cuts() {
     use ScalarType::{F32, I8, I16, I32, U8, U16};
     let mut random = Random(29);
-    for round in 0..14 * long() {
+    for round in 0..8 * long() {
         let mut pick = |words: &[&str]| words[random.below(words.len())].to_owned();
         let groups = [
             pick(&["--surface skin", "--surface cells", "--surface skin --connectivity 6 --gradient auto"]),
@@ -368,10 +368,10 @@ fn parts_of_meshes_and_of_trees_join_into_the_file_of_one_build() {
     .unwrap();
     let table: [(&str, &[&str], u32); 5] = [
         ("v.stl", &["--grid", "300", "--surface", "cells"], 3),
-        ("v.stl", &["--grid", "300", "--surface", "skin"], 7),
-        ("v.stl", &["--grid", "200", "--surface", "skin", "--keep-thin", "--connectivity", "6"], 4),
-        ("a.csg", &["--grid", "300", "--surface", "cells"], 5),
-        ("a.csg", &["--grid", "280", "--surface", "skin", "--lod", "off"], 64),
+        ("v.stl", &["--grid", "200", "--surface", "skin"], 7),
+        ("v.stl", &["--grid", "150", "--surface", "skin", "--keep-thin", "--connectivity", "6"], 4),
+        ("a.csg", &["--grid", "200", "--surface", "cells"], 5),
+        ("a.csg", &["--grid", "140", "--surface", "skin", "--lod", "off"], 20),
     ];
     for (input, options, count) in table {
         let (input, one, all, out) = (at(input), at("one.oct"), at("all.oct"), at("job"));
@@ -550,7 +550,7 @@ fn parts_and_merges_that_are_killed_leave_nothing_and_the_bytes_are_the_same_in_
 #[test]
 fn a_build_that_is_killed_goes_on_from_its_parts() {
     for (surface, budget) in [("cells", "16MiB"), ("skin", "12MiB")] {
-        let job = Job::new([90, 200, 700], ScalarType::U16, &["--surface", surface, "--iso", "40"]);
+        let job = Job::new([60, 140, 700], ScalarType::U16, &["--surface", surface, "--iso", "40"]);
         let whole = job.whole();
         let output = text(&job.path("all.oct"));
         let resume = ["-o", &output, "--resume", "--memory", budget, "--scratch"];

@@ -17,7 +17,7 @@ fn data_of(html: &str) -> (Vec<&str>, &str) {
 fn damaged_models_give_a_sentence_or_a_picture_and_the_graphics_live_on() {
     let Some(browser) = chromium() else { return };
     let folder = tempfile::tempdir().unwrap();
-    let mut driver = Driver::small(&browser);
+    let mut driver = Driver::start(&browser);
     let cases: [(&str, &[&str]); 3] = [
         ("skin", &["synthetic:head@32", "--surface", "skin"]),
         ("corners", &["synthetic:sphere@32?noise=0.4", "--surface", "cells"]),
@@ -59,7 +59,7 @@ fn pages_that_are_cut_or_changed_end_with_a_sentence() {
     let html = fs::read(&page).unwrap();
     let text = str::from_utf8(&html).unwrap();
     let begins = text.find("data-part>").unwrap();
-    let mut driver = Driver::small(&browser);
+    let mut driver = Driver::start(&browser);
     let mut random = Random(30);
     let (mut failed, mut whole) = (0, 0);
     for round in 0..30 * long() {
@@ -122,7 +122,7 @@ fn damaged_files_become_a_sentence_or_a_page_that_opens() {
     println!("{refused} refused, {} became pages", pages.len());
     assert!(refused > 50, "{refused}");
     let Some(browser) = chromium() else { return };
-    let mut driver = Driver::small(&browser);
+    let mut driver = Driver::start(&browser);
     for html in pages.iter().take(40) {
         fs::write(&out, html).unwrap();
         driver.open(&out, "");

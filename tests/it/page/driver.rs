@@ -13,8 +13,23 @@ pub(super) const ARGUMENTS: [&str; 6] = [
     "--enable-unsafe-swiftshader",
 ];
 
-/// Looks for what is waited for, 50 ms apart.
-const MAX_LOOKS: usize = 2400;
+/// Gives pages one colour for a picture, where `NUMBERS` still come from rays: software for graphics takes seconds to
+/// compile the program of pictures, in every page, and seconds more for what it draws.
+pub(super) const FLAT: &str = r"{
+    const contexts = WebGL2RenderingContext.prototype, real = contexts.shaderSource;
+    contexts.shaderSource = function (shader, text) {
+        const drawn = text.includes('isSmooth') && !text.includes('#define NUMBERS');
+        real.call(this, shader, drawn ? '#version 300 es\nprecision highp float; layout(location = 0) out vec4 found; void main() { found = vec4(1); }' : text);
+    };
+}";
+
+/// Are pictures drawn as users see them: where they are kept, or tests are long?
+pub(super) fn are_drawn() -> bool {
+    long() > 1 || std::env::var_os("INFOBYTE_SHOTS").is_some()
+}
+
+/// Looks for what is waited for, 50 ms apart: five minutes.
+const MAX_LOOKS: usize = 6000;
 
 pub(super) struct Driver {
     child: Child,
@@ -26,15 +41,17 @@ pub(super) struct Driver {
 }
 
 impl Driver {
-    /// Starts a browser whose window is small, as software for graphics takes its time for each pixel.
-    pub(super) fn small(browser: &Path) -> Self {
-        let mut driver = Self::start(browser);
-        driver.size([400, 300], false);
+    /// Starts a browser whose pages have pictures of one colour, unless these are kept.
+    pub(super) fn start(browser: &Path) -> Self {
+        let mut driver = Self::drawing(browser);
+        if !are_drawn() {
+            driver.call("Page.addScriptToEvaluateOnNewDocument", serde_json::json!({ "source": FLAT }));
+        }
         driver
     }
 
-    /// Starts a browser with an empty page.
-    pub(super) fn start(browser: &Path) -> Self {
+    /// Starts a browser with an empty page, whose window is small, as software for graphics takes its time for each pixel.
+    pub(super) fn drawing(browser: &Path) -> Self {
         let profile = tempfile::tempdir().unwrap();
         // It reads commands from file 3, and answers in file 4.
         let mut child = Command::new("sh")
@@ -59,8 +76,7 @@ impl Driver {
         for domain in ["Page", "Runtime", "Accessibility"] {
             driver.call(&format!("{domain}.enable"), serde_json::json!({}));
         }
-        // Small, since software draws it.
-        driver.size([320, 240], false);
+        driver.size([400, 300], false);
         driver
     }
 

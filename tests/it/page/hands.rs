@@ -9,9 +9,13 @@ const MIDDLE: [f64; 2] = [320.0, 220.0];
 
 /// A page of a head, and a browser that shows it.
 fn shown_head(folder: &Path) -> Option<(Driver, PathBuf)> {
+    shown_by(Driver::start, folder)
+}
+
+fn shown_by(start: impl Fn(&Path) -> Driver, folder: &Path) -> Option<(Driver, PathBuf)> {
     let browser = chromium()?;
     let (_, page) = paged(folder, "head", &["synthetic:head@48", "--surface", "cells"]);
-    let mut driver = Driver::start(&browser);
+    let mut driver = start(&browser);
     driver.size(SIZE, false);
     driver.open(&page, "");
     Some((driver, page))
@@ -279,7 +283,7 @@ fn a_page_keeps_its_state_in_another_size_reloaded_and_after_another_page() {
 #[test]
 fn a_page_comes_back_when_the_graphics_were_lost() {
     let folder = tempfile::tempdir().unwrap();
-    let Some((mut page, _)) = shown_head(folder.path()) else { return };
+    let Some((mut page, _)) = shown_by(Driver::drawing, folder.path()) else { return };
     let drawn = "page.drawing.numbers(page.view, 32, 32).reduce((sum, n) => sum + n % 1000, 0)";
     page.key("2");
     let (state, before) = (page.state(), page.number(drawn));

@@ -162,8 +162,9 @@ fn shown(browser: &Path, page: &Path, looks: &[Look], what: &str) -> Value {
         "</body>",
         &format!("<script>const CAMERAS = {cameras}, SIDE = {side}, WHAT = {what:?}, TELL = {tell:?};</script>\n<script>{test}</script></body>"),
     );
+    let flat = if what == "pictures" && !driver::are_drawn() { driver::FLAT } else { "" };
     let tested = page.with_extension("test.html");
-    fs::write(&tested, format!("{head}{body}")).unwrap();
+    fs::write(&tested, format!("{head}<script>{flat}</script>{body}")).unwrap();
     let address = format!("file://{}", tested.canonicalize().unwrap().display());
     if let Some(ear) = firefox {
         return ear.told_by(browser, &address);
