@@ -89,7 +89,7 @@ class Campaign:
             kept = KEPT / f"{name}.cases"
             for number, case in enumerate(cases(kept) if kept.exists() else []):
                 (self.corpus(name) / f"kept-{number}").write_bytes(case)
-        self.busy, self.stop = set(), False
+        self.busy, self.ended, self.stop = set(), {}, False
 
     def corpus(self, name):
         return WORK / "corpus" / name
@@ -124,8 +124,9 @@ class Campaign:
         for case in fresh:
             self.judge(name, case)
         if code and not fresh:
+            # A find that is kept already, or no memory: this target is left, the others go on.
             print(f"\n{name}: the fuzzer ended with {code}\n{said[-2000:]}", file=sys.stderr)
-            self.stop = True
+            self.ended[name] = code
 
     def judge(self, name, case):
         """Runs a find alone; what fails again is kept, one for each place."""
@@ -147,7 +148,7 @@ class Campaign:
     def next(self):
         with self.lock:
             hungry = [n for n in self.args.targets
-                      if n not in self.busy and self.state[n]["cpu_s"] < self.args.hours * 3600]
+                      if n not in self.busy | self.ended.keys() and self.state[n]["cpu_s"] < self.args.hours * 3600]
             if self.stop or not hungry:
                 return None
             name = min(hungry, key=lambda n: self.state[n]["cpu_s"])
@@ -228,7 +229,9 @@ def main():
     found = [(n, w, c) for n in args.targets for w, c in campaign.state[n]["finds"].items()]
     for name, where, case in found:
         print(f"find: {name}: {where}: {campaign.finds(name) / case}")
-    sys.exit(bool(found))
+    for name, code in campaign.ended.items():
+        print(f"not fuzzed to the end: {name}: the fuzzer ended with {code}")
+    sys.exit(bool(found or campaign.ended))
 
 
 main()

@@ -1,13 +1,16 @@
 #!/usr/bin/env bash
-# Every test that tries random rays, volumes or bytes, with more of them than a test run takes.
-# usage: scripts/long.sh [TIMES]     as many times as much as usual; 20 by default, some 20 minutes on 2 cores
+# Every test that tries random rays, volumes, bodies or bytes, with more of them than a test run takes, and pages as they
+# are seen.
+# usage: scripts/long.sh [TIMES]     as many times as much as usual; 20 by default, some 20 minutes on 2 cores, and
+#                             some hours where there is a chromium
 set -euo pipefail
 cd "$(dirname "$0")/.."
 
 times=${1:-20}
 [[ $times =~ ^[1-9][0-9]*$ ]] || { echo "'$times' is not a number of times; give 1 or more" >&2; exit 2; }
 export INFOBYTE_LONG=$times
-tests=(hard_cases oracle traversal visible light_leaks mesh_containers mesh_foreign volumes csg mutations)
+tests=(hard_cases oracle traversal visible light_leaks mesh_containers mesh_foreign volumes export larger_leaves parts page
+    mutations)
 # Mutations fill disks and kill the command, and are in the program of processes.
 program_of() { [ "$1" = mutations ] && echo process || echo it; }
 

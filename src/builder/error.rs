@@ -34,7 +34,7 @@ pub(crate) enum BuildFault {
     #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
     NothingInside { name: String },
     #[error(
-        "{name}: no voxel is inside, as the mesh is open and its caps enclose too little; {FILL} surface builds the voxels that it passes through, and a finer grid may help"
+        "{name}: no voxel is inside, as the mesh is open and its caps enclose too little; {FILL} surface builds skin of the voxels that it passes through, and a finer grid may help"
     )]
     NothingInsideOpen { name: String },
     #[error(

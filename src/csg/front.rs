@@ -13,7 +13,7 @@ use super::read::{too_small, unusable};
 use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
-use super::tree::{Faces, NodeId, Shape, Tree};
+use super::tree::{Faces, NodeId, Shape, Tree, room};
 use crate::budget::{Budget, MemoryCap, Reservation};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
@@ -105,7 +105,9 @@ impl<'a, 't> Front<'a, 't> {
             let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
-                    sampled.push(self.mesh(path, &to_lattice, &place, meshes)?);
+                    // It is read while the leaves before it are held.
+                    let held = made + room(number as u64) * (size_of::<Leaf>() + 8) as u64;
+                    sampled.push(self.mesh(path, &to_lattice, &place, (meshes, held))?);
                     Leaf::Sampled(u32::try_from(sampled.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
@@ -160,16 +162,17 @@ impl<'a, 't> Front<'a, 't> {
         path: &Path,
         to_lattice: &Affine,
         place: &LatticeGrid,
-        meshes: usize,
+        (meshes, held): (usize, u64),
     ) -> Result<SampledLeaf<'a>, BuildError> {
         let rows = to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let (to_voxels, scratch) = ((Affine { rows }, place.dims), &self.scratch);
         let solid = match &self.dry {
             None => mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?.0,
-            Some((dry, held)) => {
-                let least = least_part(path, to_voxels, self.options, scratch, dry)?;
-                let (solid, held_now) = least.ok_or_else(|| too_small(self.name, self.options.memory, 0))?;
-                held.borrow_mut().extend(held_now);
+            Some((dry, parts)) => {
+                let _before = dry.reserve(held);
+                let least = least_part(path, to_voxels, self.options, scratch, (self.progress, dry))?;
+                let (solid, part) = least.ok_or_else(|| too_small(self.name, self.options.memory, 0))?;
+                parts.borrow_mut().extend(part);
                 solid
             }
         };

@@ -13,7 +13,7 @@ use super::tree::{Shape, room};
 use super::{CsgOptions, solid_of};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, current_rss_bytes};
-use crate::builder::{BuildOptions, Silent, reserve_least_of};
+use crate::builder::{BuildOptions, Progress, reserve_least_of};
 use crate::geom::Affine;
 use crate::mesh::{Bounds, GridChoice};
 
@@ -25,9 +25,9 @@ const MADE_BYTES: u64 = 1 << 20;
 /// is large and has files: their own readers name what they take.
 pub(crate) fn least_cap(
     path: &Path,
-    csg: &CsgOptions,
-    options: &BuildOptions,
+    (csg, options): (&CsgOptions, &BuildOptions),
     scratch: PathBuf,
+    progress: &dyn Progress,
     dry: &Budget,
 ) -> Option<u64> {
     // What the process really holds leaves room, as more code is counted than runs before a build.
@@ -36,7 +36,7 @@ pub(crate) fn least_cap(
         MemoryCap::Share(bytes) => bytes,
     };
     match parse_file(path, MADE_BYTES.max(room / 4)).ok()? {
-        Ok(parsed) => made(path, &parsed, (csg, options), scratch, dry)?,
+        Ok(parsed) => made(path, &parsed, (csg, options), scratch, (progress, dry))?,
         Err(_) => counted(path, &count_file(path)?, csg, options, dry)?,
     }
     Some(dry.smallest_limit(1))
@@ -48,7 +48,7 @@ fn made(
     ParsedTree { tree, root, peak_bytes }: &ParsedTree,
     (csg, options): (&CsgOptions, &BuildOptions),
     scratch: PathBuf,
-    dry: &Budget,
+    (progress, dry): (&dyn Progress, &Budget),
 ) -> Option<()> {
     if tree.files().any(|shape| matches!(shape, Shape::Volume { .. })) {
         return None;
@@ -66,7 +66,7 @@ fn made(
         csg,
         options: &options,
         scratch,
-        progress: &Silent,
+        progress,
         peak,
         dry: Some((dry, RefCell::default())),
     };

@@ -412,7 +412,7 @@ impl BuildJob<'_> {
         self.tree_within(path, then).map_err(|error| match error {
             Error::Build(error) if error.minimum_bytes().is_some() => {
                 let scratch = self.options.scratch_folder(self.output);
-                let least = least_cap(path, &self.grid.tree(), self.options, scratch, &dry);
+                let least = least_cap(path, (&self.grid.tree(), self.options), scratch, self.progress, &dry);
                 Error::Build(error.with_minimum(least))
             }
             other => other,

@@ -60,7 +60,7 @@ use std::sync::Arc;
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation};
 use crate::builder::FileSolid;
-use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Silent, Tile};
+use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Tile};
 use crate::facts::SourceError;
 pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -236,9 +236,9 @@ pub(crate) fn least_part(
     placed: (Affine, Dims),
     options: &BuildOptions,
     scratch: &Path,
-    dry: &Budget,
+    (progress, dry): (&dyn Progress, &Budget),
 ) -> Result<Option<(MeshSolid, Vec<Reservation>)>, BuildError> {
-    as_part(path, placed, options, scratch, &Silent, |front| front.least_solid(dry))
+    as_part(path, placed, options, scratch, progress, |front| front.least_solid(dry))
 }
 
 fn as_part<T>(

@@ -129,13 +129,15 @@ impl BuildAsked {
         let all = [SurfaceKind::Skin, SurfaceKind::Cells].map(|kind| (kind.name().to_owned(), kind));
         // Cells, unless something is asked for that only skin has.
         let of_normals = |names: &Vec<String>| names.iter().all(|name| name == Channel::Normal.name());
+        let is_offset = |names: &Vec<String>| names.iter().any(|name| name == Channel::Offset.name());
         let only_skin = self.gradient.is_some()
             || self.normal_bits.is_some_and(|bits| bits != 16)
             || self.connectivity == Some(6)
             || self.channels.as_ref().is_some_and(|names| names.is_empty() || !of_normals(names))
             || self.keep_thin
             || self.fill.as_deref() == Some("surface");
-        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        let only_cells = self.channels.as_ref().is_some_and(is_offset);
+        let usual = if only_skin && !only_cells { SurfaceKind::Skin } else { SurfaceKind::Cells };
         let surface = self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))?;
         let given = [("gradient", self.gradient.is_some()), ("connectivity", self.connectivity == Some(6))];
         match given.into_iter().find(|(_, given)| *given && surface == SurfaceKind::Cells) {
@@ -399,7 +401,7 @@ impl PictureAsked {
         let projection = self.projection.parse()?;
         let unused = [
             ("fov", "projection='perspective'", self.fov.is_some() && projection == Projection::Parallel),
-            ("ao_rays", "shading='ao'", self.ao_rays.is_some() && shading == Shading::Plain),
+            ("ao_rays", "shading='soft' or 'ao'", self.ao_rays.is_some() && shading == Shading::Plain),
         ];
         if let Some((name, with, _)) = unused.into_iter().find(|(.., is_unused)| *is_unused) {
             return Err(format!("{name} changes nothing without {with}; add that, or leave {name} out"));

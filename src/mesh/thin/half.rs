@@ -191,9 +191,9 @@ pub(super) fn crossings(t: &Triangle, z: i32, window: &Window, each: &mut impl F
 
 /// Where a triangle's plane lies within a slice, about: what keeps the cost of a triangle to its surface.
 struct Slab {
-    /// Columns in which the plane meets the slice's two faces in row 0, and how far they move from row to row; `None` where
-    /// rows are parallel to the plane.
-    columns: Option<([f64; 2], f64)>,
+    /// A row next to a corner, columns in which the plane meets the slice's two faces there, and how far they move from
+    /// row to row; `None` where rows are parallel to the plane. From far away the columns would be lost in rounding.
+    columns: Option<(f64, [f64; 2], f64)>,
 }
 
 impl Slab {
@@ -205,14 +205,16 @@ impl Slab {
         // The slice, with a step more on either side.
         let faces = [floor - 1.0, floor + f64::from(STEPS) + 1.0];
         let column = |x: f64| (x - f64::from(HALF)) / f64::from(STEPS);
-        let at = |z: f64| column(x0 - (nz * (z - z0) + ny * (f64::from(HALF) - y0)) / nx);
-        Self { columns: (normal[0] != 0).then(|| (faces.map(at), -ny / nx)) }
+        let row = f64::from(last_centre(t[1]));
+        let dy = row * f64::from(STEPS) + f64::from(HALF) - y0;
+        let at = |z: f64| column(x0 - (nz * (z - z0) + ny * dy) / nx);
+        Self { columns: (normal[0] != 0).then(|| (row, faces.map(at), -ny / nx)) }
     }
 
     /// Columns of a row between which the plane may be within the slice.
     fn columns(&self, y: i32) -> (i32, i32) {
-        let Some((faces, step)) = self.columns else { return (i32::MIN / 2, i32::MAX / 2) };
-        let [a, b] = faces.map(|column| column + step * f64::from(y));
+        let Some((row, faces, step)) = self.columns else { return (i32::MIN / 2, i32::MAX / 2) };
+        let [a, b] = faces.map(|column| column + step * (f64::from(y) - row));
         #[expect(clippy::cast_possible_truncation, reason = "clamped")]
         let [low, high] = [a.min(b), a.max(b)].map(|column| column.clamp(-1e6, 1e6) as i32);
         (low - 2, high + 2)
@@ -303,5 +305,14 @@ mod tests {
             }
         }
         assert!(met > 5000, "{met}");
+    }
+
+    #[test]
+    fn rows_far_from_the_first_of_a_long_steep_triangle_keep_their_columns() {
+        // It is 131,072 voxels wide and high, nearly faces y, and lies 16,000 rows away: a column more moves it by 2^29.
+        let [x, y, z] = [-65_536 * STEPS, 16_000 * STEPS + HALF, STEPS - 1];
+        let t: Triangle = [x, y, z, -x, y, STEPS, x, y + 1, -2 * x - STEPS];
+        let (from, to) = Slab::new(&t, direction(&t), 0).columns(16_000);
+        assert!(from <= 0 && to >= 63, "{from} to {to}");
     }
 }

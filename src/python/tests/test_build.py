@@ -245,6 +245,7 @@ def test_errors(bumps, tmp_path):
         (dict(connectivity=8), infobyte.UsageError, "26 or 6"),
         (dict(surface="cells", connectivity=6), infobyte.UsageError, "connectivity is for skin voxels"),
         (dict(surface="cells", gradient="sobel"), infobyte.UsageError, "gradient is for skin voxels"),
+        (dict(channels=["normal", "offset"], gradient="sobel"), infobyte.UsageError, "gradient is for skin voxels"),
         (dict(roi=[(0, 0), (0, 4), (0, 4)]), infobyte.UsageError, "roi"),
         (dict(drop_below="5 %%"), infobyte.UsageError, "drop_below"),
         (dict(memory="much"), infobyte.UsageError, "much"),
