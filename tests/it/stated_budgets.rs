@@ -179,10 +179,6 @@ fn the_budget_of_a_tree_is_named_at_once_and_kept() {
     put(folder.path(), "ball.ply", &Body::sphere([0.0; 3], 25.0, 4).ply("binary_little_endian"));
     let pair = "difference() { import(file = \"ball.stl\"); import(file = \"ball.ply\"); }";
     judge(&put(folder.path(), "pair.csg", pair.as_bytes()), &["--grid", "64"]);
-    // So are bodies that were made before it.
-    let balls: String = (0..80).map(|k| format!("translate([{k}, 0, 0]) sphere($fn = 20, r = 2);")).collect();
-    let behind = format!("{balls} import(file = \"ball.ply\");");
-    judge(&put(folder.path(), "behind.csg", behind.as_bytes()), &["--grid", "64"]);
     let large = format!("polyhedron(points=[{corners}[0,0,0]], faces=[{faces}[0,1,2],[0,2,1]]);");
     let large = format!("{large} cube([20000, 8000, 8000]);");
     let many = |solid: &str| {
