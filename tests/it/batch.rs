@@ -442,6 +442,10 @@ fn killed_at_any_moment_and_started_again_the_results_are_the_same() {
 
 #[test]
 fn all_of_the_real_data_within_16_mib() {
+    if long() == 1 {
+        println!("skipped: it takes a minute of both cores; INFOBYTE_LONG=2 runs it");
+        return;
+    }
     let Some(top) = data::real_data("") else { return };
     let folder = tempfile::tempdir().unwrap();
     let out: PathBuf = folder.path().join("out");
