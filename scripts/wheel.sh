@@ -4,6 +4,8 @@
 #   scripts/wheel.sh             a wheel for this machine's C library
 #   scripts/wheel.sh --portable  a wheel for Linux of 2018 and newer (manylinux_2_28), linked by the zig of the index
 #   PYTHON=python3.12 EXTRAS="trimesh nibabel" scripts/wheel.sh
+#   MATURIN_ARGUMENTS="--profile dev" INFOBYTE_OCT=target/debug/oct scripts/wheel.sh
+#                                for tests: of what `cargo build` left
 #
 # What is skipped is said by name. Without a package index nothing is built, and nothing fails.
 set -euo pipefail
@@ -53,7 +55,13 @@ ZIG
     "$bin/maturin" build --quiet --zig --compatibility manylinux_2_28 --target "$triple" --out dist
 else
     "$bin/python" src/python/backend.py
-    "$bin/maturin" build --quiet --out dist
+    # shellcheck disable=SC2086  # words
+    "$bin/maturin" build --quiet --out dist ${MATURIN_ARGUMENTS:-} 2>&1 | tee "$work/build.log"
+    # Nowhere else is the library compiled without the command.
+    if grep -q '^warning' "$work/build.log"; then
+        echo "wheel: the compiler warns" >&2
+        exit 1
+    fi
 fi
 wheel=$(ls -t dist/*.whl | head -n 1)
 # What is given is for a test.

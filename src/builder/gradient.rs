@@ -7,10 +7,11 @@
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
 use super::estimator::{Estimate, Gradient, Taps};
-use super::lanes::{LANES, Lanes, RingSample, fast_proof};
+use super::lanes::{LANES, Lanes, RingSample, Term, fast_proof, shifted};
 use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
 use crate::format::normal::{self, NormalBits};
+use bytemuck::Zeroable as _;
 
 pub(super) const REACH: u32 = 2;
 /// Samples of a wide and a narrow window.
@@ -129,14 +130,14 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
 
 /// Smoothing over five terms.
 #[inline(always)]
-fn smooth<L: Lanes>(taps: [i8; 3], v: [L; 5]) -> L {
+fn smooth<T: Term>(taps: [i8; 3], v: [T; 5]) -> T {
     let (near, far) = (v[1].plus(v[3]), v[0].plus(v[4]));
     v[2].times(taps[0]).plus(near.times(taps[1])).plus(far.times(taps[2]))
 }
 
 /// The derivative over five terms.
 #[inline(always)]
-fn derive<L: Lanes>(taps: [i8; 2], v: [L; 5]) -> L {
+fn derive<T: Term>(taps: [i8; 2], v: [T; 5]) -> T {
     let (near, far) = (v[3].minus(v[1]), v[4].minus(v[0]));
     near.times(taps[0]).plus(far.times(taps[1]))
 }
@@ -155,12 +156,13 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     let start = at - 2 * w.stride - 2;
     let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); WIDE + LANES]; 3];
+    let mut sums = [[L::Sum::zeroed(); WIDE + LANES]; 3];
     for block in 0..N / LANES {
         let mut smoothed = [L::zero(proof); 5];
         let mut derived = [L::zero(proof); 5];
         for (k, plane) in w.planes.iter().enumerate() {
-            let rows = five_rows::<R, LANES>(plane, start + block * LANES, w.stride).map(|row| widen(&row));
+            let [a, b, c, d, e] = five_rows::<R, LANES>(plane, start + block * LANES, w.stride);
+            let rows = [widen(&a), widen(&b), widen(&c), widen(&d), widen(&e)];
             (smoothed[k], derived[k]) = (smooth(taps_y, rows), derive(taps_d, rows));
         }
         let columns = [smooth(taps_z, smoothed), smooth(taps_z, derived), derive(taps_d, smoothed)];
@@ -170,12 +172,7 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
     }
     let mut out = [[0.0; N]; 3];
     for block in 0..N / LANES {
-        let shifted = |axis: usize| -> [L; 5] {
-            std::array::from_fn(|i| {
-                let from = block * LANES + i;
-                L::load(proof, &std::array::from_fn(|lane| sums[axis][from + lane]))
-            })
-        };
+        let shifted = |axis: usize| -> [L; 5] { shifted(proof, &sums[axis], block * LANES) };
         let lanes = [derive(taps_d, shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
         for (out, lanes) in out.iter_mut().zip(lanes) {
             out[block * LANES..][..LANES].copy_from_slice(&lanes.to_f32());
@@ -222,13 +219,17 @@ pub(super) fn gradient_of_depths(estimate: &Estimate, depths: &[[[f32; 5]; 5]; 5
 
 fn product_of_depths(taps: Taps, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
     let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
-    let row = |z: usize, x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|y| [depths[z][y][x]; LANES]) };
-    let smoothed = |x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|z| smooth(taps_y, row(z, x))) };
-    let derived = |x: usize| -> [[f32; LANES]; 5] { std::array::from_fn(|z| derive(taps_d, row(z, x))) };
-    let along_x = derive(taps_d, std::array::from_fn(|x| smooth(taps_z, smoothed(x))));
-    let along_y = smooth(taps_x, std::array::from_fn(|x| smooth(taps_z, derived(x))));
-    let along_z = smooth(taps_x, std::array::from_fn(|x| derive(taps_d, smoothed(x))));
-    [along_x[0], along_y[0], along_z[0]]
+    let mut sums = [[0.0; 5]; 3];
+    for x in 0..5 {
+        let (mut smoothed, mut derived) = ([0.0; 5], [0.0; 5]);
+        for (z, rows) in depths.iter().enumerate() {
+            let row = [rows[0][x], rows[1][x], rows[2][x], rows[3][x], rows[4][x]];
+            (smoothed[z], derived[z]) = (smooth(taps_y, row), derive(taps_d, row));
+        }
+        [sums[0][x], sums[1][x], sums[2][x]] =
+            [smooth(taps_z, smoothed), smooth(taps_z, derived), derive(taps_d, smoothed)];
+    }
+    [derive(taps_d, sums[0]), smooth(taps_x, sums[1]), smooth(taps_x, sums[2])]
 }
 
 /// Turns gradients into outward normal codes.

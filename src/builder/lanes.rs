@@ -5,11 +5,31 @@
 #![allow(unsafe_code)]
 
 use crate::cpu::Avx2;
+use bytemuck::Zeroable as _;
 
 pub(super) const LANES: usize = 8;
 
+/// What sums are made of: one, or eight side by side.
+pub(super) trait Term: Copy {
+    fn plus(self, other: Self) -> Self;
+    fn minus(self, other: Self) -> Self;
+    fn times(self, tap: i8) -> Self;
+}
+
+impl Term for f32 {
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+    fn minus(self, other: Self) -> Self {
+        self - other
+    }
+    fn times(self, tap: i8) -> Self {
+        self * Self::from(tap)
+    }
+}
+
 /// Eight sums side by side.
-pub(super) trait Lanes: Copy {
+pub(super) trait Lanes: Term {
     /// One sum, as it is kept between the passes.
     type Sum: bytemuck::Pod;
     /// The proof needed to make lanes: nothing, or that the machine has the instructions.
@@ -17,10 +37,19 @@ pub(super) trait Lanes: Copy {
     fn zero(proof: Self::Proof) -> Self;
     fn load(proof: Self::Proof, sums: &[Self::Sum; LANES]) -> Self;
     fn store(self) -> [Self::Sum; LANES];
-    fn plus(self, other: Self) -> Self;
-    fn minus(self, other: Self) -> Self;
-    fn times(self, tap: i8) -> Self;
     fn to_f32(self) -> [f32; LANES];
+}
+
+/// Eight sums from `from` on, then from the next one on, `K` times.
+#[inline(always)]
+pub(super) fn shifted<L: Lanes, const K: usize>(proof: L::Proof, sums: &[L::Sum], from: usize) -> [L; K] {
+    let mut terms = [L::zero(proof); K];
+    for (i, term) in terms.iter_mut().enumerate() {
+        let mut lanes = [L::Sum::zeroed(); LANES];
+        lanes.copy_from_slice(&sums[from + i..from + i + LANES]);
+        *term = L::load(proof, &lanes);
+    }
+    terms
 }
 
 /// A sample as it stands in the ring of slices.
@@ -35,6 +64,18 @@ pub(super) trait RingSample: bytemuck::Pod + PartialEq {
     fn widen_fast(avx2: Avx2, samples: &[Self; LANES]) -> Self::Fast;
 }
 
+impl Term for [i32; LANES] {
+    fn plus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i].wrapping_add(other[i]))
+    }
+    fn minus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i].wrapping_sub(other[i]))
+    }
+    fn times(self, tap: i8) -> Self {
+        self.map(|v| v.wrapping_mul(i32::from(tap)))
+    }
+}
+
 impl Lanes for [i32; LANES] {
     type Sum = i32;
     type Proof = ();
@@ -47,18 +88,21 @@ impl Lanes for [i32; LANES] {
     fn store(self) -> [i32; LANES] {
         self
     }
-    fn plus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i].wrapping_add(other[i]))
-    }
-    fn minus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i].wrapping_sub(other[i]))
-    }
-    fn times(self, tap: i8) -> Self {
-        self.map(|v| v.wrapping_mul(i32::from(tap)))
-    }
     #[expect(clippy::cast_precision_loss, reason = "one rounding, the only one")]
     fn to_f32(self) -> [f32; LANES] {
         self.map(|v| v as f32)
+    }
+}
+
+impl Term for [f32; LANES] {
+    fn plus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] + other[i])
+    }
+    fn minus(self, other: Self) -> Self {
+        std::array::from_fn(|i| self[i] - other[i])
+    }
+    fn times(self, tap: i8) -> Self {
+        self.map(|v| v * f32::from(tap))
     }
 }
 
@@ -73,15 +117,6 @@ impl Lanes for [f32; LANES] {
     }
     fn store(self) -> [f32; LANES] {
         self
-    }
-    fn plus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] + other[i])
-    }
-    fn minus(self, other: Self) -> Self {
-        std::array::from_fn(|i| self[i] - other[i])
-    }
-    fn times(self, tap: i8) -> Self {
-        self.map(|v| v * f32::from(tap))
     }
     fn to_f32(self) -> [f32; LANES] {
         self
@@ -112,7 +147,7 @@ pub(super) type FastF32 = [f32; LANES];
 mod avx2 {
     // SAFETY (every block here): a value of these types is made only with the proof that this machine has
     // AVX2, in this module or by `widen_fast`; no memory is accessed.
-    use crate::builder::lanes::{LANES, Lanes};
+    use crate::builder::lanes::{LANES, Lanes, Term};
     use crate::cpu::Avx2;
     use bytemuck::cast;
     use std::arch::x86_64::*;
@@ -122,6 +157,24 @@ mod avx2 {
         ($name:ident($vector:ty) of $lane:ty, $plus:ident, $minus:ident, $times:ident, $every:ident, $to_f32:ident) => {
             #[derive(Clone, Copy)]
             pub(in crate::builder) struct $name(pub(super) $vector);
+
+            impl Term for $name {
+                #[inline(always)]
+                fn plus(self, other: Self) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $plus(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn minus(self, other: Self) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $minus(self.0, other.0) })
+                }
+                #[inline(always)]
+                fn times(self, tap: i8) -> Self {
+                    // SAFETY: see the top of this module.
+                    Self(unsafe { $times(self.0, $every(<$lane>::from(tap))) })
+                }
+            }
 
             impl Lanes for $name {
                 type Sum = $lane;
@@ -137,21 +190,6 @@ mod avx2 {
                 #[inline(always)]
                 fn store(self) -> [$lane; LANES] {
                     cast(self.0)
-                }
-                #[inline(always)]
-                fn plus(self, other: Self) -> Self {
-                    // SAFETY: see the top of this module.
-                    Self(unsafe { $plus(self.0, other.0) })
-                }
-                #[inline(always)]
-                fn minus(self, other: Self) -> Self {
-                    // SAFETY: see the top of this module.
-                    Self(unsafe { $minus(self.0, other.0) })
-                }
-                #[inline(always)]
-                fn times(self, tap: i8) -> Self {
-                    // SAFETY: see the top of this module.
-                    Self(unsafe { $times(self.0, $every(<$lane>::from(tap))) })
                 }
                 #[inline(always)]
                 fn to_f32(self) -> [f32; LANES] {

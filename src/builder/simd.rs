@@ -32,9 +32,11 @@ pub(super) fn rows_of<R: bytemuck::Pod, const N: usize, const K: usize>(
         plane.len() >= N && start <= most && stride <= (most - start) / (K - 1),
         "a window leaves its plane"
     );
-    std::array::from_fn(|row| {
+    let mut rows = [[R::zeroed(); N]; K];
+    for (row, samples) in rows.iter_mut().enumerate() {
         // SAFETY: row < K, so start + row * stride + N <= start + (K - 1) * stride + N <= plane.len() by the
         // check above, and any bytes are a value of a Pod type.
-        unsafe { plane.as_ptr().add(start + row * stride).cast::<[R; N]>().read_unaligned() }
-    })
+        *samples = unsafe { plane.as_ptr().add(start + row * stride).cast::<[R; N]>().read_unaligned() };
+    }
+    rows
 }

@@ -145,12 +145,13 @@ pub(crate) fn cross_edges(
         let start = [centre(from[b]), centre(from[c])];
         // Twice the area between a side and a line, 0 or more within: at the first centre, and how it changes from one
         // to the next.
-        let sides = [[1, 2], [2, 0], [0, 1]].map(|[p, q]| {
+        let side = |p: usize, q: usize| {
             let (y, z) = (sign * (at(q, b) - at(p, b)), sign * (at(q, c) - at(p, c)));
             let first = y * (start[1] - at(p, c)) - z * (start[0] - at(p, b));
             [first, -z * i64::from(STEPS), y * i64::from(STEPS)]
-        });
-        let [[first_0, right_0, up_0], [first_1, right_1, up_1], [first_2, right_2, up_2]] = sides;
+        };
+        let ([first_0, right_0, up_0], [first_1, right_1, up_1]) = (side(1, 2), side(2, 0));
+        let [first_2, right_2, up_2] = side(0, 1);
         // Scalars: an array would go through memory, and each step would wait for it.
         let (mut row_0, mut row_1, mut row_2) = (first_0, first_1, first_2);
         for row in from[c]..=to[c] {

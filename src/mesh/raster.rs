@@ -13,14 +13,15 @@ const SURE: f64 = 1e-6;
 /// `column` is the first whose centre lies beyond, `sign` the direction of the triangle.
 #[inline]
 pub(crate) fn cross_slice(t: &Triangle, z: i32, from: i32, to: i32, cross: &mut impl FnMut(i32, i64, i32)) {
-    let [x0, y0, z0, x1, y1, z1, x2, y2, z2] = t.map(i64::from);
-    let area = (y1 - y0) * (z2 - z0) - (z1 - z0) * (y2 - y0);
-    if area == 0 {
-        return;
-    }
     let (low, high) = span(t, 1);
     let (first, last) = (first_centre(low).max(from), last_centre(high).min(to - 1));
     if first > last {
+        return;
+    }
+    let corner = |k: usize| [i64::from(t[k]), i64::from(t[k + 1]), i64::from(t[k + 2])];
+    let ([x0, y0, z0], [x1, y1, z1], [x2, y2, z2]) = (corner(0), corner(3), corner(6));
+    let area = (y1 - y0) * (z2 - z0) - (z1 - z0) * (y2 - y0);
+    if area == 0 {
         return;
     }
     let sign = area.signum();

@@ -177,9 +177,9 @@ fn disturbed(model: &Path, args: &[&str], disturb: &dyn Fn(&Path)) -> (Option<i3
 /// Long enough that the model is disturbed in the middle of them.
 fn long_commands<'a>(model: &'a str, picture: &'a str) -> [Vec<&'a str>; 3] {
     [
-        vec!["render", model, "-o", picture, "--size", "2400x2400", "--threads", "2"],
-        vec!["thumbnail", model, "-o", picture, "--size", "2048", "--threads", "2"],
-        vec!["selfcheck", model, "--rays", "300000"],
+        vec!["render", model, "-o", picture, "--size", "1600x1600", "--threads", "2"],
+        vec!["thumbnail", model, "-o", picture, "--size", "1024", "--threads", "2"],
+        vec!["selfcheck", model, "--rays", "100000"],
     ]
 }
 

@@ -334,7 +334,7 @@ fn distance(p: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let to_edge = |a: [f64; 3], b: [f64; 3]| {
         let (ab, ap) = (sub(b, a), sub(p, a));
         let along = (dot(ab, ap) / dot(ab, ab)).clamp(0.0, 1.0);
-        let away = sub(ap, ab.map(|c| c * along));
+        let away = sub(ap, [ab[0] * along, ab[1] * along, ab[2] * along]);
         dot(away, away).sqrt()
     };
     let (u, v, w) = (sub(*b, *a), sub(*c, *a), sub(p, *a));
@@ -342,7 +342,8 @@ fn distance(p: [f64; 3], [a, b, c]: &[[f64; 3]; 3]) -> f64 {
     let whole = uu * vv - uv * uv;
     let [s, t] = [(vv * uw - uv * vw) / whole, (uu * vw - uv * uw) / whole];
     if s >= 0.0 && t >= 0.0 && s + t <= 1.0 {
-        let away = [0, 1, 2].map(|k| w[k] - s * u[k] - t * v[k]);
+        let from = |k: usize| w[k] - s * u[k] - t * v[k];
+        let away = [from(0), from(1), from(2)];
         return dot(away, away).sqrt();
     }
     to_edge(*a, *b).min(to_edge(*b, *c)).min(to_edge(*c, *a))

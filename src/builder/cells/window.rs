@@ -16,9 +16,10 @@
 
 use super::fit::Batch;
 use super::jet::{CellSamples, DERIVE, Jet, MIXED, NEAR, PURE, TAPS};
-use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof};
+use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof, shifted};
 use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
 use crate::format::cell::CORNERS;
+use bytemuck::Zeroable as _;
 
 /// Cells of a window: those whose samples all lie in it.
 const CELLS: u32 = (LANES - TAPS + 1) as u32;
@@ -127,7 +128,8 @@ fn look<R: RingSample, L: Lanes>(
     let mut bent = [L::zero(proof); TAPS];
     let mut samples = [[0.0; LANES]; 4];
     for (k, plane) in w.planes.iter().enumerate() {
-        let rows = rows_of::<R, LANES, TAPS>(plane, at, w.stride).map(|row| widen(&row));
+        let [a, b, c, d] = rows_of::<R, LANES, TAPS>(plane, at, w.stride);
+        let rows = [widen(&a), widen(&b), widen(&c), widen(&d)];
         (smoothed[k], derived[k], bent[k]) = (smooth(rows), derive(rows), bend(rows));
         if k == 1 || k == 2 {
             (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
@@ -137,17 +139,15 @@ fn look<R: RingSample, L: Lanes>(
     let columns =
         [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[<L::Sum as bytemuck::Zeroable>::zeroed(); 2 * LANES]; 6];
+    let mut sums = [[L::Sum::zeroed(); 2 * LANES]; 6];
     for (sums, column) in sums.iter_mut().zip(columns) {
         sums[..LANES].copy_from_slice(&column.store());
     }
-    let shifted = |axis: usize| -> [L; TAPS] {
-        std::array::from_fn(|i| L::load(proof, &std::array::from_fn(|lane| sums[axis][i + lane])))
-    };
+    let shifted = |axis: usize| -> [L; TAPS] { shifted(proof, &sums[axis], 0) };
     let (flat, by_y, by_z) = (shifted(0), shifted(1), shifted(2));
-    let gradient = [derive(flat), smooth(by_y), smooth(by_z)].map(Lanes::to_f32);
-    let pure = [bend(flat), smooth(shifted(4)), smooth(shifted(5))].map(Lanes::to_f32);
-    let mixed = [derive(by_y), derive(by_z), smooth(shifted(3))].map(Lanes::to_f32);
+    let gradient = [derive(flat).to_f32(), smooth(by_y).to_f32(), smooth(by_z).to_f32()];
+    let pure = [bend(flat).to_f32(), smooth(shifted(4)).to_f32(), smooth(shifted(5)).to_f32()];
+    let mixed = [derive(by_y).to_f32(), derive(by_z).to_f32(), smooth(shifted(3)).to_f32()];
     let second = [pure[0], pure[1], pure[2], mixed[0], mixed[1], mixed[2]];
     Looked { gradient, second, samples }
 }

@@ -349,3 +349,35 @@ fn cells_of_a_cut_volume_have_its_surface() {
         assert!(dot(d, below.normal.unwrap()) > 0.98 * length, "{below:?}");
     }
 }
+
+/// A mesh is read while the bodies before it are held: a large one takes as much more there than behind it.
+#[test]
+fn the_smallest_memory_of_a_tree_holds_the_bodies_before_a_mesh() {
+    let folder = tempfile::tempdir().unwrap();
+    let folder = folder.path();
+    put_box(&folder.join("box.stl"), [0.0; 3], [30.0; 3]);
+    let corner = |i: u32| {
+        let angle = f64::from(i) * std::f64::consts::TAU / 3000.0;
+        let radius = f64::from(20 + i % 2);
+        format!("[{}, {}]", radius * angle.cos(), radius * angle.sin())
+    };
+    let points = (0..3000).map(corner).collect::<Vec<_>>().join(", ");
+    let body = format!("linear_extrude(height = 9) polygon([{points}]);");
+    let (tree, mesh) = (folder.join("tree.csg"), "import(\"box.stl\");");
+    let build = |bytes: u64| {
+        let subject = infobyte::Subject::open(std::slice::from_ref(&tree), &OpenOptions::default()).unwrap();
+        let side = Some(GridChoice::Side { voxels: 16, margin: 1 });
+        let grid = GridOptions { grid: side, unit_mm: 1.0, ..GridOptions::default() };
+        let how = BuildOptions { memory: MemoryCap::Share(bytes), ..options(16, 1) };
+        infobyte::build_subject(subject, &grid, &how, folder.join("tree.oct"))
+    };
+    let [before, behind] = [[&body, mesh], [mesh, &body]].map(|[first, second]| {
+        std::fs::write(&tree, format!("union() {{ {first} {second} }}")).unwrap();
+        let Err(infobyte::Error::Build(error)) = build(0) else { panic!("built in nothing") };
+        let smallest = error.minimum_bytes().unwrap();
+        let report = build(smallest).unwrap();
+        assert!(report.skin_voxels > 100 && report.plan_bytes <= smallest, "{report:?}");
+        smallest
+    });
+    assert!(before > behind + 200_000, "{before} and {behind}");
+}
