@@ -5,7 +5,7 @@
 #   scripts/wheel.sh --portable  a wheel for Linux of 2018 and newer (manylinux_2_28), linked by the zig of the index
 #   PYTHON=python3.12 EXTRAS="trimesh nibabel" scripts/wheel.sh
 #   MATURIN_ARGUMENTS="--profile dev" INFOBYTE_OCT=target/debug/oct scripts/wheel.sh
-#                                for tests: of what `cargo build` left
+#                                for tests only: reuses the libraries that `cargo build` compiled
 #
 # What is skipped is said by name. Without a package index nothing is built, and nothing fails.
 set -euo pipefail

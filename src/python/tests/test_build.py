@@ -289,7 +289,7 @@ def test_an_exception_in_progress_stops_every_stage(stage):
         if now == stage:
             raise RuntimeError(now)
 
-    # On a busy machine a short stage may be over before it is told of; it is met in one of many runs.
+    # On a busy machine a short stage may end before `progress` hears of it; one of many runs meets it.
     for _ in range(100):
         try:
             infobyte.build(big, "b.oct", iso=0, progress=stop)
