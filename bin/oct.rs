@@ -272,7 +272,7 @@ impl Build {
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     refuse_dash([args.out.as_path()], Dash::Folder)?;
-    args.skin.refuse_ignored()?;
+    args.skin.refuse_ignored(false)?;
     args.clean.refuse_ignored()?;
     let jobs = args.jobs.unwrap_or_else(cores);
     let request = BatchRequest {

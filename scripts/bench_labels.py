@@ -97,7 +97,6 @@ def main():
             one = ["--threads", "1", "--force"]
             commands = {
                 "build, threshold, skin": [oct_path, "build", *raw, "--iso", "1", "--surface", "skin", "-o", model, *one],
-                "build, labels, skin": [oct_path, "build", *raw, "--labels", "all", "--surface", "skin", "-o", model, *one],
                 "build, labels, 16 MiB": [oct_path, "build", *raw, "--labels", "all", "--memory", "16MiB", "-o", model, *one],
                 "export to PLY": [oct_path, "export", model, "-o", os.path.join(folder, "m.ply"), "--force"],
             }

@@ -103,7 +103,7 @@ def main():
     levels = struct.unpack(f"<{depth + 1}Q", sections["LEVL"])
     if packed:
         unpack(sections, due, levels, depth, larger)
-    need(not cells or walls == ("LTAB" in sections), "labels of cells without walls, or walls without labels (I4)")
+    need(walls == ("LTAB" in sections), "labels without walls, or walls without labels (I4)")
     if cells and not packed:
         with_item = sections["OFFS"].count(b"\x80")
         need(len(sections["CORN"]) == (20 if walls else 8) * with_item, "corners where the offsets announce others (I18)")

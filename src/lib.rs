@@ -155,7 +155,6 @@ pub mod synthetic;
 #[doc(hidden)]
 pub mod text;
 pub mod volume;
-mod wall;
 
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};

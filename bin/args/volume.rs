@@ -46,8 +46,8 @@ pub(crate) struct BuildArgs {
     pub(crate) force: bool,
     #[command(flatten)]
     pub(crate) selection: SelectionArgs,
-    /// Build the skin of every label of a label map (a segmentation), walls between neighbours included, in one model: all,
-    /// or numbers and ranges as 1,5,7..20
+    /// Build the cells between the labels of a label map (a segmentation), in one model: all labels, or numbers and ranges as
+    /// 1,5,7..20
     #[arg(long, value_name = "all|LIST", group = "selection")]
     pub(crate) labels: Option<LabelChoice>,
     /// Names and colours of labels: a TSV or CSV with a header, ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM
@@ -300,11 +300,17 @@ impl SkinArgs {
         self.surface.is_none() && self.channels.is_none() && self.error.is_none()
     }
 
-    /// A flag that says nothing about cells, where these are asked for.
-    pub(crate) fn refuse_ignored(&self) -> Result<(), Refusal> {
+    /// Refuses a flag that says nothing about cells, where these are built: they are asked for, or there are labels.
+    pub(crate) fn refuse_ignored(&self, labels: bool) -> Result<(), Refusal> {
         let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
-        if self.surface != Some(SurfaceKind::Cells) && !is_offset {
+        if self.surface != Some(SurfaceKind::Cells) && !is_offset && !labels {
             return Ok(());
+        }
+        if labels && self.surface == Some(SurfaceKind::Skin) {
+            return Err(Refusal::NotOf {
+                flag: "--surface skin",
+                of: "volumes, and labels are stored as cells",
+            });
         }
         let given = [
             ("--gradient", self.gradient.is_some()),
@@ -465,7 +471,7 @@ impl BuildArgs {
 
     /// Refuses a flag that says nothing about what is built.
     pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
-        self.skin.refuse_ignored()?;
+        self.skin.refuse_ignored(self.labels.is_some())?;
         self.clean.refuse_ignored()?;
         let grid = &self.mesh.grid;
         let stated = [

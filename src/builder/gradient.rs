@@ -37,13 +37,6 @@ impl Gradients {
         let axes = [[0.0; SLICE_VOXELS]; 3];
         Box::new(Self { axes, small: rule.small.map(|_| Box::new([axes; 2])) })
     }
-
-    /// Sets the vector of a voxel of the slice.
-    pub(super) fn set(&mut self, slot: usize, vector: [f32; 3]) {
-        for (axis, v) in self.axes.iter_mut().zip(vector) {
-            axis[slot & (SLICE_VOXELS - 1)] = v;
-        }
-    }
 }
 
 /// The input of the gradients of one brick in one slice.
@@ -396,14 +389,6 @@ fn unusual(estimate: &Estimate, n: [f32; 3], open: u8, repair: impl Fn() -> [f32
     std::array::from_fn(|a| if a == axis { 1.0 } else { 0.0 })
 }
 
-/// The outward vector of a voxel, `n` unless that is zero or against its open faces: then as [`NormalRule::codes`] says.
-#[inline]
-pub(super) fn outward(estimate: &Estimate, n: [f32; 3], open: u8) -> [f32; 3] {
-    let e = OUTWARD[usize::from(open & (BORDER - 1))];
-    let dot = n[0] * e[0] + n[1] * e[1] + n[2] * e[2];
-    if dot > 0.0 { n } else { unusual(estimate, n, open & (BORDER - 1), || [0.0; 3]) }
-}
-
 /// The square of the angle between two vectors, about: twice one less its cosine; `None` if one has no direction.
 fn turn(a: [f64; 3], b: [f64; 3]) -> Option<f64> {
     let dot = |a: [f64; 3], b: [f64; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
@@ -474,11 +459,6 @@ pub(super) struct Codes {
 impl Codes {
     pub(super) fn new(bits: NormalBits) -> Box<Self> {
         Box::new(Self { bits, code: [0; SLICE_VOXELS], fine: [0; SLICE_VOXELS] })
-    }
-
-    /// Sets the items of the first `len` voxels from their vectors.
-    pub(super) fn encode(&mut self, g: &Gradients, len: usize) {
-        dispatch(EncodeKernel { g, codes: self, len });
     }
 
     /// Items of `NORM` of the first `count`.

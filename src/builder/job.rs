@@ -23,7 +23,7 @@ use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parall
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::builder::BuildFault;
-use crate::format::{Channel, ErrorBound, LabelForm, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
+use crate::format::{Channel, ErrorBound, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
 use crate::geom::{Affine, Dims};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
@@ -193,10 +193,7 @@ impl Job<'_> {
         let records =
             self.part.map(|part| PartWriter::new(part, solid.dims(), solid.surface(), &channels, &metadata));
         let layout = match &records {
-            None => {
-                let form = LabelForm::of(solid.surface(), labels.len());
-                Layout::new(&census, [metadata.len() as u64, table_bytes], form, &channels)
-            }
+            None => Layout::new(&census, [metadata.len() as u64, table_bytes], labels.len(), &channels),
             Some(_) => Layout::default(),
         };
         let target = Target {

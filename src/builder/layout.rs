@@ -174,7 +174,7 @@ impl Layout {
     pub(super) fn new(
         census: &Census,
         [metadata_bytes, table_bytes]: [u64; 2],
-        labels: LabelForm,
+        labels: usize,
         channels: &StoredChannels,
     ) -> Self {
         let nodes = census.nodes();
@@ -196,7 +196,7 @@ impl Layout {
             match c.channel.row() {
                 row if row.is_sparse => (kind, item_bytes(c), census.corners),
                 // Its length is known when the blocks are coded.
-                row if row.is_coded => (kind, 1, labels.most_bytes(census.voxels)),
+                row if row.is_coded => (kind, 1, LabelForm::of(labels).most_bytes(census.voxels)),
                 _ => (kind, item_bytes(c), census.voxels),
             }
         });

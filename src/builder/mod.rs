@@ -22,7 +22,7 @@
 //! |---|---|
 //! | `typed` | from samples to a solid: start here for volumes |
 //! | `solid`, `volume`, `cells`, `file_solid` | any solid; a volume's skin; a volume's cells, which `oct build` makes; one from files |
-//! | `labels` | the skin of every label of a volume |
+//! | `labels` | the cells between the labels of a volume |
 //! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
 //! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
@@ -85,7 +85,7 @@ pub(crate) use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub(crate) use job::reserve_least_of;
-pub use labels::LabelChoice;
+pub use labels::{LabelChoice, MAX_SMOOTH};
 pub use options::{BuildOptions, Threshold, Tolerance};
 pub use report::{BuildNote, BuildReport, StageSeconds};
 pub use skin::{Connectivity, Exposed};
@@ -148,18 +148,13 @@ pub(crate) fn reserve_least(
 fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> PlanRequest<'a> {
     let info = source.info();
     if options.labels.is_some() {
-        let surface = options.volume_surface();
-        let options = options.for_surface(surface);
-        let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(surface, channel)? });
+        let options = options.for_surface(SurfaceKind::Cells);
+        let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(channel)? });
         return PlanRequest {
-            dims: if surface == SurfaceKind::Skin {
-                info.dims
-            } else {
-                cell_dims(info.dims).unwrap_or(info.dims)
-            },
+            dims: cell_dims(info.dims).unwrap_or(info.dims),
             channels: options.channels.iter().filter_map(form_of).collect(),
             threads: options.threads,
-            solid_bytes: Box::new(move |tile| labels::worker_bytes(surface, info, tile)),
+            solid_bytes: Box::new(move |tile| labels::worker_bytes(info, tile)),
             input_bytes: source.resident_bytes(),
             with_sides: false,
         };

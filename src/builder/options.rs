@@ -3,13 +3,12 @@
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
-use super::{BuildError, Connectivity, Gradient, LabelChoice, ViewedFrom};
+use super::{BuildError, Connectivity, Gradient, LabelChoice, MAX_SMOOTH, ViewedFrom};
 use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
 use crate::volume::Overlap;
-use crate::wall::MAX_SMOOTH;
 
 /// How to choose what is inside; values are physical (after rescale).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -76,11 +75,11 @@ impl FromStr for Tolerance {
 pub struct BuildOptions {
     /// The inside of a volume; other solids define their own.
     pub threshold: Threshold,
-    /// The labels to build from a label volume, each with its own skin; the threshold is ignored then.
+    /// The labels to build from a label volume, as cells; threshold and [`BuildOptions::surface`] are ignored then.
     pub labels: Option<LabelChoice>,
     /// Their names and colours, where known.
     pub label_names: Vec<LabelName>,
-    /// For cells: how far walls of labels may move from the midpoint of the samples they separate, in voxels, 0 to
+    /// How far walls of labels may move from the midpoint of the samples they separate, in voxels, 0 to
     /// [`MAX_SMOOTH`], which lets them lie anywhere between the samples.
     pub smooth: f64,
     /// Which of several masks wins where more than one contains a voxel.
@@ -138,7 +137,8 @@ impl Default for BuildOptions {
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub(crate) fn volume_surface(&self) -> SurfaceKind {
-        if self.channels.contains(Channel::Offset) { SurfaceKind::Cells } else { self.surface }
+        let only_cells = self.labels.is_some() || self.channels.contains(Channel::Offset);
+        if only_cells { SurfaceKind::Cells } else { self.surface }
     }
 
     /// The same for a solid with this surface: cells need normals, offsets and corners.
@@ -158,14 +158,8 @@ impl BuildOptions {
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
             ("channel 'value'", self.channels.contains(Channel::Value)),
             ("larger leaves", self.joins()),
-            ("skin with a bound on walls", self.is_bound() && self.volume_surface() == SurfaceKind::Skin),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
-    }
-
-    /// May walls lie less far from the middle than they would by themselves?
-    pub(super) fn is_bound(&self) -> bool {
-        self.smooth < MAX_SMOOTH
     }
 
     /// Are there normals, and in 24 bits?

@@ -6,8 +6,8 @@ use super::merge::{RUN_BYTES, Run, Target};
 use crate::format::cell::{CornerRankBuilder, HAS_CORNERS};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{
-    Channel, Encoding, HEADER_BYTES, Header, LABEL_GROUP, Label, LabelForm, SectionEntry, SectionKind,
-    SurfaceKind, align_up, label_directory_bytes, labels_to_bytes, least_minor, table_bytes,
+    Channel, Encoding, HEADER_BYTES, Header, LABEL_BYTES, LABEL_GROUP, Label, LabelForm, SectionEntry,
+    SectionKind, SurfaceKind, align_up, label_directory_bytes, labels_to_bytes, least_minor, table_bytes,
 };
 use crate::geom::Dims;
 use crate::platform::FileExt;
@@ -32,7 +32,7 @@ pub(super) fn seal(
     let of_labels = SectionKind::Voxels(Channel::Label);
     let coded = entries.iter().position(|entry| entry.kind == Some(of_labels));
     if let Some(at) = coded {
-        let form = LabelForm::of(surface, labels.len());
+        let form = LabelForm::of(labels.len());
         let bytes = code_labels(target, (entries[at].offset, census.voxels), (form, labels), &mut buffer)?;
         entries[at] = SectionEntry::plain(of_labels, 1, bytes, entries[at].offset);
         // What follows moves up behind the blocks.
@@ -81,7 +81,7 @@ pub(super) fn seal(
         encoding: Encoding::Mapped,
         surface,
         leaves: target.channels.leaves,
-        walls: surface == SurfaceKind::Cells && !labels.is_empty(),
+        walls: !labels.is_empty(),
         #[expect(clippy::cast_possible_truncation, reason = "at most one entry for each kind")]
         sections: entries.len() as u16,
         file_bytes,
@@ -106,13 +106,12 @@ fn code_labels(
     let (mut directory, mut blocks) = (Run::new(Some(section)), Run::new(Some(section + at)));
     let (mut labels, mut coded) = (Vec::with_capacity(LABEL_GROUP), Vec::new());
     // Parts are whole groups, but the last.
-    const { assert!(STEP.is_multiple_of(4 * LABEL_GROUP)) };
-    let item = form.item_bytes();
-    for_each_part(target, target.layout.labels, item as u64 * voxels, buffer, |part| {
-        for group in part.chunks(item * LABEL_GROUP) {
+    const { assert!(STEP.is_multiple_of(LABEL_BYTES * LABEL_GROUP)) };
+    for_each_part(target, target.layout.labels, LABEL_BYTES as u64 * voxels, buffer, |part| {
+        for group in part.chunks(LABEL_BYTES * LABEL_GROUP) {
             labels.clear();
             let mut last: Option<(&[u8], u32)> = None;
-            for bytes in group.chunks_exact(item) {
+            for bytes in group.chunks_exact(LABEL_BYTES) {
                 // Every label of an item has been counted.
                 let entry = match last {
                     Some((same, entry)) if same == bytes => entry,

@@ -11,12 +11,10 @@
 //! |---|---|
 //! | [`skin`] | the skin of a model, slice by slice |
 //! | [`rows`] | items of a slice, row by row |
-//! | [`labels`] | components that one label surrounds |
 //! | [`sweep`] | components of what is not skin, followed from slice to slice |
 //!
 //! "Voxel" means a box of the finest level, be it a voxel or a cell.
 
-mod labels;
 mod rows;
 mod skin;
 mod sweep;

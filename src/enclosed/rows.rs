@@ -44,11 +44,6 @@ impl<T> Rows<T> {
         }
     }
 
-    /// All items.
-    pub(crate) fn items(&self) -> &[T] {
-        &self.items
-    }
-
     /// All items, to be changed.
     pub(crate) fn items_mut(&mut self) -> &mut [T] {
         &mut self.items

@@ -3,7 +3,6 @@
 //! Memory: two slices of runs, and the components that reach the last of them. A sweep that keeps the fates of all
 //! components, for a second one that needs them, takes 5 bytes more for each that ever was.
 
-use super::labels::{Border, Hollow, settle_labels};
 use super::{Enclosed, Outward, Rows, Side, SkinVoxel};
 use crate::load::ModelView;
 
@@ -25,8 +24,6 @@ pub(crate) struct SkinItem {
     pub(crate) x: u32,
     /// Its normal in voxels; zeros for none.
     outward: [f32; 3],
-    /// Number of its label, in a sweep by labels; otherwise 0.
-    pub(crate) label: u16,
 }
 
 /// One slice: skin and runs, row by row, in coordinates from one voxel before the first skin voxel on.
@@ -48,7 +45,6 @@ struct Component {
     /// Sum of the parts of the normals around it towards it, and of the sizes of these.
     toward: f64,
     size: f64,
-    border: Border,
 }
 
 /// The fate of every component of a sweep: which it is joined with later, and where it lies.
@@ -56,23 +52,9 @@ struct Component {
 pub(crate) struct Fates {
     parents: Vec<u32>,
     sides: Vec<Option<Side>>,
-    /// In a sweep by labels, the components that wait for all others of their label.
-    hollows: Vec<Hollow>,
 }
 
 impl Fates {
-    /// Of so many components, of which nothing is known.
-    #[cfg(test)]
-    pub(super) fn of(count: usize) -> Self {
-        let parents = (0..).take(count).collect();
-        Self { parents, sides: vec![None; count], hollows: Vec::new() }
-    }
-
-    #[cfg(test)]
-    pub(super) fn side_of(&self, name: usize) -> Option<Side> {
-        self.sides[name]
-    }
-
     fn root(&self, mut name: u32) -> u32 {
         // A name's parent is smaller, so this ends.
         while let Some(parent) = self.parents.get(name as usize).filter(|parent| **parent < name) {
@@ -88,7 +70,7 @@ impl Fates {
         }
     }
 
-    pub(super) fn settle(&mut self, name: u32, side: Side) {
+    fn settle(&mut self, name: u32, side: Side) {
         let root = self.root(name) as usize;
         if let Some(known) = self.sides.get_mut(root) {
             *known = Some(side);
@@ -129,8 +111,6 @@ pub(crate) struct Sweep {
     history: History,
     found: Enclosed,
     begun: bool,
-    /// Are the labels of skin voxels looked at?
-    by_labels: bool,
 }
 
 impl Sweep {
@@ -147,13 +127,7 @@ impl Sweep {
             history: History::Forgotten,
             found: Enclosed::default(),
             begun: false,
-            by_labels: false,
         }
-    }
-
-    /// The same, of a model of labels: what the skins of several enclose is outside.
-    pub(crate) fn by_labels(self) -> Self {
-        Self { by_labels: true, ..self }
     }
 
     /// The same, keeping what becomes of every component.
@@ -190,7 +164,6 @@ impl Sweep {
             return;
         }
         let mut slice = Slice::default();
-        let labels = view.labels().filter(|_| self.by_labels);
         let mut voxels = skin.iter().peekable();
         for row in 0..self.height {
             let mut start = 0;
@@ -209,8 +182,7 @@ impl Sweep {
                 let code = found.code(view);
                 #[expect(clippy::cast_possible_truncation, reason = "parts of a direction")]
                 let outward = code.map_or([0.0; 3], |code| self.outward.of(code).map(|c| c as f32));
-                let label = labels.and_then(|labels| labels.get(found.voxel.get())).unwrap_or(0);
-                slice.skin.push(SkinItem { x, outward, label });
+                slice.skin.push(SkinItem { x, outward });
             }
             if start < self.width {
                 slice.runs.push(Run { start, end: self.width, component: 0 });
@@ -266,11 +238,11 @@ impl Sweep {
                     at += 1;
                 }
                 if let Some(run) = runs.get(at).filter(|run| run.end == item.x) {
-                    tell(&mut self.components, run.component, item, -item.outward[0]);
+                    tell(&mut self.components, run.component, -item.outward[0]);
                     at += 1;
                 }
                 if let Some(run) = runs.get(at).filter(|run| run.start == item.x + 1) {
-                    tell(&mut self.components, run.component, item, item.outward[0]);
+                    tell(&mut self.components, run.component, item.outward[0]);
                 }
             }
             if let Some(above) = row.checked_sub(1) {
@@ -314,9 +286,8 @@ impl Sweep {
         Some(name)
     }
 
-    /// The counts after the last slice; and the fates, if they were kept. `beyond_skin` gives the voxels that a label
-    /// has apart from its skin.
-    pub(crate) fn finish(mut self, beyond_skin: &dyn Fn(u16) -> u64) -> (Enclosed, Fates) {
+    /// The counts after the last slice; and the fates, if they were kept.
+    pub(crate) fn finish(mut self) -> (Enclosed, Fates) {
         for (at, component) in self.components.iter().enumerate() {
             if component.parent as usize == at {
                 self.found.add(component, &mut self.history);
@@ -324,8 +295,6 @@ impl Sweep {
         }
         match self.history {
             History::Kept(mut fates) => {
-                let hollows = std::mem::take(&mut fates.hollows);
-                self.found.unknown += settle_labels(hollows, beyond_skin, &mut fates);
                 fates.flatten();
                 (self.found, fates)
             }
@@ -336,16 +305,10 @@ impl Sweep {
 
 impl Enclosed {
     fn add(&mut self, component: &Component, history: &mut History) {
-        let Component { outer, toward, size, voxels, border, .. } = *component;
-        if let (false, Border::One(label), History::Kept(fates), Some(name)) =
-            (outer, border, &mut *history, component.name)
-        {
-            fates.hollows.push(Hollow { name, label, voxels, inward: -toward / size.max(f64::MIN_POSITIVE) });
-            return;
-        }
+        let Component { outer, toward, size, voxels, .. } = *component;
         let side = if outer {
             Side::Outside
-        } else if border == Border::Several || toward > AGREE * size {
+        } else if toward > AGREE * size {
             self.cavities += voxels;
             Side::Outside
         } else if toward < -AGREE * size {
@@ -391,7 +354,6 @@ fn join(components: &mut [Component], history: &mut History, a: u32, b: u32) -> 
         whole.voxels += part.voxels;
         whole.toward += part.toward;
         whole.size += part.size;
-        whole.border = whole.border.with(part.border);
         whole.name = match (whole.name, part.name) {
             (Some(a), Some(b)) => {
                 if let History::Kept(fates) = history {
@@ -406,10 +368,9 @@ fn join(components: &mut [Component], history: &mut History, a: u32, b: u32) -> 
     to
 }
 
-fn tell(components: &mut [Component], component: u32, item: &SkinItem, toward: f32) {
+fn tell(components: &mut [Component], component: u32, toward: f32) {
     let at = root(components, component);
     if let Some(component) = components.get_mut(at as usize) {
-        component.border = component.border.with(Border::of(item.label));
         component.toward += f64::from(toward);
         component.size += f64::from(toward.abs());
     }
@@ -423,7 +384,7 @@ fn tell_all(components: &mut [Component], skin: &[SkinItem], runs: &[Run], part:
             at += 1;
         }
         if let Some(run) = runs.get(at).filter(|run| run.start <= item.x) {
-            tell(components, run.component, item, part(&item.outward));
+            tell(components, run.component, part(&item.outward));
         }
     }
 }

@@ -6,7 +6,7 @@ use std::io;
 
 use thiserror::Error;
 
-use crate::text::names::{LEVELS, ROI, SIMPLIFY, STRIP};
+use crate::text::names::{LEVELS, SIMPLIFY, STRIP};
 
 /// Why a format cannot hold a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -17,10 +17,6 @@ pub enum ExportFault {
     TooLong { needed: u64 },
     #[error("a slice of {blocks} blocks is more than is kept in memory; choose a larger {SIMPLIFY}, or 0")]
     TooBroad { blocks: u64 },
-    #[error(
-        "a slice of {samples} voxels is more than is kept in memory for labels; build them of a part, with {ROI}"
-    )]
-    BroadLabels { samples: u64 },
     #[error("a side of {side} voxels is longer than NIfTI-1 can state (32767); write NRRD instead")]
     TooWide { side: u32 },
 }

@@ -381,7 +381,7 @@ impl Exporter<'_> {
             sweep.slice(self.view, skin);
             Ok(Some(progress.step(1)?))
         })?;
-        let (enclosed, fates) = sweep.finish(&|_| 0);
+        let (enclosed, fates) = sweep.finish();
         Ok((enclosed.unknown, fates))
     }
 

@@ -13,8 +13,6 @@ pub(crate) const VERSION_MAJOR: u16 = 1;
 pub(crate) const VERSION_MINOR: u16 = WALLS_MINOR;
 /// Lowest minor version that has larger leaves.
 pub(crate) const LEAVES_MINOR: u16 = 3;
-/// Lowest minor version that has labels.
-pub(crate) const LABELS_MINOR: u16 = 4;
 /// Lowest minor version that has cells between labels.
 pub(crate) const WALLS_MINOR: u16 = 5;
 /// Size of the header.

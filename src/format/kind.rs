@@ -55,7 +55,7 @@ pub enum Channel {
     Fine,
     /// The eight samples of cells that no plane can separate (SPEC 4.8), or their labels (SPEC 4.12).
     Corners,
-    /// Number of the label (SPEC 4.11), or of cells those behind and in front (SPEC 4.12), in blocks with palettes.
+    /// Numbers of the labels behind and in front (SPEC 4.12), in blocks with palettes.
     Label,
     /// A row for the test below.
     #[cfg(test)]
@@ -67,7 +67,6 @@ impl Channel {
     pub const fn minor(self) -> u16 {
         match self {
             Self::Fine => 2,
-            Self::Label => super::header::LABELS_MINOR,
             _ => 0,
         }
     }

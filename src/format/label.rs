@@ -1,16 +1,14 @@
-//! The labels of a model: their table (SPEC 4.10), and which voxel or cell has which, in blocks with palettes
-//! (SPEC 4.11, 4.12).
+//! The labels of a model: their table (SPEC 4.10), and the labels of each cell, in blocks with palettes (SPEC 4.11, 4.12).
 
 use super::error::FormatError;
-use super::kind::SurfaceKind;
 use super::metadata::METADATA_LIMIT;
 
 /// Most labels of one model.
 pub(crate) const MAX_LABELS: usize = 1 << 14;
-/// Voxels of a block, which has a palette of its own, and blocks of a group, which has an entry in the directory.
+/// Cells of a block, which has a palette of its own, and blocks of a group, which has an entry in the directory.
 const BLOCK: usize = 64;
 const BLOCKS: usize = 8;
-/// Voxels of a group.
+/// Cells of a group.
 pub(crate) const GROUP: usize = BLOCK * BLOCKS;
 /// Bytes of an entry of the directory: where the group begins, and the size of each block's palette.
 pub(crate) const ENTRY: usize = 16;
@@ -124,47 +122,34 @@ pub(crate) fn parse_table(bytes: &[u8], voxels: u64) -> Result<Vec<Label>, Forma
     table().ok_or(FormatError::LabelTable { bytes: bytes.len() as u64 })
 }
 
-/// Bytes of the directory of so many voxels.
-pub(crate) fn directory_bytes(voxels: u64) -> u64 {
-    voxels.div_ceil(GROUP as u64).saturating_mul(ENTRY as u64)
+/// Bytes of the directory of so many cells.
+pub(crate) fn directory_bytes(cells: u64) -> u64 {
+    cells.div_ceil(GROUP as u64).saturating_mul(ENTRY as u64)
 }
 
 /// Most labels whose places in the table, and that of none, are bytes.
 const BYTE_PLACES: usize = 255;
 
-/// What a palette holds.
+/// Bytes of an item before it is coded: the numbers behind and in front.
+pub(crate) const ITEM_BYTES: usize = 4;
+
+/// The entries of palettes: the labels behind and in front of a cell's plane, by their places in the table from 1 on, 0
+/// for none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct LabelForm {
-    /// Two labels, those behind and in front of a cell's plane, by their places in the table from 1 on, 0 for none; else
-    /// the number of one.
-    is_pair: bool,
-    /// Of an entry: 2 or 4.
+    /// Bytes of an entry: 2 or 4.
     bytes: usize,
 }
 
 impl LabelForm {
-    /// That of skin voxels.
-    pub(crate) const OF_SKIN: Self = Self { is_pair: false, bytes: 2 };
-
-    /// That of a model with so many labels.
-    pub(crate) fn of(surface: SurfaceKind, labels: usize) -> Self {
-        match surface {
-            SurfaceKind::Skin => Self::OF_SKIN,
-            SurfaceKind::Cells => Self { is_pair: true, bytes: if labels > BYTE_PLACES { 4 } else { 2 } },
-        }
-    }
-
-    /// Bytes of an item before it is coded: a number, or those behind and in front.
-    pub(crate) fn item_bytes(self) -> usize {
-        if self.is_pair { 4 } else { 2 }
+    /// The entries of a model with so many labels.
+    pub(crate) fn of(labels: usize) -> Self {
+        Self { bytes: if labels > BYTE_PLACES { 4 } else { 2 } }
     }
 
     /// The entry of an item, by a table; `None` if a number is not there.
     pub(crate) fn entry(self, item: &[u8], table: &[Label]) -> Option<u32> {
         let number = |at: usize| item.get(at..)?.first_chunk().map(|b| u16::from_le_bytes(*b));
-        if !self.is_pair {
-            return number(0).map(u32::from);
-        }
         let place = |number| match number {
             0 => Some(0),
             _ => Some(table.binary_search_by_key(&number, |label| label.number).ok()? + 1),
@@ -174,13 +159,8 @@ impl LabelForm {
         Some(behind | front << (4 * self.bytes))
     }
 
-    /// The numbers of an entry: behind and in front, of voxels that of none; `None` if the table has not all of them.
+    /// The numbers of an entry: behind and in front; `None` if the table has not all of them.
     pub(crate) fn numbers(self, entry: u32, table: &[Label]) -> Option<[u16; 2]> {
-        let low = |n: u32| u16::try_from(n).ok();
-        if !self.is_pair {
-            let number = low(entry)?;
-            return table.binary_search_by_key(&number, |label| label.number).is_ok().then_some([number, 0]);
-        }
         let number = |place: u32| match place.checked_sub(1) {
             None => Some(0),
             Some(at) => table.get(usize::try_from(at).ok()?).map(|label| label.number),
@@ -189,9 +169,9 @@ impl LabelForm {
         Some([number(entry & ((1 << shift) - 1))?, number(entry >> shift)?])
     }
 
-    /// Most bytes of the section of so many voxels.
-    pub(crate) fn most_bytes(self, voxels: u64) -> u64 {
-        directory_bytes(voxels).saturating_add(voxels.saturating_mul(self.bytes as u64))
+    /// The largest size of the section, in bytes.
+    pub(crate) fn most_bytes(self, cells: u64) -> u64 {
+        directory_bytes(cells).saturating_add(cells.saturating_mul(self.bytes as u64))
     }
 
     /// Bytes of a block of `voxels` with a palette of `labels`; 0 labels for a block without one.
@@ -307,50 +287,47 @@ fn place_of(places: &[u8], voxel: usize, bits: usize) -> usize {
     usize::from(byte >> (at % 8)) & ((1 << bits) - 1)
 }
 
-/// The labels of a model's voxels or cells, read in place; safe on any bytes.
+/// The labels of a model's cells, read in place; safe on any bytes.
 #[derive(Clone, Copy, Debug)]
 pub struct LabelItems<'a> {
     section: &'a [u8],
-    voxels: u64,
+    cells: u64,
     table: &'a [Label],
     form: LabelForm,
 }
 
 impl<'a> LabelItems<'a> {
-    pub(crate) fn new(section: &'a [u8], voxels: u64, surface: SurfaceKind, table: &'a [Label]) -> Self {
-        Self { section, voxels, table, form: LabelForm::of(surface, table.len()) }
+    pub(crate) fn new(section: &'a [u8], cells: u64, table: &'a [Label]) -> Self {
+        Self { section, cells, table, form: LabelForm::of(table.len()) }
     }
 
-    /// Number of the label of a voxel, or of the greatest label of a cell; `None` beyond the last.
+    /// Number of the greatest label of a cell; `None` beyond the last.
     #[inline]
-    pub fn get(&self, voxel: u64) -> Option<u16> {
-        self.pair(voxel).map(|[label, _]| label)
+    pub fn get(&self, cell: u64) -> Option<u16> {
+        self.pair(cell).map(|[label, _]| label)
     }
 
-    /// Numbers of the labels behind and in front of a cell's plane, 0 for none (SPEC 4.12); of a voxel its label and 0.
-    pub fn pair(&self, voxel: u64) -> Option<[u16; 2]> {
-        if voxel >= self.voxels {
+    /// Numbers of the labels behind and in front of a cell's plane, 0 for none (SPEC 4.12).
+    pub fn pair(&self, cell: u64) -> Option<[u16; 2]> {
+        if cell >= self.cells {
             return None;
         }
-        let (group, within) = (voxel / GROUP as u64, usize::try_from(voxel % GROUP as u64).ok()?);
+        let (group, within) = (cell / GROUP as u64, usize::try_from(cell % GROUP as u64).ok()?);
         let entry = usize::try_from(group).ok()?.checked_mul(ENTRY)?;
         let entry = self.section.get(entry..)?.first_chunk::<ENTRY>()?;
         let mut at = u64::from_le_bytes(std::array::from_fn(|i| entry[i]));
-        let (block, voxel_of_block) = (within / BLOCK, within % BLOCK);
+        let (block, cell_of_block) = (within / BLOCK, within % BLOCK);
         for size in &entry[8..8 + block] {
             at = at.checked_add(self.form.block_bytes(usize::from(*size), BLOCK) as u64)?;
         }
         let bytes = self.section.get(usize::try_from(at).ok()?..)?;
         let size = usize::from(entry[8 + block]);
         let place = if size == 0 {
-            voxel_of_block
+            cell_of_block
         } else {
-            place_of(bytes.get(self.form.bytes * size..)?, voxel_of_block, width(size))
+            place_of(bytes.get(self.form.bytes * size..)?, cell_of_block, width(size))
         };
         let entry = bytes.get(self.form.bytes * place..)?.get(..self.form.bytes)?;
-        if !self.form.is_pair {
-            return entry.first_chunk().map(|label| [u16::from_le_bytes(*label), 0]);
-        }
         self.form.numbers(self.form.read(entry), self.table)
     }
 
@@ -360,8 +337,8 @@ impl<'a> LabelItems<'a> {
     }
 
     /// The label of [`LabelItems::get`] with its name and colour.
-    pub fn label(&self, voxel: u64) -> Option<&'a Label> {
-        self.named(self.get(voxel)?)
+    pub fn label(&self, cell: u64) -> Option<&'a Label> {
+        self.named(self.get(cell)?)
     }
 }
 
@@ -372,33 +349,20 @@ mod tests {
     #[test]
     fn blocks_of_one_to_many_labels_come_back_and_cost_no_more_than_plain_ones() {
         let named = |number| Label { number, name: String::new(), color: [0; 3], voxels: 1 };
-        for (surface, kinds) in [1_u16, 2, 3, 4, 5, 16, 17, 40, 250, 300]
-            .into_iter()
-            .flat_map(|kinds| [(SurfaceKind::Skin, kinds), (SurfaceKind::Cells, kinds)])
-        {
+        for kinds in [1_u16, 2, 3, 4, 5, 16, 17, 40, 250, 300] {
             let table: Vec<Label> = (0..kinds).map(|i| named(1 + 200 * i)).collect();
-            let form = LabelForm::of(surface, table.len());
+            let form = LabelForm::of(table.len());
             for voxels in [1, 2, 63, 64, 65, 300, 511, 512, 513, 1400] {
                 let number = |i: u32, shift: u32| {
                     let any = i.wrapping_mul(2_654_435_761) >> shift;
                     table[any as usize % table.len()].number
                 };
                 let items: Vec<[u16; 2]> = (0..voxels)
-                    .map(|i: u32| {
-                        let front = if surface == SurfaceKind::Skin || !i.is_multiple_of(3) {
-                            0
-                        } else {
-                            number(i, 20)
-                        };
-                        [number(i, 9), front]
-                    })
+                    .map(|i: u32| [number(i, 9), if i.is_multiple_of(3) { number(i, 20) } else { 0 }])
                     .collect();
                 let entries: Vec<u32> = items
                     .iter()
-                    .map(|[a, b]| {
-                        let bytes = [a.to_le_bytes(), b.to_le_bytes()].concat();
-                        form.entry(&bytes[..form.item_bytes()], &table).unwrap()
-                    })
+                    .map(|[a, b]| form.entry(&[a.to_le_bytes(), b.to_le_bytes()].concat(), &table).unwrap())
                     .collect();
                 let count = entries.len() as u64;
                 let mut blocks = Vec::new();
@@ -417,7 +381,7 @@ mod tests {
                 }
                 let section: Vec<u8> = directory.into_iter().chain(blocks).collect();
                 assert!(section.len() as u64 <= form.most_bytes(count), "{kinds} {voxels}");
-                let found = LabelItems::new(&section, count, surface, &table);
+                let found = LabelItems::new(&section, count, &table);
                 for (voxel, (item, entry)) in (0..).zip(items.iter().zip(&entries)) {
                     assert_eq!(found.pair(voxel), Some(*item), "{kinds} {voxels}");
                     assert_eq!(form.numbers(*entry, &table), Some(*item));
@@ -425,8 +389,8 @@ mod tests {
                 }
                 assert_eq!(found.pair(count), None);
             }
-            assert_eq!(form.entry(&[2, 0, 0, 0], &table), (surface == SurfaceKind::Skin).then_some(2));
-            assert_eq!(form.numbers(if surface == SurfaceKind::Skin { 2 } else { u32::MAX }, &table), None);
+            assert_eq!(form.entry(&[2, 0, 0, 0], &table), None);
+            assert_eq!(form.numbers(u32::MAX, &table), None);
         }
     }
 

@@ -3,6 +3,9 @@
 use super::cell::{CORNERS, Plane, at_corner};
 use super::normal;
 
+/// Labels of the samples of a cell, by corner; 0 for none.
+pub(crate) type CornerLabels = [u16; CORNERS];
+
 /// Bytes of the item of a cell that one plane does not part: the labels of its corners, and a second plane.
 pub(crate) const WALL_BYTES: usize = 20;
 /// Where the second plane begins: offsets of both planes, then the code of its normal.
@@ -31,8 +34,7 @@ pub struct Walls {
 /// How a cell of more than two labels, or of two that no plane parts, is described.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct WallItem {
-    /// By corner; 0 for none.
-    pub(crate) labels: [u16; CORNERS],
+    pub(crate) labels: CornerLabels,
     /// The offset of the first plane, and the second one: it parts what is in front of the first.
     pub(crate) planes: Option<(i8, u16, i8)>,
 }

@@ -28,7 +28,7 @@ use crate::text::{Short, data, shown};
 /// Most that triangles can be simplified.
 pub const MAX_SIMPLIFIED: u32 = 6;
 
-pub use crate::wall::MAX_SMOOTH;
+pub use crate::builder::MAX_SMOOTH;
 
 /// What to make of a model.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -20,7 +20,6 @@ pub(super) fn stated(source: &dyn VolumeSource) -> usize {
 pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
     BuildOptions {
         labels: Some(LabelChoice::All),
-        surface: options.volume_surface(),
         channels: options.channels.iter().filter(|channel| *channel == Channel::Normal).collect(),
         connectivity: Connectivity::default(),
         error: None,

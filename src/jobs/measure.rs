@@ -114,7 +114,7 @@ pub fn measure(view: &ModelView<'_>, dims: Dims, affine: &Affine, is_part: bool)
         sweep.slice(view, skin);
     }
     sweep.slice(view, &[]);
-    let (enclosed, _) = sweep.finish(&|_| 0);
+    let (enclosed, _) = sweep.finish();
     let skin = count(seen);
     let unknown = count(enclosed.unknown) / 2.0;
     let (lacking, error) =

@@ -68,16 +68,13 @@ impl Frame {
             .map(|b| u64::from_le_bytes(*b))
             .collect();
         check_levels(&header, &levels)?;
-        let labels = match sections.iter().any(|e| e.kind == Some(SectionKind::LabelTable)) {
-            true => {
-                let bytes = read_small(source, &sections, SectionKind::LabelTable)?;
-                {
-                    // Of the volume, which has fewer voxels than there are cells.
-                    let [nx, ny, nz] = metadata.dims.map(u64::from);
-                    parse_labels(&bytes, nx * ny * nz)?
-                }
-            }
-            false => Vec::new(),
+        let labels = if header.walls {
+            let bytes = read_small(source, &sections, SectionKind::LabelTable)?;
+            // The volume has fewer voxels than there are cells.
+            let [nx, ny, nz] = metadata.dims.map(u64::from);
+            parse_labels(&bytes, nx * ny * nz)?
+        } else {
+            Vec::new()
         };
         let frame = Self { header, sections, metadata, metadata_bytes, levels, labels };
         frame.check_item_counts()?;
@@ -89,9 +86,9 @@ impl Frame {
         self.sections.iter().find(|e| e.kind == Some(kind))
     }
 
-    /// What stands in the blocks of labels.
+    /// The entries of the blocks of labels.
     pub(crate) fn label_form(&self) -> LabelForm {
-        LabelForm::of(self.surface(), self.labels.len())
+        LabelForm::of(self.labels.len())
     }
 
     /// The channels that the file has, with the bytes of an item, in file order.
@@ -235,8 +232,7 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
         }
     }
     for kind in [SectionKind::LabelTable, SectionKind::Voxels(Channel::Label)] {
-        let labelled = has(SectionKind::LabelTable) || has(SectionKind::Voxels(Channel::Label));
-        if labelled && !has(kind) || cells && labelled != header.walls {
+        if has(kind) != header.walls {
             return Err(FormatError::LabelsApart { kind });
         }
     }

@@ -318,10 +318,9 @@ impl<D: AsRef<[u8]>> Model<D> {
             node_normals: codes(node_normals),
             fine: fine.as_ref().map(part),
             colors: colors.as_ref().map(|range| part(range).as_chunks::<3>().0),
-            labels: labels.as_ref().map(|range| {
-                let (voxels, surface) = (self.frame.header.voxels, self.frame.surface());
-                LabelItems::new(part(range), voxels, surface, &self.frame.labels)
-            }),
+            labels: labels
+                .as_ref()
+                .map(|range| LabelItems::new(part(range), self.frame.header.voxels, &self.frame.labels)),
         }
     }
 

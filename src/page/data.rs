@@ -71,15 +71,14 @@ impl<'a> Content<'a> {
         Self { bytes: bytes.len() as u64, planes, plane: Box::new(plane) }
     }
 
-    /// Of each voxel its label, of each cell the labels behind and in front.
-    fn labels(labels: LabelItems<'a>, voxels: u64, is_pair: bool, places: Places) -> Self {
-        let planes = if is_pair { 2 } else { 1 };
+    /// The labels behind and in front of each cell.
+    fn labels(labels: LabelItems<'a>, cells: u64, places: Places) -> Self {
         let plane = move |plane: usize| -> Box<dyn Iterator<Item = u8>> {
             let places = places.clone();
-            let number = move |voxel| labels.pair(voxel).and_then(|pair| pair.get(plane).copied());
-            Box::new((0..voxels).map(move |voxel| places.of(number(voxel).unwrap_or(0))))
+            let number = move |cell| labels.pair(cell).and_then(|pair| pair.get(plane).copied());
+            Box::new((0..cells).map(move |cell| places.of(number(cell).unwrap_or(0))))
         };
-        Self { bytes: voxels * u64::from(planes), planes, plane: Box::new(plane) }
+        Self { bytes: 2 * cells, planes: 2, plane: Box::new(plane) }
     }
 
     /// Items of cells between more than two labels.
@@ -124,7 +123,7 @@ fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Conten
         // Distances of skin voxels are not drawn.
         SectionKind::Voxels(Channel::Offset) if !is_cells => return None,
         SectionKind::Voxels(Channel::Label) => {
-            Content::labels(view.labels()?, model.header().voxels, is_cells, Places::new(table))
+            Content::labels(view.labels()?, model.header().voxels, Places::new(table))
         }
         SectionKind::Voxels(Channel::Corners) if !table.is_empty() => {
             Content::walls(bytes, Places::new(table))

@@ -97,7 +97,7 @@ class Model {
         Object.assign(this, {depth, nodes, voxels});
         if (infobytes?.length !== nodes) throw new Error('infobytes are missing');
         this.texels = counted(at => infobytes[at], nodes, 1, nodes - 1 + voxels, 'boxes');
-        const sizes = {NORM: 2, NFIN: 1, OFFS: 1, LABL: this.cells ? 2 : 1, COLR: 3, VALU: head.value_bytes, MATL: 1};
+        const sizes = {NORM: 2, NFIN: 1, OFFS: 1, LABL: 2, COLR: 3, VALU: head.value_bytes, MATL: 1};
         for (const [kind, bytes] of Object.entries(sizes)) {
             if (sections[kind] && sections[kind].length !== voxels * bytes) throw new Error(`${kind} is not of the right length`);
         }
@@ -236,10 +236,7 @@ class Model {
     /** Where a ray meets the surface in a box that it passes: `{t, normal, label}` or `null`. */
     meet(box, {o, d, low, edge, flip, enter, leave}, hidden) {
         const isLeaf = box < this.nodes, cell = box - this.nodes;
-        if (!this.cells) {
-            const label = this.labels ? this.sections.LABL[cell] : 0;
-            return hidden[label] ? null : {t: enter, normal: this.normal(cell), label};
-        }
+        if (!this.cells) return {t: enter, normal: this.normal(cell)};
         const at = t => o.map((c, a) => Math.min(1, Math.max(-1, 2 * (c + d[a] * t - low[a]) / edge - 1)) * (flip >> a & 1 ? -1 : 1));
         if (this.labels) {
             const met = this.meetWalls(cell, at(enter), at(leave), hidden);

@@ -154,9 +154,9 @@ async function described(file, head) {
 /** An affine of boxes that are larger, and begin elsewhere. */
 const moved = (affine, size, by) => affine.map(([x, y, z, t]) => [x * size, y * size, z * size, t + by * (x + y + z)]);
 
-/** Labels by their places in the table, a byte a voxel, two a cell. */
-function labelsOf(bytes, {voxels, cells}, places) {
-    const view = viewOf(bytes), found = new Uint8Array(voxels << cells);
+/** Labels of cells, behind and in front, by their places in the table. */
+function labelsOf(bytes, {voxels}) {
+    const view = viewOf(bytes), found = new Uint8Array(2 * voxels);
     for (let first = 0, block = 0, at = 0; first < voxels; first += 64, block++) {
         const entry = 16 * (block >> 3), count = Math.min(64, voxels - first);
         if (!(block & 7)) at = Number(view.getBigUint64(entry, true));
@@ -164,8 +164,7 @@ function labelsOf(bytes, {voxels, cells}, places) {
         for (let i = 0; i < count; i++) {
             const place = palette ? bytes[codes + (i * bits >> 3)] >> (i * bits & 7) & (1 << bits) - 1 : i;
             const code = view.getUint16(at + 2 * place, true);
-            if (cells) found.set([code, code >> 8], 2 * (first + i));
-            else found[first + i] = places.get(code);
+            found.set([code, code >> 8], 2 * (first + i));
         }
         at = codes + Math.ceil((palette ? bits : 16) * count / 8);
     }
@@ -279,7 +278,7 @@ async function *models({model}) {
     for (const kind of kinds.slice(1)) sections[kind] ??= await file.section(kind);
     if (head.labels) {
         const places = new Map(head.labels.map(({number}, i) => [number, i + 1]));
-        sections.LABL = labelsOf(sections.LABL, head, places);
+        sections.LABL = labelsOf(sections.LABL, head);
         if (head.cells) sections.CORN = wallsOf(sections.CORN, places);
     }
     yield new Model(head, sections);

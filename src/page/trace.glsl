@@ -194,10 +194,6 @@ bool meet(uint box, bool isLeaf, vec3 from, vec3 to, out float s, out vec3 norma
     s = 0.0;
     label = 0u;
     if (!isCells) {
-#ifdef LABELS
-        label = seen(byteOf(labels, box - nodeCount));
-        if (label == 0u) return false;
-#endif
         normal = hasNormals ? normalOf(box - nodeCount) : vec3(0);
         return true;
     }

@@ -137,8 +137,15 @@ impl BuildAsked {
             || self.keep_thin
             || self.fill.as_deref() == Some("surface");
         let only_cells = self.channels.as_ref().is_some_and(is_offset);
-        let usual = if only_skin && !only_cells { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        let usual = if only_skin && !only_cells && self.labels.is_none() {
+            SurfaceKind::Skin
+        } else {
+            SurfaceKind::Cells
+        };
         let surface = self.surface.as_ref().map_or(Ok(usual), |surface| choice("surface", surface, all))?;
+        if surface == SurfaceKind::Skin && self.labels.is_some() {
+            return Err("surface=skin is for volumes, and labels are stored as cells; leave it out".into());
+        }
         let given = [("gradient", self.gradient.is_some()), ("connectivity", self.connectivity == Some(6))];
         match given.into_iter().find(|(_, given)| *given && surface == SurfaceKind::Cells) {
             Some((name, _)) => Err(format!("{name} is for skin voxels, and cells are built; leave it out")),

@@ -41,12 +41,8 @@ const MAX_STEPS: u32 = 128;
 /// and estimated to within two or three.
 const ACROSS: f64 = 0.05;
 
-/// How far apart, in boxes, hits of one wall of a label are at most: a wall is a voxel thick, and the boxes of a line
-/// through it follow each other.
+/// How far apart, in boxes, the boxes of one wall along a line are at most.
 const WALL: f64 = 1.75;
-
-/// Boxes of labels that are not solid that a line which looks around passes.
-const MAX_PASSED: u32 = 12;
 
 /// A model, its place in the scene, and what it is made of.
 #[derive(Debug)]
@@ -99,16 +95,10 @@ impl<'a> Part<'a> {
         Self { opacity, ..self }
     }
 
-    /// Are there labels that are not solid?
-    pub(super) fn is_dimmed(&self) -> bool {
-        self.opacity.as_ref().is_some_and(|opacity| !opacity.is_solid())
-    }
-
     /// The label that a line sees at a hit: of a wall between two the one behind, or where that is hidden the one before.
     fn label(&self, line: Line, hit: &Hit) -> Option<u16> {
         let (opacity, voxel) = (self.opacity.as_ref()?, hit.voxel(self.view)?);
-        let Some(walls) = self.view.walls(voxel) else { return opacity.label(voxel) };
-        let [before, behind] = self.beside(&walls, line, hit);
+        let [before, behind] = self.beside(&self.view.walls(voxel)?, line, hit);
         Some(if opacity.part(behind) > 0.0 { behind } else { before })
     }
 
@@ -198,8 +188,6 @@ pub(super) enum Purpose {
     Sight,
     /// Light meets the solid ones.
     Light,
-    /// As light, near its start: what lies behind [`MAX_PASSED`] boxes that are not solid is not asked.
-    Around,
 }
 
 /// The place where a line meets a body.
@@ -239,8 +227,6 @@ pub(super) struct Way {
     least: f64,
     span: Span,
     purpose: Purpose,
-    /// The wall that it passes: its label, and t where it was met last.
-    wall: Option<(u16, f64)>,
     /// Where it left the body last, and on which side it runs.
     from: Option<(Hit, Side)>,
 }
@@ -271,7 +257,7 @@ impl<'a> Body<'a> {
         let dimmed = part.opacity.as_ref().filter(|opacity| !opacity.is_solid());
         let cells = |of_sight: bool| {
             let items = part.view.cells()?;
-            let hidden = dimmed.filter(|_| items.has_walls()).map(|opacity| opacity.hidden(of_sight));
+            let hidden = dimmed.map(|opacity| opacity.hidden(of_sight));
             Some(hidden.map_or(Cells::new(items), |hidden| Cells::new(items).hiding(hidden, 0)))
         };
         let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
@@ -361,13 +347,6 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// What is seen along a line of sight that has this first hit.
-    pub(super) fn seen(&self, line: Line, first: Hit) -> Option<Met> {
-        let span = Span::of([0.0, f64::INFINITY]);
-        let way = Way { line, least: 0.0, span, purpose: Purpose::Sight, wall: None, from: None };
-        self.follow(way, Some(first))
-    }
-
     /// The way of a line, as far as it is known without a ray.
     fn begin(&self, purpose: Purpose, line: Line, limits: [f64; 2], start: Option<&Start>) -> Option<Begun> {
         let mut span = Span::of(limits);
@@ -385,11 +364,7 @@ impl<'a> Body<'a> {
             Some(Start::Surface { hit, side }) => Some((*hit, *side)),
             _ => None,
         };
-        let wall = match start {
-            Some(Start::Through { hit }) => self.part.label(line, hit).map(|label| (label, limits[0])),
-            _ => None,
-        };
-        Some(Begun::Way(Way { line, least: limits[0], span, purpose, wall, from }))
+        Some(Begun::Way(Way { line, least: limits[0], span, purpose, from }))
     }
 
     /// The way of a line that a batch of rays is to tell: its ray, and t where that begins. `Err` where it is known
@@ -400,7 +375,7 @@ impl<'a> Body<'a> {
         limits: [f64; 2],
         start: Option<&Start>,
     ) -> Result<(Way, Ray, f64), Option<Met>> {
-        match self.begin(Purpose::Around, line, limits, start) {
+        match self.begin(Purpose::Light, line, limits, start) {
             Some(Begun::Way(way)) => {
                 let (ray, before) = self.ray(line, way.span.enter, left(&way, start)).ok_or(None)?;
                 Ok((way, ray, before))
@@ -412,11 +387,10 @@ impl<'a> Body<'a> {
 
     /// Where a way ends whose ray has this first hit, t along the line: past the steps of its own stair.
     pub(super) fn follow(&self, way: Way, first: Option<Hit>) -> Option<Met> {
-        let Way { line, least, span, purpose, mut wall, mut from } = way;
+        let Way { line, least, span, purpose, mut from } = way;
         let mut found = first;
         let mut passed = None;
         let mut steps = 0..MAX_STEPS;
-        let mut left_out = 0;
         loop {
             let Some(hit) = found else {
                 // A line within comes out somewhere: where nothing follows, what was passed last was no step.
@@ -424,27 +398,6 @@ impl<'a> Body<'a> {
             };
             if hit.t > span.leave {
                 return None;
-            }
-            if self.part.is_dimmed()
-                && !self.has_walls()
-                && let Some(label) = self.part.label(line, &hit)
-            {
-                let opacity = self.part.opacity(line, &hit);
-                let near = |last: f64| self.boxes(line, hit.t - last) <= WALL;
-                let of_wall = wall.is_some_and(|(passed, last)| passed == label && near(last));
-                let is_passed = match purpose {
-                    Purpose::Sight => opacity <= 0.0,
-                    Purpose::Light | Purpose::Around => opacity < 1.0,
-                };
-                if of_wall || is_passed {
-                    left_out += 1;
-                    if purpose == Purpose::Around && left_out > MAX_PASSED {
-                        return None;
-                    }
-                    wall = if of_wall { Some((label, hit.t)) } else { wall };
-                    found = self.hit(purpose, line, span.enter, Some(&hit));
-                    continue;
-                }
             }
             match from {
                 Some((_, side))
@@ -493,13 +446,13 @@ impl<'a> Body<'a> {
         self.normals.smooth_outward(around, seen, line)
     }
 
-    /// First hits of a line in every box of the surface, but for hidden labels.
+    /// First hits of a line in every box of the surface.
     fn hits(&self, line: Line) -> Vec<Hit> {
         let (mut found, mut last) = (Vec::new(), None);
         while let Some((ray, before)) = self.ray(line, 0.0, last.as_ref())
             && let Some(hit) = self.trace(Purpose::Sight, &ray).map(|hit| Hit { t: before + hit.t, ..hit })
         {
-            found.extend((self.part.opacity(line, &hit) > 0.0).then_some(hit));
+            found.push(hit);
             last = Some(hit);
         }
         found
@@ -532,16 +485,12 @@ impl<'a> Body<'a> {
                 along(one.hit).zip(along(other.hit)).map(|(one, other)| (one < 0.0, other > 0.0))
             }
         };
-        let is_one = self.part.label_number(line, &one.hit) == self.part.label_number(line, &other.hit);
         let is_near = self.boxes(line, other.hit.t - one.leave) <= WALL;
         match ends {
             Some((false, false)) => None,
-            Some((true, true)) if is_one && is_near => Some(one.hit),
+            Some((true, true)) if is_near => Some(one.hit),
             Some(_) if is_near && self.cells.is_some() => None,
-            _ => {
-                let hit = self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1), true)?;
-                (self.part.opacity(line, &hit) > 0.0).then_some(hit)
-            }
+            _ => self.within(add_scaled(line.0, (one.leave + other.hit.t) / 2.0, line.1), true),
         }
     }
 
@@ -553,8 +502,7 @@ impl<'a> Body<'a> {
             let (hit, label) = self.label_at(at)?;
             (hit, Some(label))
         } else {
-            let hit = self.within(at, false)?;
-            (hit, self.part.label(line, &hit))
+            (self.within(at, false)?, None)
         };
         // Not what is hidden.
         let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
@@ -564,7 +512,7 @@ impl<'a> Body<'a> {
     /// A box of the wall around a point that is within: where lines along all six axes meet the surface, or some of them where
     /// that may be open, and more of them from within than from outside; or in a box of the surface.
     fn within(&self, at: [f64; 3], may_be_open: bool) -> Option<Hit> {
-        let mut exits: Vec<Hit> = Vec::new();
+        let mut exit = None;
         let mut votes = 0;
         for axis in 0..6 {
             let mut direction = [0.0; 3];
@@ -581,16 +529,12 @@ impl<'a> Body<'a> {
             let outward = self.outward((at, direction), hit)?;
             if dot(outward, direction) > 0.0 {
                 votes += 1;
-                exits.push(hit);
+                exit.get_or_insert(hit);
             } else {
                 votes -= 1;
             }
         }
-        // Of a model of labels, the one that most lines come out of.
-        let line = (at, [1.0, 0.0, 0.0]);
-        let label = |hit: &Hit| self.part.label(line, hit);
-        let same = |hit: &Hit| exits.iter().filter(|other| label(other) == label(hit)).count();
-        exits.iter().rev().max_by_key(|hit| same(hit)).copied().filter(|_| votes > 0)
+        exit.filter(|_| votes > 0)
     }
 }
 

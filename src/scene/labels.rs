@@ -102,14 +102,9 @@ impl<'a> Opacity<'a> {
         Ok(Self { labels, parts, unseen, clear })
     }
 
-    /// Is every label solid?
+    /// True if every label is solid.
     pub(super) fn is_solid(&self) -> bool {
         self.parts.is_empty()
-    }
-
-    /// The label of a voxel.
-    pub(super) fn label(&self, voxel: u64) -> Option<u16> {
-        self.labels.get(voxel)
     }
 
     /// The part of the light that a label stops; 0 of none.

@@ -229,14 +229,7 @@ impl Painter<'_> {
             };
             for ray in 0..RAYS {
                 let Some(hit) = hits.hit(ray) else { continue };
-                if body.part.is_dimmed() && !body.has_walls() {
-                    let line = self.line([tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]);
-                    if let Some(met) = body.seen(line, hit) {
-                        take(ray, met);
-                    }
-                } else {
-                    take(ray, Met::Surface(hit));
-                }
+                take(ray, Met::Surface(hit));
             }
         }
         nearest

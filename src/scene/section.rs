@@ -212,11 +212,11 @@ impl Plane<'_> {
         let found = body.stretches(line, self.length_mm);
         rays.hits += found.len() as u64;
         for (at, stretch) in found.iter().enumerate() {
-            put([stretch.hit.t, stretch.leave], body.part.label_number(line, &stretch.hit));
+            put([stretch.hit.t, stretch.leave], 0);
             if let Some(next) = found.get(at + 1).filter(|next| next.hit.t > stretch.leave)
-                && let Some(of) = body.between(line, stretch, next)
+                && body.between(line, stretch, next).is_some()
             {
-                put([stretch.leave, next.hit.t], body.part.label_number(line, &of));
+                put([stretch.leave, next.hit.t], 0);
             }
         }
     }

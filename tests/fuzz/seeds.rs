@@ -226,11 +226,7 @@ fn models(all: &mut Seeds) {
     mapped.push(fs::read(&path).unwrap());
     let organs =
         Voxels::from_fn(Dims::new(9, 8, 7).unwrap(), |p| u16::try_from(p[0] / 3 + p[1] / 4).unwrap());
-    let options = BuildOptions {
-        surface: SurfaceKind::Skin,
-        labels: Some(LabelChoice::All),
-        ..BuildOptions::default()
-    };
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
     infobyte::build(&organs, &options, &path).unwrap();
     mapped.push(fs::read(&path).unwrap());
     for bytes in mapped {

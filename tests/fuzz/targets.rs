@@ -13,9 +13,7 @@ use infobyte::builder::{BuildOptions, LabelChoice, Silent, Threshold, build_volu
 use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
 use infobyte::discovery::Catalogue;
 use infobyte::export::ExportForm;
-use infobyte::format::{
-    Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, SurfaceKind, align_up,
-};
+use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
 use infobyte::geom::{Dims, VoxelIndex};
 use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::jobs::names::read_label_names;
@@ -252,7 +250,7 @@ fn labels(bytes: &[u8]) -> bool {
     };
     let at = |p: [u32; 3]| numbers[(p[0] + sides[0] * (p[1] + sides[1] * p[2])) as usize % numbers.len()];
     let volume = Voxels::from_fn(dims, |p| u16::from(at(p)) << (wide % 9));
-    let options = BuildOptions { labels: Some(LabelChoice::All), surface: SurfaceKind::Skin, ..options() };
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..options() };
     let path = folder().join("labels.oct");
     match build_volume(&volume, &options, &path, &Silent) {
         Ok(_) => model(&fs::read(&path).unwrap()) || panic!("what is built is not sound"),

@@ -23,13 +23,12 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("platform", ""),
     ("scratch", "budget"),
     ("identity", ""),
-    ("wall", "cpu"),
     ("facts", "budget codec exit geom progress text"),
     ("volume", "budget exit facts geom progress scratch identity"),
     ("source", "budget codec cpu exit facts geom mark progress scratch volume"),
     ("synthetic", "facts geom volume"),
     ("discovery", "budget csg exit facts geom mark mesh progress scratch source identity synthetic volume"),
-    ("builder", "atomic budget cpu exit format geom progress scratch text volume wall"),
+    ("builder", "atomic budget cpu exit format geom progress scratch text volume"),
     ("clean", "budget builder exit format geom progress scratch text volume"),
     ("mesh", "budget builder codec cpu facts format geom scratch source identity"),
     ("csg", "budget builder facts format geom mesh progress scratch source identity volume"),
@@ -38,11 +37,11 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("scene", "exit format geom load render text"),
     ("enclosed", "format geom load"),
     ("page", "format geom load render text"),
-    ("export", "cpu enclosed format geom load progress render scratch text wall"),
+    ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
-         format geom load mesh page progress render scene scratch source synthetic text volume wall",
+         format geom load mesh page progress render scene scratch source synthetic text volume",
     ),
     (
         "python",

@@ -7,8 +7,6 @@ use crate::prelude::*;
 use infobyte::builder::LabelChoice;
 use infobyte::jobs::export::{ExportReport, export_each};
 
-const SURFACES: [SurfaceKind; 2] = [SurfaceKind::Skin, SurfaceKind::Cells];
-
 /// Labels of all samples, x fastest.
 struct Map {
     dims: [u32; 3],
@@ -35,11 +33,11 @@ impl Map {
         if within { self.labels[(p[0] + nx * (p[1] + ny * p[2])) as usize] } else { 0 }
     }
 
-    fn build(&self, path: &Path, surface: SurfaceKind) {
+    fn build(&self, path: &Path) {
         let [nx, ny, nz] = self.dims;
         let at = |p: [u32; 3]| self.at(p.map(i64::from));
         let volume = Voxels::from_fn(Dims::new(nx, ny, nz).unwrap(), at);
-        let options = BuildOptions { labels: Some(LabelChoice::All), surface, ..BuildOptions::default() };
+        let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
         infobyte::build(&volume, &options, path).unwrap();
     }
 
@@ -210,12 +208,12 @@ fn parts_are_closed_share_their_walls_and_keep_every_sample_on_its_side() {
     let full = Map::random([9, 9, 9], 1, 3);
     maps.push(("two, no background".into(), Map::new([9; 3], |p| 1 + full.at(p.map(i64::from)))));
     maps.push(("one".into(), Map::new([1, 1, 1], |_| 65_535)));
-    for ((name, map), surface) in maps.iter().flat_map(|map| SURFACES.map(|surface| (map, surface))) {
-        map.build(&model, surface);
+    for (name, map) in &maps {
+        map.build(&model);
         for smooth in [None, Some(0.2), Some(0.0)] {
             let (path, report) = exported(&model, "m.ply", smooth);
             let found = Surfaces::read(&path);
-            let name = format!("{name} {surface:?} {smooth:?}");
+            let name = format!("{name} {smooth:?}");
             assert_eq!(report.unknown_voxels, 0, "{name}");
             found.assert_closed(&name);
             let numbers: Vec<u16> = map.voxels().into_keys().collect();
@@ -273,20 +271,8 @@ fn smooth_walls_lie_on_the_balls_that_were_sampled() {
     // Two halves, so that there is an inner wall, too.
     let label = |p: [u32; 3]| if distance(p.map(f64::from)) > 0.0 { 0 } else { 1 + u16::from(p[0] > 33) };
     let map = Map::new([67; 3], label);
-    let meshes = SURFACES.map(|surface| {
-        map.build(&model, surface);
-        Surfaces::read(&exported(&model, "m.ply", None).0)
-    });
-    let [found, other] = &meshes;
-    // By the walls that are stored, and by the samples: but at the rim of the inner wall they differ by how finely planes
-    // are stored.
-    assert_eq!([found.corners.len(), found.triangles.len()], [other.corners.len(), other.triangles.len()]);
-    for (corner, other) in found.corners.iter().zip(&other.corners) {
-        assert!(
-            (corner[0] - 33.5).abs() < 1.0 || (0..3).all(|a| (corner[a] - other[a]).abs() < 0.05),
-            "{corner:?} {other:?}"
-        );
-    }
+    map.build(&model);
+    let found = Surfaces::read(&exported(&model, "m.ply", None).0);
     let (mut sum, mut count) = (0.0, 0.0);
     for corner in &found.corners {
         let p = corner.map(f64::from);
@@ -365,43 +351,48 @@ fn every_format_has_a_part_a_label_with_its_name_and_colour() {
 fn a_mask_of_labels_is_the_map_that_was_built() {
     let folder = tempfile::tempdir().unwrap();
     let model = folder.path().join("m.oct");
-    let maps = [bodies(), Map::random([19, 7, 12], 5, 1), Map::random([8; 3], 300, 2)];
-    for (map, surface) in maps.iter().flat_map(|map| SURFACES.map(|surface| (map, surface))) {
-        map.build(&model, surface);
-        let found = |skin_only| {
-            let path = folder.path().join("m.nii");
-            let request =
-                ExportRequest { form: ExportForm::Nifti, skin_only, simplify: 0, error: None, smooth: None };
-            let report = export(&model, &path, request, &Silent).unwrap();
-            let bytes = fs::read(path).unwrap();
-            assert_eq!((bytes[70], bytes[71], bytes[72]), (0, 2, 16));
-            let labels: Vec<u16> =
-                bytes[352..].chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
-            assert_eq!(report.inside_voxels, labels.iter().filter(|label| **label != 0).count() as u64);
-            assert_eq!(report.unknown_voxels, 0);
-            labels
+    let mut maps = vec![bodies(), Map::random([19, 7, 12], 5, 1), Map::random([8; 3], 300, 2)];
+    maps.push(Map::new([40, 3, 21], |p| 1 + (p[0] / 7 + p[2] / 5) as u16 % 4));
+    maps.push(Map::new([1, 1, 1], |_| 65_535));
+    // Runs of one label between cells, and labels that touch along edges and corners alone.
+    maps.push(Map::new(
+        [30, 30, 30],
+        |p| if p.map(|c| c / 10 % 2).iter().sum::<u32>() % 2 == 0 { 9 } else { 0 },
+    ));
+    if let Some(path) = real_data("labels/liver_spine_seg.nrrd") {
+        let (dims, labels) = crate::label_maps::samples(&path);
+        maps.push(Map { dims, labels });
+    }
+    for map in &maps {
+        map.build(&model);
+        let path = folder.path().join("m.nii");
+        let request = ExportRequest {
+            form: ExportForm::Nifti,
+            skin_only: false,
+            simplify: 0,
+            error: None,
+            smooth: None,
         };
-        assert!(found(false) == map.labels, "{surface:?}");
-        if surface == SurfaceKind::Cells {
-            continue;
-        }
-        let mut skin = Map { dims: map.dims, labels: vec![0; map.labels.len()] };
-        let [nx, ny, _] = map.dims;
-        for stored in Model::open(&model).unwrap().voxels() {
-            let [x, y, z] = stored.voxel;
-            skin.labels[(x + nx * (y + ny * z)) as usize] = stored.label.unwrap();
-        }
-        assert!(found(true) == skin.labels);
+        let report = export(&model, &path, request, &Silent).unwrap();
+        let bytes = fs::read(path).unwrap();
+        assert_eq!((bytes[70], bytes[71], bytes[72]), (0, 2, 16));
+        let labels: Vec<u16> =
+            bytes[352..].chunks_exact(2).map(|b| u16::from_le_bytes([b[0], b[1]])).collect();
+        assert_eq!(report.inside_voxels, labels.iter().filter(|label| **label != 0).count() as u64);
+        assert_eq!(report.unknown_voxels, 0);
+        assert_eq!(labels.len(), map.labels.len());
+        let differ = labels.iter().zip(&map.labels).filter(|(found, due)| found != due).count();
+        assert_eq!(differ, 0, "of {} voxels", labels.len());
     }
     // What the program writes it reads again, and builds the same of it.
-    bodies().build(&model, SurfaceKind::Skin);
+    bodies().build(&model);
     exported(&model, "m.nrrd", None);
     let again = folder.path().join("again.oct");
     let input = folder.path().join("m.nrrd");
-    assert_eq!(command::build(&[&input], &again, &["--labels", "all", "--surface", "skin"]).code, 0);
+    assert_eq!(command::build(&[&input], &again, &["--labels", "all"]).code, 0);
     let sections = |path: &Path| {
         let model = Model::open(path).unwrap();
-        [SectionKind::Nodes, SectionKind::Voxels(Channel::Label)]
+        [SectionKind::Nodes, SectionKind::Voxels(Channel::Normal), SectionKind::Voxels(Channel::Label)]
             .map(|kind| model.section_bytes(kind).unwrap().to_vec())
     };
     assert!(sections(&model) == sections(&again));
@@ -411,7 +402,7 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
 fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name));
-    bodies().build(&folder.path().join("m.oct"), SurfaceKind::Cells);
+    bodies().build(&folder.path().join("m.oct"));
     let plain =
         Voxels::from_fn(Dims::new(9, 9, 9).unwrap(), |p| u8::from(p.iter().all(|c| (2..6).contains(c))));
     let options = BuildOptions { threshold: Threshold::Iso(0.5), ..BuildOptions::default() };

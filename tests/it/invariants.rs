@@ -103,8 +103,11 @@ fn with_content(file: &[u8], kind: SectionKind, change: impl FnOnce(&mut Vec<u8>
             (entry, bytes)
         })
         .collect();
-    let header = frame.header;
-    join_sections(Encoding::Mapped, header.dims, header.nodes, header.voxels, &sections)
+    let Header { dims, nodes, voxels, surface, leaves, walls, .. } = frame.header;
+    let mut file = join_sections(Encoding::Mapped, dims, nodes, voxels, &sections);
+    let joined = Header::parse(&file, file.len() as u64).unwrap();
+    file[..HEADER_BYTES].copy_from_slice(&Header { surface, leaves, walls, ..joined }.to_bytes());
+    file
 }
 
 pub(crate) fn with_metadata(file: &[u8], change: impl FnOnce(&mut Metadata)) -> Vec<u8> {

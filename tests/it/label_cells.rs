@@ -12,7 +12,6 @@ use infobyte::load::{Fault, Frame};
 fn options(choice: &LabelChoice, memory: u64, threads: usize) -> BuildOptions {
     BuildOptions {
         labels: Some(choice.clone()),
-        surface: SurfaceKind::Cells,
         memory: infobyte::budget::MemoryCap::Share(memory),
         threads,
         ..BuildOptions::default()
@@ -26,7 +25,7 @@ fn walls_of(model: &Model) -> HashMap<[u32; 3], Walls> {
 }
 
 /// Every cell whose samples differ is there, and no other; and the samples have their labels in it.
-fn check(model: &Model, dims: [u32; 3], label: impl Fn([u32; 3]) -> u16) {
+pub(crate) fn check(model: &Model, dims: [u32; 3], label: impl Fn([u32; 3]) -> u16) {
     let cells = walls_of(model);
     let mut due = 0;
     let [nx, ny, nz] = dims;
@@ -187,47 +186,30 @@ fn balls_have_their_areas_and_numbers_and_walls_their_bound() {
     let place = |i: u32| [i % side, i / side % side, i / side / side];
     object.bytes = (0..side.pow(3)).flat_map(|i| label(place(i)).to_le_bytes()).collect();
     let input = file(folder.path(), "balls.nrrd", &nrrd(&object, "raw", false, ""));
-    for surface in ["cells", "skin"] {
-        oct(&[
-            "build",
-            &text(&input),
-            "-o",
-            &at("m.oct"),
-            "--labels",
-            "all",
-            "--surface",
-            surface,
-            "--force",
-            "--json",
-        ])
-        .json();
-        let info = oct(&["info", &at("m.oct"), "--json"]).json();
-        assert_eq!(info["not_measured"], "labels");
-        assert!((info["bounding_box_mm"][1][0].as_f64().unwrap() - 29.8).abs() < 0.6, "{info}");
-        for (label, radius) in info["labels"].as_array().unwrap().iter().zip([7.0_f64, 7.5]) {
-            let due = 4.0 * std::f64::consts::PI * radius * radius;
-            let [area, error] = ["area_mm2", "area_error_mm2"].map(|key| label[key].as_f64());
-            assert_eq!(area.is_some(), surface == "cells");
-            assert!(area.is_none_or(|area| (area - due).abs() < 0.02 * due), "{label} {due}");
-            assert!(error.is_none_or(|error| error < 0.15 * due), "{label}");
-        }
-        let picture = ["render", &at("m.oct"), "-o", &at("p.png"), "--view", "front", "--size", "96x64"];
-        oct(&[&picture[..], &["--ids", &at("i.png"), "--legend", "--json"]].concat()).json();
-        let ids = samples(Path::new(&at("i.png")));
-        let shown: BTreeSet<u64> =
-            ids.chunks(6).map(|id| id.iter().fold(0, |n, b| n << 8 | u64::from(*b))).collect();
-        assert_eq!(shown, BTreeSet::from([0, 3, 300]));
+    assert_eq!(command::build(&[&input], Path::new(&at("m.oct")), &["--labels", "all"]).code, 0);
+    let info = oct(&["info", &at("m.oct"), "--json"]).json();
+    assert_eq!(info["not_measured"], "labels");
+    assert!((info["bounding_box_mm"][1][0].as_f64().unwrap() - 29.8).abs() < 0.6, "{info}");
+    for (label, radius) in info["labels"].as_array().unwrap().iter().zip([7.0_f64, 7.5]) {
+        let due = 4.0 * std::f64::consts::PI * radius * radius;
+        let [area, error] = ["area_mm2", "area_error_mm2"].map(|key| label[key].as_f64().unwrap());
+        assert!((area - due).abs() < 0.02 * due && error < 0.15 * due, "{label} {due}");
     }
-    let bound = |smooth: &str, surface: &str| {
-        let how = ["--labels", "all", "--force", "--surface", surface, "--smooth", smooth];
+    let picture = ["render", &at("m.oct"), "-o", &at("p.png"), "--view", "front", "--size", "96x64"];
+    oct(&[&picture[..], &["--ids", &at("i.png"), "--legend", "--json"]].concat()).json();
+    let ids = samples(Path::new(&at("i.png")));
+    let shown: BTreeSet<u64> =
+        ids.chunks(6).map(|id| id.iter().fold(0, |n, b| n << 8 | u64::from(*b))).collect();
+    assert_eq!(shown, BTreeSet::from([0, 3, 300]));
+    let bound = |smooth: &str| {
+        let how = ["--labels", "all", "--force", "--smooth", smooth];
         command::build(&[&input], &folder.path().join("s.oct"), &how)
     };
     for (smooth, stated) in [("0.5", "label planes"), ("0.1", "label planes within 0.1 voxel")] {
-        assert_eq!(bound(smooth, "cells").code, 0);
+        assert_eq!(bound(smooth).code, 0);
         assert_eq!(oct(&["info", &at("s.oct"), "--json"]).json()["gradient"], stated);
     }
-    bound("0.1", "skin").refused(2, &["skin with a bound on walls"]);
-    bound("0.7", "cells").refused(2, &["'0.7' is not a distance from 0 to 0.5"]);
+    bound("0.7").refused(2, &["'0.7' is not a distance from 0 to 0.5"]);
 }
 
 /// SPEC I23: a cell that gives a corner another label, or says so of its labels, is found.

@@ -1,8 +1,9 @@
-//! A model of labels holds the skin of every label, walls between neighbours included, as its definition says, whatever
-//! the type of the samples, the memory and the threads. If this fails, organs are lost, mixed up or have holes.
+//! A model of labels holds every label under its name and colour, whatever the format and the type of the samples, and
+//! shows or hides each. If this fails, organs are lost or mixed up.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
 use crate::common::volume::encode;
+use crate::label_cells::check;
 use crate::prelude::*;
 use infobyte::builder::{BuildNote, LabelChoice};
 
@@ -20,44 +21,6 @@ pub(crate) fn map(dims: [u32; 3], kinds: u32, block: u32, seed: u64) -> Vec<u16>
         }
     }
     labels
-}
-
-/// Labels of skin voxels.
-type Skin = HashMap<[u32; 3], u16>;
-
-/// The skin by definition: chosen voxels with a face neighbour that has another label, or none.
-fn skin(labels: &[u16], dims: [u32; 3], choice: &LabelChoice) -> Skin {
-    let [nx, ny, _] = dims;
-    let at = |p: [i64; 3]| {
-        let inside = (0..3).all(|a| (0..i64::from(dims[a])).contains(&p[a]));
-        let index = p[0] + i64::from(nx) * (p[1] + i64::from(ny) * p[2]);
-        let label = if inside { labels[index as usize] } else { 0 };
-        if choice.contains(label) { label } else { 0 }
-    };
-    let mut found = HashMap::new();
-    for (index, _) in labels.iter().enumerate() {
-        let (x, rest) = (index as u32 % nx, index as u32 / nx);
-        let p = [x, rest % ny, rest / ny];
-        let here = p.map(i64::from);
-        let label = at(here);
-        let wall = (0..3).any(|a| {
-            [-1, 1].into_iter().any(|step| {
-                let mut next = here;
-                next[a] += step;
-                at(next) != label
-            })
-        });
-        if label != 0 && wall {
-            found.insert(p, label);
-        }
-    }
-    found
-}
-
-/// The skin of a model, and its table as numbers and voxels.
-fn stored(model: &Model) -> (Skin, Vec<(u16, u64)>) {
-    let voxels = model.voxels().map(|v| (v.voxel, v.label.unwrap())).collect();
-    (voxels, model.frame().labels.iter().map(|label| (label.number, label.voxels)).collect())
 }
 
 fn counts(labels: &[u16], choice: &LabelChoice) -> Vec<(u16, u64)> {
@@ -98,63 +61,6 @@ pub(crate) fn built_alike(
 }
 
 #[test]
-fn every_label_has_its_skin_at_any_budget_and_threads() {
-    let all = LabelChoice::All;
-    let cases = [
-        ([70, 40, 37], 2, 9, all.clone()),
-        ([130, 33, 35], 5, 4, all.clone()),
-        ([64, 65, 66], 300, 1, all.clone()),
-        ([1, 1, 1], 3, 1, all.clone()),
-        ([67, 34, 5], 40, 3, LabelChoice::Only(vec![[2, 2], [7, 19]])),
-        ([40, 300, 40], 20, 5, all),
-    ];
-    for (seed, (dims, kinds, block, choice)) in (1..).zip(cases) {
-        let mut labels = map(dims, kinds, block, seed);
-        labels[0] = 2;
-        let volume = Voxels::from_fn(Dims::new(dims[0], dims[1], dims[2]).unwrap(), |[x, y, z]| {
-            labels[(x + dims[0] * (y + dims[1] * z)) as usize]
-        });
-        let options = BuildOptions { labels: Some(choice.clone()), ..BuildOptions::default() };
-        built_alike(&volume, &options, 1 << 20, |model| {
-            let (voxels, table) = stored(model);
-            assert!(voxels == skin(&labels, dims, &choice), "{dims:?}");
-            assert_eq!(table, counts(&labels, &choice));
-            for voxel in model.voxels() {
-                let color =
-                    model.frame().labels.iter().find(|l| Some(l.number) == voxel.label).unwrap().color;
-                assert_eq!(voxel.color, Some(color));
-            }
-        });
-    }
-}
-
-#[test]
-fn normals_of_a_label_do_not_see_its_neighbours() {
-    // A ball of one label in a box of another: the ball's normals are radial.
-    let dims = Dims::new(60, 60, 60).unwrap();
-    let centre = 29.3;
-    let volume = Voxels::from_fn(dims, |p| {
-        let r = p.map(|c| (f64::from(c) - centre).powi(2)).iter().sum::<f64>().sqrt();
-        let in_box = p.iter().all(|c| (3..57).contains(c));
-        if r < 20.0 { 7_u8 } else { u8::from(in_box) * 3 }
-    });
-    let folder = tempfile::tempdir().unwrap();
-    let path = folder.path().join("m.oct");
-    let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
-    infobyte::build(&volume, &options, &path).unwrap();
-    let model = Model::open(&path).unwrap();
-    let (mut sum, mut count) = (0.0, 0.0);
-    for voxel in model.voxels().filter(|v| v.label == Some(7)) {
-        let out = voxel.voxel.map(|c| f64::from(c) - centre);
-        let (n, length) = (voxel.normal.unwrap(), out.iter().map(|c| c * c).sum::<f64>().sqrt());
-        let cos = (0..3).map(|a| n[a] * out[a]).sum::<f64>() / length;
-        sum += cos.clamp(-1.0, 1.0).acos().to_degrees();
-        count += 1.0;
-    }
-    assert!(count > 4000.0 && sum / count < 3.0, "{} degrees", sum / count);
-}
-
-#[test]
 fn every_format_gives_the_same_labels_and_other_values_are_refused() {
     let folder = tempfile::tempdir().unwrap();
     let dims = [9, 8, 7];
@@ -166,7 +72,7 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
     };
     let label = |i: usize| f64::from((i * 7 % 5) as u8);
     let labels: Vec<u16> = (0..9 * 8 * 7).map(|i| label(i) as u16).collect();
-    let due = skin(&labels, dims, &LabelChoice::All);
+    let at = |[x, y, z]: [u32; 3]| labels[(x + dims[0] * (y + dims[1] * z)) as usize];
     let model = folder.path().join("m.oct");
     for scalar in ScalarType::ALL {
         let object = values(scalar, &label);
@@ -180,10 +86,10 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
             let input = file(folder.path(), name, &bytes);
             let run = command::build(&[&input], &model, &["--labels", "all"]);
             assert_eq!(run.code, 0, "{scalar} {name}: {}", run.stderr);
-            assert!(stored(&Model::open(&model).unwrap()).0 == due, "{scalar} {name}");
+            check(&Model::open(&model).unwrap(), dims, at);
         }
     }
-    let refused: [(ScalarType, f64, &[&str], i32, &str); 7] = [
+    let refused: [(ScalarType, f64, &[&str], i32, &str); 9] = [
         (ScalarType::F32, 1.5, &["--labels", "all"], 3, "holds the value 1.5, and labels are whole numbers"),
         (ScalarType::F64, f64::NAN, &["--labels", "1"], 3, "NaN"),
         (ScalarType::I16, -3.0, &["--labels", "all"], 3, "holds the value -3"),
@@ -203,11 +109,13 @@ fn every_format_gives_the_same_labels_and_other_values_are_refused() {
             2,
             "leave out the choice of components",
         ),
+        (ScalarType::U8, 2.0, &["--labels", "all", "--surface", "skin"], 2, "labels are stored as cells"),
+        (ScalarType::U8, 2.0, &["--labels", "all", "--gradient", "label5"], 2, "cells are built"),
     ];
     for (scalar, odd, how, code, words) in refused {
         let object = values(scalar, &|i| if i == 300 { odd } else { label(i) });
         let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
-        command::build(&[&input], &model, how).refused(code, &["a.nrrd", words]);
+        command::build(&[&input], &model, how).refused(code, &[words]);
     }
     // What is not chosen may be anything whole, and what is not there is said.
     let object = values(ScalarType::I32, &|i| if i == 300 { -70_000.0 } else { label(i) });
@@ -284,7 +192,7 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name));
     // A ball within a box, and a bar beside them.
-    let volume = Voxels::from_fn(Dims::new(40, 36, 32).unwrap(), |p| {
+    let label = |p: [u32; 3]| {
         let r = p.map(|c| (f64::from(c) - 15.5).powi(2)).iter().sum::<f64>();
         match p {
             _ if r < 81.0 => 7_u8,
@@ -292,19 +200,13 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
             [33..38, 10..20, 2..30] => 20,
             _ => 0,
         }
-    });
-    let names = [("ball", 7), ("The Box", 5)]
-        .map(|(name, number)| infobyte::format::LabelName { number, name: name.into(), color: None })
-        .to_vec();
-    for (name, choice) in [
-        ("all", LabelChoice::All),
-        ("ball", LabelChoice::Only(vec![[7, 7]])),
-        ("rest", LabelChoice::Only(vec![[5, 5], [20, 20]])),
-    ] {
-        let options =
-            BuildOptions { labels: Some(choice), label_names: names.clone(), ..BuildOptions::default() };
-        infobyte::build(&volume, &options, folder.path().join(format!("{name}.oct"))).unwrap();
-    }
+    };
+    let mut object = Object::new([40, 36, 32], ScalarType::U8, [1.0; 3]);
+    object.bytes = (0..40 * 36 * 32).map(|i| label([i % 40, i / 40 % 36, i / 40 / 36])).collect();
+    let input = file(folder.path(), "a.nrrd", &nrrd(&object, "raw", false, ""));
+    let names = file(folder.path(), "names.csv", b"index,name\n7,ball\n5,The Box\n");
+    let how = ["--labels", "all", "--names", &text(&names), "--each", &at("each")];
+    assert_eq!(command::build(&[&input], Path::new(&at("all.oct")), &how).code, 0);
     // The colours and normals of a model from a fixed place, and how many rays hit.
     let shown = |model: &str, how: &[&str]| {
         let (picture, normals) = (at("p.png"), at("n.png"));
@@ -326,8 +228,8 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
         (read("n.png"), read("p.png"), json["hits"].as_u64().unwrap())
     };
     // What is left of the whole is what a model of that alone shows.
-    let ball = shown("ball.oct", &["--only", "7"]);
-    let rest = shown("rest.oct", &["--only", "all"]);
+    let ball = shown("each/ball.oct", &["--only", "7"]);
+    let rest = shown("all.oct", &["--only", "5,20"]);
     assert!(ball.2 > 500 && rest.2 > ball.2 && ball.0 != rest.0);
     for how in [
         &["--only", "7"][..],
@@ -359,7 +261,7 @@ fn labels_are_shown_alone_hidden_or_let_light_through() {
     let solid = shown("all.oct", &["--opacity", "all=1"]);
     let glass = shown("all.oct", &["--opacity", "5=0.3"]);
     assert!(glass.2 == solid.2 && glass.0 == solid.0 && glass.1 != solid.1);
-    assert!(glass.1 != shown("rest.oct", &["--opacity", "5=0.3"]).1);
+    assert!(glass.1 != shown("all.oct", &["--hide", "7", "--opacity", "5=0.3"]).1);
     for (model, how, words) in [
         ("all.oct", &["--only", "8"][..], &["all.oct", "has no label 8", "oct info"][..]),
         ("all.oct", &["--hide", "7,liver"], &["has no label 'liver'"]),
@@ -427,7 +329,7 @@ fn masks_of_one_grid_become_one_map_and_overlaps_are_counted() {
         }
         assert!(overlaps > 20);
         let model = Model::open(&out).unwrap();
-        assert_eq!(stored(&model).0, skin(&labels, dims, &LabelChoice::All), "{policy}");
+        check(&model, dims, |[x, y, z]| labels[(x + dims[0] * (y + dims[1] * z)) as usize]);
         let names: Vec<&str> = model.frame().labels.iter().map(|label| label.name.as_str()).collect();
         assert_eq!(names, ["kidney_left", "liver", "spleen"]);
         let said = report["warnings"].to_string();

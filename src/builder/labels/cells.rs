@@ -8,6 +8,7 @@
 use super::LabelSolid;
 use super::fit::{CellFit, Fitted, fit_cell};
 use super::ring::{self, CHUNK, Ring, bits_of};
+use super::wall::{WINDOW, Window};
 use crate::builder::gradient::SLICE_VOXELS;
 use crate::builder::range::Ordered;
 use crate::builder::simd::{Isa, Kernel, dispatch};
@@ -16,7 +17,6 @@ use crate::builder::solid::{LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, So
 use crate::format::cell::HAS_CORNERS;
 use crate::format::{Channel, WALL_BYTES};
 use crate::volume::{SourceError, VolumeInfo};
-use crate::wall::{WINDOW, Window};
 
 /// Name recorded in the metadata.
 pub(super) const ESTIMATOR: &str = "label planes";
@@ -29,8 +29,8 @@ const _: () = assert!(AROUND.high == LOOKAHEAD + 1);
 const ITEM_BYTES: usize = 2 + 1 + 4 + WALL_BYTES;
 
 /// Bytes that one worker holds.
-pub(super) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
-    ring::bytes(info, AROUND, tile) + (SLICE_VOXELS * ITEM_BYTES + (16 << 10)) as u64
+pub(in crate::builder) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
+    ring::bytes(info, tile) + (SLICE_VOXELS * ITEM_BYTES + (16 << 10)) as u64
 }
 
 /// One thread's ring, and the cells described last.
@@ -75,7 +75,7 @@ impl<'a, T: Ordered> CellWorker<'a, T> {
             pairs: Vec::with_capacity(4 * SLICE_VOXELS),
         };
         let fit = CellFit::new(solid.smooth);
-        Self { ring: Ring::new(solid, to_number, AROUND, tile), next: 0, fit, items }
+        Self { ring: Ring::new(solid, to_number, tile), next: 0, fit, items }
     }
 }
 

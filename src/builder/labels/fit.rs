@@ -8,10 +8,10 @@
 //! turned until it does. Of three labels, one is parted from the others first: the one for which the fewest planes are
 //! turned.
 
+use super::wall::{Fit, MAX_SMOOTH, Wall, Window};
 use crate::builder::simd::{Isa, Kernel};
 use crate::format::cell::{CORNERS, at_corner};
-use crate::format::{WallItem, normal};
-use crate::wall::{Corners, Fit, MAX_SMOOTH, Wall, Window};
+use crate::format::{CornerLabels, WallItem, normal};
 
 /// How often a direction is turned, and by how much.
 const TURNS: u32 = 60;
@@ -50,7 +50,7 @@ struct Parting {
 
 /// The labels of the corners, each once, the greatest first.
 #[inline(always)]
-fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
+fn distinct(corners: &CornerLabels) -> ([u16; CORNERS], usize) {
     let mut sorted = *corners;
     let (most, least) = sorted.iter().fold((0, u16::MAX), |(most, least), c| (most.max(*c), least.min(*c)));
     if corners.iter().fold(true, |two, corner| two & ((*corner == most) | (*corner == least))) {
@@ -70,7 +70,7 @@ fn distinct(corners: &Corners) -> ([u16; CORNERS], usize) {
 
 /// Describes a cell by its corners, which have at least two labels, and the samples around it.
 #[inline(always)]
-pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corners: &Corners) -> Fitted {
+pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corners: &CornerLabels) -> Fitted {
     let (labels, count) = distinct(corners);
     match labels[..count] {
         [a, b] => {
@@ -96,7 +96,7 @@ pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corner
 struct TwoPlanes<'a> {
     fit: &'a CellFit,
     window: &'a Window<'a>,
-    corners: &'a Corners,
+    corners: &'a CornerLabels,
     labels: [u16; 3],
 }
 
@@ -126,7 +126,7 @@ impl Kernel for TwoPlanes<'_> {
 fn sheet(
     (isa, fit): (impl Isa, &CellFit),
     window: &Window<'_>,
-    corners: &Corners,
+    corners: &CornerLabels,
     labels: [u16; 2],
 ) -> Option<Fitted> {
     let far = window.unused();
@@ -155,7 +155,7 @@ fn sheet(
 fn parting(
     (isa, fit): (impl Isa, &CellFit),
     window: &Window<'_>,
-    corners: &Corners,
+    corners: &CornerLabels,
     one: u16,
     other: Option<u16>,
 ) -> Option<Parting> {
@@ -172,7 +172,7 @@ fn parting(
 #[inline(always)]
 fn parted_by(
     wall: &Wall,
-    corners: &Corners,
+    corners: &CornerLabels,
     (one, other): (u16, Option<u16>),
     smooth: f32,
 ) -> Option<Parting> {
@@ -207,7 +207,12 @@ fn parted_by(
 
 /// The plane with a direction that is turned towards where the label ends and the other begins until it parts them.
 #[cold]
-fn turned(wall: Wall, corners: &Corners, (one, other): (u16, Option<u16>), smooth: f32) -> Option<Parting> {
+fn turned(
+    wall: Wall,
+    corners: &CornerLabels,
+    (one, other): (u16, Option<u16>),
+    smooth: f32,
+) -> Option<Parting> {
     let mut wall = wall;
     let part = |corner: usize, a: usize| if corner >> a & 1 == 1 { 1.0_f32 } else { -1.0 };
     for _ in 0..TURNS {
@@ -240,7 +245,12 @@ fn turned(wall: Wall, corners: &Corners, (one, other): (u16, Option<u16>), smoot
 
 /// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
 #[cold]
-fn smooth((isa, fit): (impl Isa, &CellFit), window: &Window<'_>, corners: &Corners, greatest: u16) -> u16 {
+fn smooth(
+    (isa, fit): (impl Isa, &CellFit),
+    window: &Window<'_>,
+    corners: &CornerLabels,
+    greatest: u16,
+) -> u16 {
     let with_none = corners.contains(&0);
     let one = if with_none { 0 } else { greatest };
     let out = fit.fit.between(isa, window, corners, one, None).map_or([0.0, 0.0, 1.0], |wall| wall.normal);
@@ -266,7 +276,7 @@ mod tests {
         for round in 0..6000_u32 {
             let most = 2 + round % 4;
             let samples: Vec<u16> = (0..512).map(|_| u16::try_from(any(most)).unwrap()).collect();
-            let mut corners: Corners = std::array::from_fn(|_| u16::try_from(any(most)).unwrap());
+            let mut corners: CornerLabels = std::array::from_fn(|_| u16::try_from(any(most)).unwrap());
             if round < 256 {
                 corners = std::array::from_fn(|c| u16::try_from(round >> c & 1).unwrap());
             }
@@ -310,7 +320,7 @@ mod tests {
             let bound = f64::from(round % 6) / 10.0;
             let fit = CellFit::new(bound);
             let samples: Vec<u16> = (0..512).map(|_| u16::try_from(any(2)).unwrap()).collect();
-            let corners: Corners = std::array::from_fn(|_| u16::try_from(any(2)).unwrap());
+            let corners: CornerLabels = std::array::from_fn(|_| u16::try_from(any(2)).unwrap());
             let slices = std::array::from_fn(|z| &samples[64 * z..64 * z + 64]);
             let window = Window { slices, first: 0, stride: 8 };
             if corners.iter().all(|label| *label == corners[0]) {

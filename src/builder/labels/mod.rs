@@ -1,8 +1,7 @@
 //! A label map as a solid, walls between neighbours included, in one pass.
 //!
 //! ```text
-//!   slices --read--> numbers of labels (ring) --> skin voxels of every label (skin)
-//!                                             --> cells between labels, fitted one by one (cells, fit)
+//!   slices --read--> numbers of labels (ring) --> cells between labels, fitted one by one (cells, fit)
 //! ```
 //!
 //! Memory is that of [`worker_bytes`].
@@ -11,7 +10,7 @@
 mod cells;
 mod fit;
 mod ring;
-mod skin;
+mod wall;
 
 use std::borrow::Cow;
 use std::path::PathBuf;
@@ -20,26 +19,23 @@ use std::sync::{Mutex, PoisonError};
 
 use super::cells::cell_dims;
 use super::error::BuildError;
-use super::estimator::{Estimate, Gradient};
-use super::gradient::{NormalRule, REACH};
 use super::item::ItemForm;
 use super::options::BuildOptions;
 use super::range::Ordered;
 use super::report::BuildNote;
 use super::solid::{ScanSummary, Solid, SolidWorker, Tile};
 use crate::builder::BuildFault;
-use crate::format::normal::NormalBits;
 use crate::format::{
-    Channel, Label, LabelForm, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SourceMeta,
+    Channel, LABEL_BYTES, Label, LabelName, MAX_LABELS, Metadata, Selection, SelectionKind, SourceMeta,
     SurfaceKind, WALL_BYTES,
 };
 use crate::geom::Dims;
 use crate::text::Short;
 use crate::volume::{Fault, ScalarType, SourceError, SourceFault, StatedLabel, VolumeInfo, VolumeSource};
 
-use crate::wall::MAX_SMOOTH;
 use cells::CellWorker;
-use skin::{SkinWorker, Weights};
+pub(super) use cells::worker_bytes;
+pub use wall::MAX_SMOOTH;
 
 /// The labels of a volume that a model is built of.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -80,23 +76,15 @@ impl FromStr for LabelChoice {
 }
 
 /// The items of a channel, of those that labels have.
-pub(super) fn label_form(surface: SurfaceKind, channel: Channel) -> Option<ItemForm> {
-    let bytes = match (surface, channel) {
-        (_, Channel::Normal) => 2,
-        (SurfaceKind::Skin, Channel::Fine) | (SurfaceKind::Cells, Channel::Offset) => 1,
-        (SurfaceKind::Cells, Channel::Corners) => WALL_BYTES,
-        (_, Channel::Label) => LabelForm::of(surface, 0).item_bytes(),
+pub(super) fn label_form(channel: Channel) -> Option<ItemForm> {
+    let bytes = match channel {
+        Channel::Normal => 2,
+        Channel::Offset => 1,
+        Channel::Corners => WALL_BYTES,
+        Channel::Label => LABEL_BYTES,
         _ => return None,
     };
     Some(ItemForm::AsIs { bytes })
-}
-
-/// Bytes that one worker holds.
-pub(super) fn worker_bytes(surface: SurfaceKind, info: &VolumeInfo, tile: &Tile) -> u64 {
-    match surface {
-        SurfaceKind::Skin => skin::worker_bytes(info, tile),
-        SurfaceKind::Cells => cells::worker_bytes(info, tile),
-    }
 }
 
 /// What a table states of labels; what the input states where there is no table.
@@ -126,35 +114,20 @@ pub(super) fn label_solid<'a>(
         let name = source.info().description.name.clone();
         return Err(BuildFault::NotOfLabels { name, asked }.into());
     }
-    let gradient = match options.gradient {
-        Gradient::Isotropic5 | Gradient::Auto => Gradient::Label5,
-        given => given,
-    };
-    let (info, surface) = (source.info(), options.volume_surface());
-    let dims = match surface {
-        SurfaceKind::Skin => info.dims,
-        SurfaceKind::Cells => cell_dims(info.dims).ok_or_else(|| {
-            let name = info.description.name.clone();
-            BuildFault::NoRoomForCells { name }
-        })?,
-    };
-    let spacing_mm = info.spacing_mm;
-    let estimate = Estimate::new(gradient, spacing_mm);
+    let info = source.info();
+    let dims = cell_dims(info.dims).ok_or_else(|| {
+        let name = info.description.name.clone();
+        BuildFault::NoRoomForCells { name }
+    })?;
     let solid = LabelSolid {
         source,
         dims,
-        surface,
         choice,
-        names: names(&options.label_names, &source.info().description.labels),
+        names: names(&options.label_names, &info.description.labels),
         smooth: options.smooth,
-        gradient,
-        rule: NormalRule::new(spacing_mm, gradient),
-        weights: std::iter::once(estimate.taps).chain(estimate.more).map(Weights::new).collect(),
-        estimate,
-        bits: options.normal_bits,
         counts: Mutex::default(),
     };
-    Ok(match source.info().scalar {
+    Ok(match info.scalar {
         ScalarType::U8 => Box::new(Typed(solid, |v: u8| v.into())),
         ScalarType::I8 => Box::new(Typed(solid, |v: i8| v.into())),
         ScalarType::U16 => Box::new(Typed(solid, |v: u16| v.into())),
@@ -171,20 +144,13 @@ type Count = (u16, u64);
 
 struct LabelSolid<'a> {
     source: &'a dyn VolumeSource,
-    /// Of the grid of voxels, or of cells.
+    /// Cells along each axis.
     dims: Dims,
-    surface: SurfaceKind,
     choice: &'a LabelChoice,
     names: Cow<'a, [LabelName]>,
     /// [`BuildOptions::smooth`]
     smooth: f64,
-    gradient: Gradient,
-    rule: NormalRule,
-    estimate: Estimate,
-    /// Of the estimate's one or two products.
-    weights: Vec<Weights>,
-    bits: NormalBits,
-    /// Of all workers that are done, by number.
+    /// Counts of all workers that are done, by number.
     counts: Mutex<Vec<Count>>,
 }
 
@@ -223,14 +189,11 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn surface(&self) -> SurfaceKind {
-        self.0.surface
+        SurfaceKind::Cells
     }
 
     fn lookbehind(&self) -> u32 {
-        match self.0.surface {
-            SurfaceKind::Skin => REACH,
-            SurfaceKind::Cells => cells::AROUND.low,
-        }
+        cells::AROUND.low
     }
 
     fn metadata(&self, _: &ScanSummary) -> Metadata {
@@ -249,13 +212,10 @@ impl<T: Ordered> Solid for Typed<'_, T> {
             affine: affine.rows,
             rescale: [rescale.slope, rescale.intercept],
             selection: Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() },
-            gradient: match self.0.bits {
-                _ if self.0.surface == SurfaceKind::Cells && self.0.smooth < MAX_SMOOTH => {
-                    format!("{} within {} voxel", cells::ESTIMATOR, Short(self.0.smooth))
-                }
-                _ if self.0.surface == SurfaceKind::Cells => cells::ESTIMATOR.into(),
-                NormalBits::Twelve => format!("{}, 12 bits", self.0.gradient.name()),
-                _ => self.0.gradient.name().into(),
+            gradient: if self.0.smooth < MAX_SMOOTH {
+                format!("{} within {} voxel", cells::ESTIMATOR, Short(self.0.smooth))
+            } else {
+                cells::ESTIMATOR.into()
             },
             ..Metadata::of_grid(*dims, "")
         }
@@ -266,11 +226,11 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-        label_form(self.0.surface, channel)
+        label_form(channel)
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        worker_bytes(self.0.surface, self.0.source.info(), tile)
+        worker_bytes(self.0.source.info(), tile)
     }
 
     fn input_bytes(&self) -> u64 {
@@ -278,10 +238,7 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        match self.0.surface {
-            SurfaceKind::Skin => Box::new(SkinWorker::new(&self.0, self.1, tile)),
-            SurfaceKind::Cells => Box::new(CellWorker::new(&self.0, self.1, tile)),
-        }
+        Box::new(CellWorker::new(&self.0, self.1, tile))
     }
 
     fn labels(&self) -> Result<Vec<Label>, BuildError> {

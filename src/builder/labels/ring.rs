@@ -4,6 +4,8 @@
 
 use std::time::{Duration, Instant};
 
+use super::cells::AROUND;
+use super::wall::WINDOW;
 use super::{Count, LabelChoice, LabelSolid};
 use crate::builder::classify::classify;
 use crate::builder::range::{Ordered, SampleRange};
@@ -13,8 +15,6 @@ use crate::builder::solid::{BRICK, OccupancyRows, ScanSummary, Tile, VoxelBox};
 use crate::format::MAX_LABELS;
 use crate::volume::{Fault, Rescale, ScalarType, SourceError, VolumeInfo};
 
-/// Samples that are read at once, from any of a row on.
-pub(super) const LANES: usize = 8;
 /// A cache line of the ring: rows are an odd number of lines apart, and may be read beyond their end.
 const LINE: usize = 32;
 /// Samples of a row that are compared at once.
@@ -24,7 +24,6 @@ pub(super) const CHUNK: usize = 32;
 pub(super) struct Ring<'a, T> {
     pub(super) solid: &'a LabelSolid<'a>,
     to_number: fn(T) -> f64,
-    reach: Reach,
     pub(super) column: VoxelBox,
     /// Samples from one row to the next, and of a slice.
     pub(super) stride: usize,
@@ -45,31 +44,30 @@ fn stride(tile: &Tile) -> usize {
 }
 
 /// Rows of a slice: a tile's and those around it.
-fn rows(reach: Reach) -> usize {
-    (BRICK + reach.low + reach.high) as usize
+fn rows() -> usize {
+    (BRICK + AROUND.low + AROUND.high) as usize
 }
 
 /// Bytes of a ring.
-pub(super) fn bytes(info: &VolumeInfo, reach: Reach, tile: &Tile) -> u64 {
+pub(super) fn bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
     // One more slice for what lies beyond the volume.
-    let ring = (reach.ring() + 1) * rows(reach) * stride(tile) * size_of::<u16>();
-    let columns = ((tile.columns + reach.low + reach.high) as usize).min(info.dims.nx() as usize);
-    let staged = columns * rows(reach).min(info.dims.ny() as usize) * info.scalar.bytes();
+    let ring = (AROUND.ring() + 1) * rows() * stride(tile) * size_of::<u16>();
+    let columns = ((tile.columns + AROUND.low + AROUND.high) as usize).min(info.dims.nx() as usize);
+    let staged = columns * rows().min(info.dims.ny() as usize) * info.scalar.bytes();
     (ring + staged + MAX_LABELS * size_of::<Count>()) as u64
 }
 
 impl<'a, T: Ordered> Ring<'a, T> {
-    pub(super) fn new(solid: &'a LabelSolid<'a>, to_number: fn(T) -> f64, reach: Reach, tile: &Tile) -> Self {
-        const { assert!(LANES <= LINE / 2) };
-        let (stride, size) = (stride(tile), rows(reach) * stride(tile));
+    pub(super) fn new(solid: &'a LabelSolid<'a>, to_number: fn(T) -> f64, tile: &Tile) -> Self {
+        const { assert!(WINDOW <= LINE / 2) };
+        let (stride, size) = (stride(tile), rows() * stride(tile));
         Self {
             solid,
             to_number,
-            reach,
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             stride,
             size,
-            samples: vec![0; reach.ring() * size],
+            samples: vec![0; AROUND.ring() * size],
             none: vec![0; size],
             staged: Vec::new(),
             known: None,
@@ -80,8 +78,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
 
     /// Where the sample of a row and a column stands in its slice.
     pub(super) fn at(&self, x: u32, y: u32) -> usize {
-        let low = self.reach.low;
-        let of = |at: u32, start: u32| (at + low - start) as usize;
+        let of = |at: u32, start: u32| (at + AROUND.low - start) as usize;
         of(y, self.column.y.start) * self.stride + of(x, self.column.x.start)
     }
 
@@ -89,7 +86,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
     pub(super) fn slices<const N: usize>(&self, first: i64) -> [&[u16]; N] {
         let nz = self.solid.source.info().dims.nz();
         std::array::from_fn(|dz| match u32::try_from(first + dz as i64).ok().filter(|z| *z < nz) {
-            Some(z) => &self.samples[z as usize % self.reach.ring() * self.size..][..self.size],
+            Some(z) => &self.samples[z as usize % AROUND.ring() * self.size..][..self.size],
             None => &self.none,
         })
     }
@@ -98,7 +95,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
     /// own voxels.
     pub(super) fn load(&mut self, z: u32) -> Result<(), SourceError> {
         let dims = self.solid.source.info().dims.to_array();
-        let Reach { low, high } = self.reach;
+        let Reach { low, high } = AROUND;
         let around =
             |own: &std::ops::Range<u32>, n: u32| own.start.saturating_sub(low)..(own.end + high).min(n);
         let (cols, rows) = (around(&self.column.x, dims[0]), around(&self.column.y, dims[1]));
@@ -108,7 +105,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
         let bytes = bytemuck::cast_slice_mut(&mut self.staged);
         self.solid.source.read_rows(z, rows.clone(), cols.clone(), bytes)?;
         self.reading += started.elapsed();
-        let slice = &mut self.samples[z as usize % self.reach.ring() * self.size..][..self.size];
+        let slice = &mut self.samples[z as usize % AROUND.ring() * self.size..][..self.size];
         slice.fill(0);
         for (from, to) in self.staged.chunks_exact(width).zip(slice[first..].chunks_mut(self.stride)) {
             convert(self.solid, self.to_number, &mut self.known, from, &mut to[..width])?;
@@ -119,7 +116,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
     /// Counts the labels of the tile's own rows of a slice.
     fn count(&mut self, z: u32) -> Result<(), SourceError> {
         let start = self.at(self.column.x.start, self.column.y.start);
-        let slice = &self.samples[z as usize % self.reach.ring() * self.size..][start..self.size];
+        let slice = &self.samples[z as usize % AROUND.ring() * self.size..][start..self.size];
         let width = self.column.x.len();
         for row in slice.chunks(self.stride).take(self.column.y.len()) {
             let mut rest = &row[..width];

@@ -19,7 +19,7 @@ use crate::builder::layout::{Census, GroupCounts, Layout};
 use crate::builder::merge::{MergeQueue, Run, Target, parse_summary, summary_bytes_of};
 use crate::builder::walk::{BrickWalk, GROUP_BRICKS};
 use crate::builder::{StageSeconds, seal};
-use crate::format::{LabelForm, SectionEntry, SectionKind, Sum, SurfaceKind};
+use crate::format::{SectionEntry, SectionKind, Sum, SurfaceKind};
 use crate::platform::open_file;
 use crate::progress::Progress;
 
@@ -63,7 +63,7 @@ pub(crate) fn join(
         return Err(at(folder, PartFault::NothingInside));
     }
     let Head { channels, metadata, surface, .. } = parts.head.clone();
-    let layout = Layout::new(&census, [metadata.len() as u64, 0], LabelForm::of(surface, 0), &channels);
+    let layout = Layout::new(&census, [metadata.len() as u64, 0], 0, &channels);
     let atomic = AtomicFile::create(output).map_err(written)?;
     let target = Target { file: atomic.file(), path: output, layout: &layout, channels: &channels, progress };
     progress.stage("merge", groups);

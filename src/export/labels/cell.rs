@@ -6,13 +6,13 @@
 //! that line, moved towards its sample: so all labels see the same pairs, and every edge of each has two polygons.
 
 use crate::export::cases::{Case, EDGES, NO_PATCH, edge_at, ends, face, joined, numbered, others};
-use crate::wall::Corners;
+use crate::format::CornerLabels;
 
 /// The corners of a face (`side` of `axis`) around which pairs of polygons are joined by knots; `None` where no more than
 /// two polygons of a label meet. Where the labels of both diagonals are alike, those of the lower number are
 /// connected: what has no label is.
 #[inline(always)]
-pub(super) fn knots(corners: &Corners, axis: usize, side: usize) -> Option<[usize; 2]> {
+pub(super) fn knots(corners: &CornerLabels, axis: usize, side: usize) -> Option<[usize; 2]> {
     let [p, q, r, s] = face(axis, side);
     let (a, b, c, d) = (corners[p], corners[q], corners[r], corners[s]);
     if a == b || b == d || d == c || c == a {
@@ -28,7 +28,7 @@ pub(super) fn knots(corners: &Corners, axis: usize, side: usize) -> Option<[usiz
 
 /// The corners that have a label, as bits.
 #[inline(always)]
-pub(super) fn mask(corners: &Corners, label: u16) -> u8 {
+pub(super) fn mask(corners: &CornerLabels, label: u16) -> u8 {
     corners.iter().enumerate().fold(0, |mask, (i, corner)| mask | u8::from(*corner == label) << i)
 }
 
@@ -54,7 +54,7 @@ static IS_PLAIN: [bool; 256] = {
 };
 
 /// The sheets of a label's surface: the sheet that each crossed edge belongs to.
-pub(super) fn sheets(corners: &Corners, label: u16) -> Option<Case> {
+pub(super) fn sheets(corners: &CornerLabels, label: u16) -> Option<Case> {
     let mask = mask(corners, label);
     if IS_PLAIN[usize::from(mask)] {
         return None;
@@ -86,7 +86,7 @@ pub(super) fn sheets(corners: &Corners, label: u16) -> Option<Case> {
 
 /// The labels of a cell, each once, without 0; and how many they are.
 #[inline(always)]
-pub(super) fn distinct(corners: &Corners) -> ([u16; 8], usize) {
+pub(super) fn distinct(corners: &CornerLabels) -> ([u16; 8], usize) {
     let (mut found, mut count) = ([0; 8], 0);
     for label in corners {
         if *label != 0 && !found[..count].contains(label) {

@@ -9,19 +9,19 @@ use std::collections::HashMap;
 use std::io;
 
 use super::cell::{distinct, knots, sheets};
-use super::field::{Field, MARGIN};
 use super::parts::Parts;
-use super::place::{Placing, Spot};
-use crate::cpu::{Isa, Kernel, dispatch};
+use super::walls::{Placing, Spot};
 use crate::enclosed::{Rows, SkinVoxel};
 use crate::export::cases::{EDGES, others};
 use crate::export::dual::{along, distance};
 use crate::export::patch::{corner_at, singles};
-use crate::export::write::{counted, unit};
-use crate::format::Walls;
+use crate::export::write::unit;
+use crate::format::{CornerLabels, Walls};
 use crate::geom::Affine;
 use crate::load::ModelView;
-use crate::wall::Corners;
+
+/// Columns and rows before the first cell of the box.
+pub(super) const MARGIN: u32 = 4;
 
 /// One label in a cell: the number of its first vertex, and where its sheets are, if there are several.
 #[derive(Clone, Copy, Debug)]
@@ -36,7 +36,7 @@ struct Share {
 #[derive(Clone, Copy, Debug)]
 struct Cell {
     x: u32,
-    corners: Corners,
+    corners: CornerLabels,
     /// In mm.
     at: [f32; 3],
     shares: [u32; 2],
@@ -87,11 +87,10 @@ pub(super) struct Stored<'a> {
 
 impl Stored<'_> {
     fn column(&self, coordinate: u32, axis: usize) -> Option<u32> {
-        #[expect(clippy::cast_possible_truncation, reason = "4")]
-        Some(coordinate.checked_sub(self.low[axis])? + MARGIN as u32)
+        Some(coordinate.checked_sub(self.low[axis])? + MARGIN)
     }
 
-    fn corners(&self, walls: &Walls) -> Corners {
+    fn corners(&self, walls: &Walls) -> CornerLabels {
         let part = |number: u16| self.part_of.get(usize::from(number)).copied().unwrap_or(0);
         std::array::from_fn(|corner| part(walls.corner(corner)))
     }
@@ -167,28 +166,15 @@ impl<'a> Mesher<'a> {
         }
     }
 
-    /// Takes the cells between the two middle slices of the field, to which a slice was added.
+    /// Takes the cells of the next slice of a model.
     ///
     /// # Errors
     /// The disk's, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
-    pub(super) fn next(&mut self, field: &Field) -> io::Result<()> {
-        // The first layer has its upper slice in the model's box.
-        let Some(z) = field.taken().checked_sub(MARGIN) else { return Ok(()) };
-        let z = counted(z as u64)?;
+    pub(super) fn next(&mut self, cells: &Stored<'_>, z: u32) -> io::Result<()> {
         self.begin(z);
-        if field.is_void() {
-            return Ok(());
-        }
-        dispatch(Step { mesher: self, source: Source::Samples(field), z })
-    }
-
-    /// Takes the cells of the next slice of a model of cells between labels.
-    ///
-    /// # Errors
-    /// The disk's, and [`ExportFault::TooLong`](super::super::ExportFault::TooLong).
-    pub(super) fn next_cells(&mut self, cells: &Stored<'_>, z: u32) -> io::Result<()> {
-        self.begin(z);
-        dispatch(Step { mesher: self, source: Source::Cells(cells), z })
+        self.here.cells.end_row();
+        self.rows_of(cells, z)?;
+        self.join(cells.height as usize, cells.width as usize, z)
     }
 
     fn begin(&mut self, z: u32) {
@@ -197,38 +183,7 @@ impl<'a> Mesher<'a> {
         self.knots.retain(|((_, cell, _), _), _| cell[2] + 1 >= z);
     }
 
-    /// Makes the vertices of a row of cells.
-    #[inline(always)]
-    fn row(&mut self, isa: impl Isa, field: &Field, y: usize, z: u32) -> io::Result<()> {
-        const CHUNK: usize = 32;
-        let rows = field.around(y);
-        let width = rows.iter().map(|row| row.len()).min().unwrap_or(0);
-        let rows = rows.map(|row| &row[..width]);
-        let mut start = 1;
-        while start < width {
-            let end = (start + CHUNK).min(width);
-            let first = rows[0][start];
-            let differs =
-                |row: &[u16]| row[start - 1..end].iter().fold(0, |any, label| any | (label ^ first));
-            if rows.into_iter().map(differs).fold(0, |any, some| any | some) != 0 {
-                for x in start..end {
-                    let corners = std::array::from_fn(|i| rows[i >> 1][x - 1 + (i & 1)]);
-                    if corners.iter().any(|label| *label != corners[0]) {
-                        let (labels, count) = distinct(&corners);
-                        let spot = self.placing.place(isa, field, [x, y], &corners, &labels[..count]);
-                        let [x, y] = [x, y].map(|c| u32::try_from(c).unwrap_or(u32::MAX));
-                        self.cell([x, y, z], corners, &spot)?;
-                    }
-                }
-            }
-            start = end;
-        }
-        self.here.cells.end_row();
-        Ok(())
-    }
-
-    /// Makes the vertices of a layer of stored cells.
-    #[inline(always)]
+    /// Makes the vertices of a layer.
     fn rows_of(&mut self, stored: &Stored<'_>, z: u32) -> io::Result<()> {
         let mut rows = 1;
         for cell in stored.cells {
@@ -254,7 +209,7 @@ impl<'a> Mesher<'a> {
     }
 
     #[inline(always)]
-    fn cell(&mut self, cell: [u32; 3], corners: Corners, spot: &Spot) -> io::Result<()> {
+    fn cell(&mut self, cell: [u32; 3], corners: CornerLabels, spot: &Spot) -> io::Result<()> {
         let (labels, count) = distinct(&corners);
         let at = self.mm(cell, spot.at);
         let begin = self.here.shares.len();
@@ -403,40 +358,5 @@ impl<'a> Mesher<'a> {
         let number = self.parts.vertex(usize::from(label) - 1, &[self.mm(cell, within), normal])?;
         self.knots.insert((knot, label), number);
         Ok(number)
-    }
-}
-
-/// Where a layer's cells come from.
-enum Source<'s> {
-    Samples(&'s Field),
-    Cells(&'s Stored<'s>),
-}
-
-/// Makes the vertices of a layer, then its polygons.
-struct Step<'s, 'a> {
-    mesher: &'s mut Mesher<'a>,
-    source: Source<'s>,
-    z: u32,
-}
-
-impl Kernel for Step<'_, '_> {
-    type Output = io::Result<()>;
-
-    #[inline(always)]
-    fn run(self, isa: impl Isa) -> io::Result<()> {
-        let Self { mesher, source, z } = self;
-        mesher.here.cells.end_row();
-        match source {
-            Source::Samples(field) => {
-                for y in 1..field.height() {
-                    mesher.row(isa, field, y, z)?;
-                }
-                mesher.join(field.height(), field.width(), z)
-            }
-            Source::Cells(stored) => {
-                mesher.rows_of(stored, z)?;
-                mesher.join(stored.height as usize, stored.width as usize, z)
-            }
-        }
     }
 }

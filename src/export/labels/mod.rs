@@ -1,20 +1,16 @@
 //! A model of labels as triangles: a closed part for each label, neighbours sharing the very same wall.
 //!
 //! ```text
-//!   skin of a slice --> labels of all its samples (field) --> a corner a cell (cell, place)
-//!   cells between labels -------------------------> a corner a cell by its walls (walls)
+//!   cells between labels --> a vertex a cell by its walls (cell, walls)
 //!     --> polygons of both labels of each edge (mesher) --> parts on disk (parts) --> files, part by part
 //! ```
 //!
-//! A model of skins is swept twice: first to learn what each skin encloses. Memory: of skins eight slices of the model's
-//! box; two layers of cells, and the buffers of the parts. Temporary disk: 24 bytes a vertex and 12 a triangle. STL takes
+//! Memory: two layers of cells, and the buffers of the parts. Temporary disk: 24 bytes a vertex and 12 a triangle. STL takes
 //! 12 bytes a vertex of the largest part in memory, too.
 
 mod cell;
-mod field;
 mod mesher;
 mod parts;
-mod place;
 mod walls;
 
 use std::fs::File;
@@ -26,17 +22,19 @@ use super::mask::{Mask, MaskForm};
 use super::tint::Lights;
 use super::write::{GlbParts, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, counted};
 use super::{Bounds, ExportForm, ExportStop, Exported, Exporter};
-use crate::enclosed::{Fates, SkinVoxel, Sweep, extent};
+use crate::enclosed::{SkinVoxel, extent};
 use crate::format::Label;
 use crate::geom::Dims;
-use crate::load::NodeView;
+use crate::load::ModelView;
 use crate::progress::Progress;
 use crate::scratch;
 
-use field::{Field, MARGIN};
-use mesher::{Mesher, Stored};
+use mesher::{MARGIN, Mesher, Stored};
 use parts::Parts;
-use place::Placing;
+use walls::Placing;
+
+/// The corner of a cell that is high along all axes.
+const HIGH: usize = 7;
 
 /// Numbers that a label may have, and 0.
 const NUMBERS: usize = 1 << 16;
@@ -45,16 +43,8 @@ const NUMBERS: usize = 1 << 16;
 pub(crate) struct LabelMesh {
     parts: Parts,
     labels: Vec<Label>,
-    /// Are there normals?
+    /// True if vertices have normals: where walls are smooth.
     normals: bool,
-    /// Voxels of which the model does not say whether they are inside.
-    unknown: u64,
-}
-
-/// A slice of a model of labels: its skin, swept so far, or its cells.
-enum Slice<'a> {
-    Skin(&'a Sweep),
-    Cells(&'a [SkinVoxel]),
 }
 
 impl Exporter<'_> {
@@ -72,42 +62,22 @@ impl Exporter<'_> {
     ) -> Result<LabelMesh, ExportStop> {
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
         let [low, end] = bounds;
-        let (unknown, fates) = self.label_fates(labels, bounds, progress)?;
-        let walls = self.has_walls();
         let mut part_of = vec![0; NUMBERS];
         for (part, label) in (1..).zip(labels) {
             part_of[usize::from(label.number)] = part;
         }
-        // Between samples, of which that of a cell's number lies half a cell behind its middle.
-        let half = if walls { 0.0 } else { 0.5 };
-        let before = [MARGIN as f64 + half, MARGIN as f64 + half, half];
+        // Cells of the box have [`MARGIN`] columns and rows before them.
+        let before = [MARGIN, MARGIN, 0].map(f64::from);
         let to_mm = self.affine.starting_at(std::array::from_fn(|a| f64::from(low[a]) - before[a]));
         let parts = Parts::new(scratch::unnamed(scratch)?, labels.len());
         let mut mesher = Mesher::new(to_mm, Placing::new(self.space, smooth), parts);
-        let sides = [0, 1].map(|a| end[a] - low[a]);
-        if walls {
-            #[expect(clippy::cast_possible_truncation, reason = "4")]
-            let [width, height] = sides.map(|side| side + MARGIN as u32);
-            let mut slices = 0..;
-            self.label_slices(bounds, fates, progress, &mut |slice| match (slice, slices.next()) {
-                (Slice::Cells(cells), Some(z)) => {
-                    let part_of = &part_of;
-                    mesher.next_cells(&Stored { view: self.view, cells, low, width, height, part_of }, z)
-                }
-                _ => Ok(()),
-            })?;
-        } else {
-            let mut field = Field::new(sides.map(|side| side as usize)).map_err(io::Error::from)?;
-            self.label_slices(bounds, fates, progress, &mut |slice| {
-                self.take(&mut field, slice, low, &part_of);
-                mesher.next(&field)
-            })?;
-            for _ in 0..MARGIN {
-                field.take(None, &part_of);
-                mesher.next(&field)?;
-            }
-        }
-        Ok(LabelMesh { parts: mesher.parts, labels: labels.to_vec(), normals: smooth > 0.0, unknown })
+        let [width, height] = [0, 1].map(|a| end[a] - low[a] + MARGIN);
+        let mut slices = 0..;
+        self.label_slices(bounds, progress, &mut |cells| {
+            let Some(z) = slices.next() else { return Ok(()) };
+            mesher.next(&Stored { view: self.view, cells, low, width, height, part_of: &part_of }, z)
+        })?;
+        Ok(LabelMesh { parts: mesher.parts, labels: labels.to_vec(), normals: smooth > 0.0 })
     }
 
     /// Writes the labels of all voxels, 0 for none, into an empty file.
@@ -116,111 +86,61 @@ impl Exporter<'_> {
     /// The model is damaged, the disk is full, or the format cannot hold so many voxels.
     pub(crate) fn label_map(
         &self,
-        labels: &[Label],
         form: ExportForm,
         out: File,
         progress: &dyn Progress,
     ) -> Result<Exported, ExportStop> {
         let form = MaskForm::of(form).ok_or(ExportStop::Output(io::ErrorKind::Unsupported.into()))?;
         let bounds = extent(self.view).ok_or(ExportStop::Damaged)?;
-        let [low, end] = bounds;
-        let (unknown, fates) = match self.skin_only {
-            true => (0, None),
-            false => self.label_fates(labels, bounds, progress)?,
-        };
-        let less = u32::from(self.has_walls());
-        let [nx, ny, nz] = self.dims.to_array().map(|n| n - less);
+        let [nx, ny, nz] = self.dims.to_array().map(|n| n - 1);
         let dims = Dims::new(nx, ny, nz).ok_or(ExportStop::Damaged)?;
-        let affine = self.affine.starting_at([0.5 * f64::from(less); 3]);
-        let numbers: Vec<u16> = (0..=u16::MAX).collect();
-        let mut mask = Mask::new(out, form, dims, &affine, true)?;
-        mask.empty_until(low[2])?;
-        let mut field = Field::new([0, 1].map(|a| (end[a] - low[a]) as usize)).map_err(io::Error::from)?;
-        self.label_slices(bounds, fates, progress, &mut |slice| {
-            self.take(&mut field, slice, low, &numbers);
+        let mut mask = Mask::new(out, form, dims, &self.affine.starting_at([0.5; 3]), true)?;
+        mask.empty_until(bounds[0][2])?;
+        self.label_slices(bounds, progress, &mut |cells| {
             mask.label_slice(|y, row| {
-                let of_box = y.checked_sub(low[1]).and_then(|y| field.last_row(y as usize));
-                if let (Some(of_box), Some(row)) = (of_box, row.get_mut(low[0] as usize..)) {
-                    row.iter_mut().zip(of_box).for_each(|(label, of_box)| *label = *of_box);
-                }
+                let first = cells.partition_point(|cell| cell.y < y);
+                let of_row = cells[first..].iter().take_while(|cell| cell.y == y);
+                fill_row(self.view, of_row, row);
             })
         })?;
         let inside = mask.inside();
         mask.finish()?;
-        Ok(Exported { inside, unknown, ..Exported::default() })
+        Ok(Exported { inside, ..Exported::default() })
     }
 
-    /// Are there walls between labels, that say which label lies on either side?
-    fn has_walls(&self) -> bool {
-        self.view.cells().is_some_and(|cells| cells.has_walls())
-    }
-
-    fn take(&self, field: &mut Field, slice: Slice<'_>, low: [u32; 3], part_of: &[u16]) {
-        match slice {
-            Slice::Skin(sweep) => field.take(Some(sweep), part_of),
-            Slice::Cells(cells) => field.take_cells(self.view, cells, low, part_of),
-        }
-    }
-
-    /// What each skin encloses, and of how many voxels the model does not say it.
-    fn label_fates(
-        &self,
-        labels: &[Label],
-        bounds: Bounds,
-        progress: &dyn Progress,
-    ) -> Result<(u64, Option<Fates>), ExportStop> {
-        if self.has_walls() {
-            return Ok((0, None));
-        }
-        progress.stage("inside", u64::from(bounds[1][2] - bounds[0][2]));
-        let mut sweep = Sweep::new(bounds, self.outward()).by_labels().keeping_fates();
-        let mut skin_of = vec![0_u64; NUMBERS];
-        self.each_slice(bounds, |skin| {
-            sweep.slice(self.view, skin);
-            for item in sweep.last().skin.items() {
-                skin_of[usize::from(item.label)] += 1;
-            }
-            Ok(Some(progress.step(1)?))
-        })?;
-        let beyond_skin = |number: u16| {
-            let label = labels.binary_search_by_key(&number, |label| label.number).ok();
-            let voxels = label.map_or(0, |at| labels[at].voxels);
-            voxels.saturating_sub(skin_of[usize::from(number)])
-        };
-        let (enclosed, fates) = sweep.finish(&beyond_skin);
-        Ok((enclosed.unknown, Some(fates)))
-    }
-
-    /// Hands on every slice of the model's box.
+    /// Calls `work` with the cells of every slice of the model's box.
     fn label_slices(
         &self,
         bounds: Bounds,
-        fates: Option<Fates>,
         progress: &dyn Progress,
-        work: &mut dyn FnMut(Slice<'_>) -> io::Result<()>,
+        work: &mut dyn FnMut(&[SkinVoxel]) -> io::Result<()>,
     ) -> Result<(), ExportStop> {
         let count = bounds[1][2] - bounds[0][2];
         progress.stage("export", count.into());
-        let mut sweep = Sweep::new(bounds, self.outward()).by_labels().knowing(fates.unwrap_or_default());
         let mut slices = 0;
-        self.each_slice(bounds, |skin| {
+        self.each_slice(bounds, |cells| {
             progress.step(1)?;
             // The first and the last lie beyond the box.
-            let within = (1..=count).contains(&slices);
-            if self.has_walls() {
-                if within {
-                    work(Slice::Cells(skin))?;
-                }
-            } else {
-                sweep.slice(self.view, skin);
-                if within {
-                    work(Slice::Skin(&sweep))?;
-                }
+            if (1..=count).contains(&slices) {
+                work(cells)?;
             }
             slices += 1;
             Ok(Some(()))
         })?;
         Ok(())
+    }
+}
+
+/// Fills a row of samples with their labels, by the cells that end at them: between two cells of a row the label stays.
+fn fill_row<'c>(view: &ModelView<'_>, cells: impl Iterator<Item = &'c SkinVoxel>, row: &mut [u16]) {
+    let (mut from, mut label) = (0, 0);
+    for cell in cells {
+        let Some(walls) = view.walls(cell.voxel.get()) else { continue };
+        let x = cell.x as usize;
+        if let Some(between) = row.get_mut(from..x) {
+            between.fill(label);
+        }
+        (from, label) = (x, walls.corner(HIGH));
     }
 }
 
@@ -256,7 +176,7 @@ impl LabelMesh {
             _ => Box::new(Stl::new(out)?),
         };
         let lights = Lights::new();
-        let mut exported = Exported { unknown: self.unknown, ..Exported::default() };
+        let mut exported = Exported::default();
         for (part, head) in which.zip(&heads) {
             sink.part(head)?;
             let light = lights.of(head.color);

@@ -2,11 +2,91 @@
 //! sheet, which has one label on both sides, each side has a corner of its own.
 
 use super::cell::distinct;
-use super::place::{Placing, Spot, nearest};
 use crate::export::cases::{Case, ENDS};
-use crate::format::Walls;
+use crate::export::patch::singles;
+use crate::export::write::unit;
 use crate::format::cell::{CORNERS, Plane};
-use crate::wall::Corners;
+use crate::format::{CornerLabels, Walls};
+use crate::render::GridSpace;
+
+/// Most that a corner is moved along an axis: it stays in its cell, apart from those of other cells.
+const WITHIN: f64 = 0.49;
+/// Keeps the vertex of several walls near the middle where they do not determine it, as a part of a wall's weight.
+const STAY: f64 = 0.05;
+/// How far a knot lies from the middle of its face towards a sample, in parts of the way; where no corner is moved,
+/// it only keeps pairs of polygons apart.
+const KNOT: f64 = 0.5;
+const SLIGHT: f64 = 1.0 / 32.0;
+
+/// A corner within its cell, in voxels from the middle, and the normals of the cell's labels in mm.
+#[derive(Clone, Copy, Debug, Default)]
+pub(super) struct Spot {
+    pub(super) at: [f64; 3],
+    pub(super) normals: [[f32; 3]; 8],
+    pub(super) sheet: Option<Sheet>,
+}
+
+/// How corners are placed.
+pub(super) struct Placing<'a> {
+    space: &'a GridSpace,
+    /// Most voxels along an axis that a corner is moved from the middle of its cell.
+    most: f64,
+}
+
+impl<'a> Placing<'a> {
+    /// CornerLabels are moved by at most so many voxels along each axis; at 0 walls are those between the samples' boxes.
+    pub(super) fn new(space: &'a GridSpace, most: f64) -> Self {
+        Self { space, most: most.clamp(0.0, WITHIN) }
+    }
+
+    /// How far a knot lies from the middle of its face, in parts of the way to a sample.
+    pub(super) fn knot(&self) -> f64 {
+        if self.most > 0.0 { KNOT } else { SLIGHT }
+    }
+
+    /// Are walls those between the samples' boxes?
+    pub(super) fn is_blocky(&self) -> bool {
+        self.most == 0.0
+    }
+
+    /// A corner that is moved no farther than it may be.
+    pub(super) fn within(&self, at: [f64; 3]) -> [f64; 3] {
+        at.map(|c| if c.is_finite() { c.clamp(-self.most, self.most) } else { 0.0 })
+    }
+
+    /// A normal in mm, by one in index space of any length.
+    pub(super) fn in_mm(&self, normal: [f64; 3]) -> [f32; 3] {
+        unit(singles(self.space.index_normal_to_world(normal)))
+    }
+}
+
+/// The point nearest to planes, each by its unit normal and its distance along it; near the middle where they do not
+/// say more.
+pub(super) fn nearest(planes: impl IntoIterator<Item = ([f64; 3], f64)>) -> [f64; 3] {
+    let (mut matrix, mut right) = ([[0.0; 3]; 3], [0.0; 3]);
+    (0..3).for_each(|a| matrix[a][a] = STAY);
+    for (normal, along) in planes {
+        for a in 0..3 {
+            (0..3).for_each(|b| matrix[a][b] += normal[a] * normal[b]);
+            right[a] += normal[a] * along;
+        }
+    }
+    solved(&matrix, right)
+}
+
+/// The solution of three equations, by Cramer's rule.
+fn solved(matrix: &[[f64; 3]; 3], right: [f64; 3]) -> [f64; 3] {
+    let determinant = |m: &[[f64; 3]; 3]| {
+        let minor = |a: usize, b: usize| m[1][a] * m[2][b] - m[1][b] * m[2][a];
+        m[0][0] * minor(1, 2) - m[0][1] * minor(0, 2) + m[0][2] * minor(0, 1)
+    };
+    let whole = determinant(matrix);
+    std::array::from_fn(|column| {
+        let mut with = *matrix;
+        (0..3).for_each(|row| with[row][column] = right[row]);
+        determinant(&with) / whole
+    })
+}
 
 /// The parts of a cell by the two planes that a point is in front of: behind the first, and on both sides of the second.
 const PARTS: [usize; 4] = [0, 1, 0, 2];
@@ -61,7 +141,7 @@ impl Sheet {
 
 impl Placing<'_> {
     /// Places the corner of a cell; `corners` have the parts of a table in the place of labels.
-    pub(super) fn by_walls(&self, walls: &Walls, corners: &Corners) -> Spot {
+    pub(super) fn by_walls(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
         if self.is_blocky() {
             return Spot::default();
         }
@@ -113,7 +193,7 @@ impl Placing<'_> {
     }
 
     /// In the middle, where octants meet.
-    fn in_octants(&self, corners: &Corners, labels: &[u16]) -> Spot {
+    fn in_octants(&self, corners: &CornerLabels, labels: &[u16]) -> Spot {
         let mut spot = Spot::default();
         for (label, normal) in labels.iter().zip(&mut spot.normals) {
             let mut out = [0.0; 3];
@@ -127,7 +207,7 @@ impl Placing<'_> {
 }
 
 /// The label of the corners that are in front of these planes, by either number.
-fn label_of(walls: &Walls, corners: &Corners, fronts: [usize; 2]) -> u16 {
+fn label_of(walls: &Walls, corners: &CornerLabels, fronts: [usize; 2]) -> u16 {
     (0..CORNERS)
         .find(|corner| fronts.contains(&walls.corner_fronts(*corner)))
         .map_or(0, |corner| corners[corner])

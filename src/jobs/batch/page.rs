@@ -238,7 +238,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
         let [a, b, c] = m.spacing_mm.map(short);
         row("voxels", format!("{x} × {y} × {z} {}", m.dtype))?;
         row("spacing", format!("{a} × {b} × {c} mm"))?;
-        let surface = if m.label_count > 0 { SurfaceKind::Skin } else { report.options.surface };
+        let surface = if m.label_count > 0 { SurfaceKind::Cells } else { report.options.surface };
         let low = short(m.range.0);
         let inside = m.range.1.map_or_else(|| format!("≥ {low}"), |hi| format!("{low} … {}", short(hi)));
         let how = match m.selection.as_str() {

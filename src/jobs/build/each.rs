@@ -18,9 +18,9 @@ use crate::text::data;
 pub struct EachLabel<'a> {
     /// Their folder; made if it is not there.
     pub folder: &'a Path,
-    /// Are files that are there already replaced?
+    /// True if existing files are replaced.
     pub replace: bool,
-    /// Does the model of all labels, [`BuildJob::output`], stay?
+    /// True if the model of all labels, [`BuildJob::output`], stays.
     pub keep_whole: bool,
 }
 
@@ -36,17 +36,16 @@ pub struct LabelModel {
     pub output: String,
     /// Voxels of the volume that have it.
     pub voxels: u64,
-    /// Skin voxels of the model.
+    /// Cells of the model.
     pub skin_voxels: u64,
     /// Size of the file that was written or read.
     pub bytes: u64,
 }
 
 /// As [`convert`] for a build of labels, and a model of each label in a file of its own, named by the label. The volume is
-/// read once: each model is taken from that of all labels. One of skin voxels equals what is built of its label alone, byte
-/// for byte; of cells neighbours share the very walls that the model of all labels has.
+/// read once: each model is taken from the model of all labels, whose very walls neighbours share.
 ///
-/// Memory is that of the build, and its cap holds. Temporary disk: 11 bytes a skin voxel more, 12 for each label of a cell.
+/// Memory is that of the build, and its cap holds. Temporary disk: 12 bytes more for each label of a cell.
 /// Cost: about that of the build again, and a sync of each file.
 ///
 /// # Errors

@@ -119,9 +119,8 @@ fn map(
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let (view, give_back) = (model.view(), || model.give_back());
     let exporter = exporter_of(model, &view, &space, request, &give_back);
-    let made = exporter
-        .label_map(&model.frame().labels, request.form, out, progress)
-        .map_err(|stop| failed(stop, model, input, output))?;
+    let made =
+        exporter.label_map(request.form, out, progress).map_err(|stop| failed(stop, model, input, output))?;
     model.check_unchanged(input)?;
     Ok(made)
 }

@@ -10,7 +10,7 @@ use crate::enclosed::SkinSlices;
 use crate::format::cell::Plane;
 use crate::format::{Label, Walls};
 use crate::geom::{Affine, Dims, cross, dot};
-use crate::load::{ModelView, NodeView};
+use crate::load::ModelView;
 use crate::render::GridSpace;
 
 /// What was measured of a model of labels. Lengths are in millimetres.
@@ -20,8 +20,8 @@ pub struct LabelMeasures {
     pub voxels: [[u32; 3]; 2],
     /// As [`Measures::box_mm`](super::Measures::box_mm), of all labels.
     pub box_mm: [[f64; 3]; 2],
-    /// Area of each label of the table with its error, walls to other labels and of cavities included; `None` of skin
-    /// voxels, and where voxels are too uneven.
+    /// Area of each label of the table with its error, walls to other labels and of cavities included; `None` where
+    /// voxels are too uneven.
     pub areas_mm2: Vec<Option<(f64, f64)>>,
 }
 
@@ -34,12 +34,12 @@ pub(in crate::jobs) fn measure_labels(
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
     let Bounds { voxels, box_mm } = bounds(view, &space)?;
-    let weights = Weights::new(affine, &space, view.cells().is_some());
+    let weights = Weights::new(affine, &space, true);
     let mut slices = SkinSlices::new(view, voxels);
     let mut bends = Bends::new(table.len(), EDGE);
     let mut walls = vec![WallArea::default(); table.len()];
     let place = |number: u16| table.binary_search_by_key(&number, |label| label.number).ok();
-    let known = view.cells().is_some() && !are_uneven(affine);
+    let known = !are_uneven(affine);
     for z in if known { voxels[0][2]..voxels[1][2] } else { 0..0 } {
         bends.begin();
         for voxel in slices.slice(z)? {

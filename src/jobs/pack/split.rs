@@ -1,13 +1,11 @@
 //! A model of labels into a model for each of its labels.
 //!
 //! ```text
-//!   model  --one walk-->  voxels in Morton order  --label-->  chains of chunks in one scratch file
+//!   model  --one walk-->  cells in Morton order  --label-->  chains of chunks in one scratch file
 //!   chain of a label      --one after the other-->  levels, items, labels of its model; then directory, means, checksums
 //! ```
 //!
-//! The skin of a label is the voxels that have it, so that nothing but these and their items is taken, and the model of a
-//! label is the one that is built of it alone, byte for byte. A cell goes to each of its labels, with the walls that part it
-//! from the others: neighbours share them.
+//! A cell goes to each of its labels, with the walls that part it from the others: neighbours share them.
 
 use std::fs::File;
 use std::io;
@@ -46,11 +44,11 @@ const WORD: usize = size_of::<u64>();
 /// Bytes before a chunk: the place of the next one, and how long this one is.
 const HEAD: usize = 2 * WORD;
 
-/// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its skin
-/// voxels or cells, and bytes; 0 for a label of which nothing is to be seen, which has no model.
+/// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its
+/// cells and bytes; 0 for a label of which nothing is to be seen, which has no model.
 ///
-/// Memory: under 2 MiB for as many labels as a thousand, and some 250 bytes for each more; a refusal names `name`. Temporary disk: 8 bytes a voxel
-/// and its items. Cost: some 0.1 microseconds a skin voxel, and a sync of each model.
+/// Memory: under 2 MiB for as many labels as a thousand, and some 250 bytes for each more; a refusal names `name`. Temporary disk: 8 bytes for each label of a cell
+/// and its items. Cost: some 0.1 microseconds for each, and a sync of each model.
 ///
 /// # Errors
 /// The input is not a mapped model of labels, or is damaged; an output cannot be written, or the memory is too small.
@@ -115,8 +113,9 @@ struct Layout {
     record: usize,
     /// Most bytes of the records of a chunk.
     chunk: usize,
-    /// Where the code of the normal and the offset of a cell stand.
-    cell: Option<[usize; 2]>,
+    /// Where the code of the normal and the offset stand.
+    normal: usize,
+    offset: usize,
 }
 
 impl Layout {
@@ -126,30 +125,29 @@ impl Layout {
             WORD + before.map(|(_, bytes)| bytes).sum::<usize>()
         };
         let record = WORD + items_of(frame).map(|(_, bytes)| bytes).sum::<usize>();
-        let cell = frame.header.walls.then(|| [Channel::Normal, Channel::Offset].map(place));
+        let [normal, offset] = [Channel::Normal, Channel::Offset].map(place);
         let chunk = (ALL_CHUNKS / frame.labels.len().max(1)).clamp(record + WALL_BYTES, MAX_CHUNK);
-        Self { record, chunk, cell }
+        Self { record, chunk, normal, offset }
     }
 
     /// Has a record of a cell an item of walls?
     fn has_item(&self, record: &[u8]) -> bool {
-        self.cell.is_some_and(|[_, offset]| record.get(offset) == Some(&HAS_CORNERS.cast_unsigned()))
+        record.get(self.offset) == Some(&HAS_CORNERS.cast_unsigned())
     }
 
     /// The walls of a cell.
     fn read(&self, record: &[u8]) -> Option<WallCode> {
-        let [normal, offset] = self.cell?;
         let item = record.get(self.record..).and_then(|rest| rest.first_chunk());
         Some(WallCode {
-            code: u16::from_le_bytes(*record.get(normal..)?.first_chunk()?),
-            offset: record.get(offset)?.cast_signed(),
+            code: u16::from_le_bytes(*record.get(self.normal..)?.first_chunk()?),
+            offset: record.get(self.offset)?.cast_signed(),
             item: item.map(WallItem::parse),
         })
     }
 
     /// Replaces the walls of a cell.
     fn put(&self, cell: &WallCode, record: &mut Vec<u8>) {
-        let Some([normal, offset]) = self.cell else { return };
+        let Self { normal, offset, .. } = *self;
         record.truncate(self.record);
         record.splice(normal..normal + 2, cell.code.to_le_bytes());
         record.splice(offset..=offset, [cell.offset.cast_unsigned()]);
@@ -163,7 +161,7 @@ struct Voxels<'a> {
     /// Of the open nodes: octants still to be visited, and the node's code.
     path: Vec<(u8, u64)>,
     items: Vec<(usize, Cursor<'a, File>)>,
-    corners: Option<Cursor<'a, File>>,
+    corners: Cursor<'a, File>,
     directory: Cursor<'a, File>,
     blocks: Cursor<'a, File>,
     form: LabelForm,
@@ -187,7 +185,7 @@ impl<'a> Voxels<'a> {
             levels: (0..frame.dims().depth()).map(level).collect(),
             path: Vec::with_capacity(MAX_LEVELS),
             items: items_of(frame).map(items).collect::<Result<_, FormatError>>()?,
-            corners: frame.section(SectionKind::Voxels(Channel::Corners)).map(cursor),
+            corners: cursor(entry(SectionKind::Voxels(Channel::Corners))?),
             directory: Cursor::new(source, labels.offset, middle, LEVEL_BUFFER),
             blocks: Cursor::new(source, middle, labels.end(), ITEM_BUFFER),
             form: frame.label_form(),
@@ -211,8 +209,8 @@ impl<'a> Voxels<'a> {
         for (bytes, items) in &mut self.items {
             record.extend(items.take_item(*bytes)?.ok_or(missing(Channel::Normal))?);
         }
-        if let (true, Some(corners)) = (layout.has_item(record), &mut self.corners) {
-            record.extend(corners.take_item(WALL_BYTES)?.ok_or(missing(Channel::Corners))?);
+        if layout.has_item(record) {
+            record.extend(self.corners.take_item(WALL_BYTES)?.ok_or(missing(Channel::Corners))?);
         }
         Ok(self.group.pop())
     }
@@ -309,7 +307,7 @@ impl<'a> Buckets<'a> {
         Self { file, depth: frame.dims().depth() as usize, layout, end: labels * step, all }
     }
 
-    /// Takes every voxel of a model, and every cell for each of its labels.
+    /// Takes every cell of a model for each of its labels.
     fn fill(&mut self, source: &File, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
         let mut voxels = Voxels::new(source, frame)?;
         let (form, layout) = (frame.label_form(), self.layout);
@@ -327,15 +325,11 @@ impl<'a> Buckets<'a> {
                     *known.insert((entry, numbers, place(numbers[0])?))
                 }
             };
-            match layout.read(&record) {
-                None => self.push(at, &record)?,
-                Some(cell) => {
-                    for label in cell.labels(numbers) {
-                        own.clone_from(&record);
-                        layout.put(&cell.alone(label, numbers[0]), &mut own);
-                        self.push(if label == numbers[0] { at } else { place(label)? }, &own)?;
-                    }
-                }
+            let Some(cell) = layout.read(&record) else { return Err(wrong().into()) };
+            for label in cell.labels(numbers) {
+                own.clone_from(&record);
+                layout.put(&cell.alone(label, numbers[0]), &mut own);
+                self.push(if label == numbers[0] { at } else { place(label)? }, &own)?;
             }
             record.clear();
             count += 1;
@@ -462,7 +456,7 @@ fn write(
     let mut items: Vec<(usize, Writer<'_>)> = items_of(frame)
         .map(|(channel, bytes)| Ok((bytes, writer(place(SectionKind::Voxels(channel))?))))
         .collect::<Result<_, FormatError>>()?;
-    let mut walls = Walls::new(&own, out);
+    let mut walls = Walls::new(&own, out)?;
     let (mut open, mut last) = ([0_u8; MAX_LEVELS], None);
     let mut close = |open: &mut [u8; MAX_LEVELS], from: usize| {
         (from..depth)
@@ -479,9 +473,7 @@ fn write(
         for (d, node) in open.iter_mut().enumerate().take(depth).skip(shared.saturating_sub(1)) {
             *node |= 1 << (code >> (3 * (depth - 1 - d)) & 7);
         }
-        if let Some((walls, [_, offset])) = walls.as_mut().zip(buckets.layout.cell) {
-            walls.put(bytes[offset - WORD], item).map_err(Stop::Output)?;
-        }
+        walls.put(bytes[buckets.layout.offset - WORD], item).map_err(Stop::Output)?;
         let mut rest = bytes;
         items.iter_mut().try_for_each(|(bytes, writer)| {
             let (item, after) = rest.split_at(*bytes);
@@ -489,7 +481,7 @@ fn write(
             writer.write(item).map_err(Stop::Output)
         })
     })?;
-    walls.iter_mut().try_for_each(Walls::flush).map_err(Stop::Output)?;
+    walls.flush().map_err(Stop::Output)?;
     close(&mut open, 0)?;
     levels.iter_mut().try_for_each(Writer::flush).map_err(Stop::Output)?;
     items.iter_mut().try_for_each(|(_, writer)| writer.flush()).map_err(Stop::Output)?;
@@ -514,10 +506,11 @@ struct Walls<'a> {
 }
 
 impl<'a> Walls<'a> {
-    fn new(own: &Frame, out: &'a File) -> Option<Self> {
-        let writer = |kind| own.section(kind).map(|entry| Writer::new(out, entry.offset, entry.end()));
+    fn new(own: &Frame, out: &'a File) -> Result<Self, FormatError> {
+        let entry = |kind| own.section(kind).ok_or(FormatError::MissingSection(kind));
+        let writer = |kind| entry(kind).map(|entry| Writer::new(out, entry.offset, entry.end()));
         let items = writer(SectionKind::Voxels(Channel::Corners))?;
-        Some(Self { items, directory: writer(SectionKind::CornerRank)?, rank: CornerRankBuilder::default() })
+        Ok(Self { items, directory: writer(SectionKind::CornerRank)?, rank: CornerRankBuilder::default() })
     }
 
     /// The next cell, by its offset.

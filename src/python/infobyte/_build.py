@@ -93,9 +93,9 @@ def build(
       `preset`: a tissue by its range in HU (`bone`, `skin`, ...). Otherwise Otsu's threshold.
     - `labels`: of a label map, `'all'`, numbers, or text such as `'1,5,7..20'`: each with its surface, walls between neighbours
       included. `names`: their names by number, or a file as `oct build --names` takes it. `keep_names`: as the flag.
-      `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel, of cells.
+      `smooth`: how far walls may move from the midpoint of the samples they separate, 0 to 0.5 voxel. Labels are stored as cells.
     - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours
-      share their walls; skin equals what is built of its label alone. Files of these names are replaced.
+      share their walls. Files of these names are replaced.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.

@@ -122,14 +122,11 @@ def test_a_model_of_each_label(tmp_path, oct):
     z, y, x = np.mgrid[:20, :24, :28]
     array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)
     names = {7: "left", 9: "right"}
-    model = built(array, iso=None, labels="all", names=names, each="parts", surface="skin")
+    model = built(array, iso=None, labels="all", names=names, each="parts")
     assert sorted(os.listdir("parts")) == ["left.oct", "right.oct"] and len(model.info["labels"]) == 2
     each = model.report["each"]
     assert [(part["number"], part["name"], part["voxels"]) for part in each] == [
         (number, name, int((array == number).sum())) for number, name in names.items()]  # fmt: skip
-    for part in each:
-        alone = built(array, "alone.oct", iso=None, labels=[part["number"]], names=names, surface="skin")
-        assert content(part["output"]) == content(alone.path)
     # Of a file: those of the command, which replace what is there.
     (tmp_path / "map.raw").write_bytes(array.tobytes())
     options = dict(iso=None, labels="all", dims=(28, 24, 20), dtype="u8", each=tmp_path / "parts")
@@ -139,7 +136,7 @@ def test_a_model_of_each_label(tmp_path, oct):
         assert content(tmp_path / "wanted" / name) == content(tmp_path / "parts" / name)
     for part in infobyte.build(array, "walls.oct", labels="all", each="cells", smooth=0.25).report["each"]:
         assert infobyte.open(part["output"]).info["gradient"] == "label planes within 0.25 voxel"
-    for wrong in (dict(labels=None), dict(smooth=0.6)):
+    for wrong in (dict(labels=None), dict(smooth=0.6), dict(surface="skin")):
         with pytest.raises(infobyte.UsageError):
             built("map.raw", **{**options, **wrong})
 

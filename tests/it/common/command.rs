@@ -57,12 +57,14 @@ impl Run {
     }
 }
 
-/// Runs `oct` with arguments. Builds are of skin voxels unless they say what they are of: most tests count voxels. Those of
-/// the default go by [`shell`].
+/// Runs `oct` with arguments. Builds without `--surface` or `--labels` are of skin voxels, since most tests count voxels;
+/// [`shell`] runs builds of the default surface.
 pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
     let is_build =
         args.first().is_some_and(|first| ["build", "batch"].iter().any(|name| first.as_ref() == *name));
-    let says = args.iter().any(|arg| ["--surface", "--help", "-h"].iter().any(|name| arg.as_ref() == *name));
+    let says = args
+        .iter()
+        .any(|arg| ["--surface", "--labels", "--help", "-h"].iter().any(|name| arg.as_ref() == *name));
     let skin: &[&str] = if is_build && !says { &["--surface", "skin"] } else { &[] };
     // Before what may follow two dashes.
     let (first, rest) = args.split_at(args.len().min(1));

@@ -15,11 +15,10 @@ fn random_map(folder: &Path, name: &str, dims: [u32; 3], kinds: u32, block: u32)
 }
 
 /// A model of all labels, its page, and the model of each label.
-fn labelled(folder: &Path, input: &Path, surface: &str) -> (Model, PathBuf, Vec<Model>) {
-    let each = folder.join(format!("{surface} of {}", input.file_stem().unwrap().display()));
-    let input = text(input);
-    let options = [&input, "--labels", "all", "--surface", surface, "--each", &text(&each)];
-    let (model, page) = paged(folder, surface, &options);
+fn labelled(folder: &Path, input: &Path) -> (Model, PathBuf, Vec<Model>) {
+    let name = input.file_stem().unwrap().display().to_string();
+    let each = folder.join(format!("each of {name}"));
+    let (model, page) = paged(folder, &name, &[&text(input), "--labels", "all", "--each", &text(&each)]);
     let one = |path: PathBuf| Model::open(&path).unwrap();
     let mut models: Vec<Model> =
         fs::read_dir(&each).unwrap().map(|entry| one(entry.unwrap().path())).collect();
@@ -28,10 +27,10 @@ fn labelled(folder: &Path, input: &Path, surface: &str) -> (Model, PathBuf, Vec<
     (model, page, models)
 }
 
-/// A label, the cell or voxel where it is met, and the direction out of it there.
+/// A label, the cell where it is met, and the direction out of it there.
 type Met = (u8, [u32; 3], [f64; 3]);
 
-/// The label that a line of sight meets, the cell or voxel where it does, and the direction out of the label there: of
+/// The label that a line of sight meets, the cell where it does, and the direction out of the label there: of
 /// the models of each label that is seen, the nearest hit.
 fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Option<Met> {
     let mut found: Option<(f64, Met)> = None;
@@ -39,30 +38,19 @@ fn nearest(models: &[Model], hidden: &[u8], line: ([f64; 3], [f64; 3])) -> Optio
         let (view, affine) = (model.view(), model.affine());
         let space = GridSpace::new(model.dims(), &affine).unwrap();
         let Some(ray) = space.ray(line.0, line.1).unwrap() else { continue };
-        let hit = match view.cells() {
-            Some(cells) => single::trace(Form::Portable, &view, &Cells::new(cells), &ray, 0).hit,
-            None => single::trace(Form::Portable, &view, &Skin, &ray, 0).hit,
-        };
+        let cells = Cells::new(view.cells().unwrap());
+        let hit = single::trace(Form::Portable, &view, &cells, &ray, 0).hit;
         let Some(hit) = hit.filter(|hit| found.is_none_or(|(t, _)| hit.t < t)) else { continue };
         let voxel = hit.voxel(&view).unwrap();
         let inverse = affine.inverse().unwrap();
-        let normal = match view.walls(voxel) {
-            None => {
-                let code = view.voxel_normal(VoxelIndex::new(voxel)).unwrap();
-                let (n, spacing) = (normal::decode_l1(code).map(f64::from), affine.spacing_mm());
-                std::array::from_fn(|a| n[a] * spacing[a])
-            }
-            Some(walls) => {
-                let at: [f64; 3] = std::array::from_fn(|a| line.0[a] + hit.t * line.1[a]);
-                let (at, way) = (inverse.apply(at), inverse.apply_vector(line.1));
-                let u = std::array::from_fn(|a| {
-                    (2.0 * (at[a] + 0.5 - f64::from(hit.cell[a])) - 1.0).clamp(-1.0, 1.0)
-                });
-                let [at, near, far] = [1e-9, 1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
-                // Where two walls meet, either counts.
-                if at == near && near == far { near } else { [0.0; 3] }
-            }
-        };
+        let walls = view.walls(voxel).unwrap();
+        let at: [f64; 3] = std::array::from_fn(|a| line.0[a] + hit.t * line.1[a]);
+        let (at, way) = (inverse.apply(at), inverse.apply_vector(line.1));
+        let u =
+            std::array::from_fn(|a| (2.0 * (at[a] + 0.5 - f64::from(hit.cell[a])) - 1.0).clamp(-1.0, 1.0));
+        let [at, near, far] = [1e-9, 1.0 / 4096.0, 1e-3].map(|near| walls.met(u, way, near).1);
+        // Where two walls meet, either counts.
+        let normal = if at == near && near == far { near } else { [0.0; 3] };
         let world = std::array::from_fn(|i| (0..3).map(|a| inverse.rows[a][i] * normal[a]).sum());
         found = Some((hit.t, (place, hit.cell, world)));
     }
@@ -110,36 +98,30 @@ fn a_browser_meets_each_label_where_the_librarys_rays_meet_it_whatever_is_hidden
         inputs.extend(real_data("labels/totalseg-spine.nii.gz"));
     }
     for (number, input) in inputs.iter().enumerate() {
-        for (kind, surface) in ["cells", "skin"].into_iter().enumerate() {
-            // A usual run has cells of few labels, and skin of many.
-            if crate::common::long() == 1 && kind != number {
-                continue;
-            }
-            let (model, page, models) = labelled(folder.path(), input, surface);
-            let count = models.len() as u8;
-            let mut all: Vec<Look> = looks(&model).into_iter().chain(looks(&model)).collect();
-            for look in &mut all {
-                // No line of sight runs along an edge between two cells, and no row or column of pixels is parallel to
-                // one: all of it can lie near a plane with edges, and meets other boxes than the library, which rounds
-                // origins to 2^-16 of a cell. (One did, 4e-6 of a cell away; the page's were the right ones.)
-                look.target = std::array::from_fn(|a| look.target[a] + [0.213, 0.171, 0.377][a]);
-                look.forward = std::array::from_fn(|a| look.forward[a] + [0.013, -0.007, 0.011][a]);
-                look.up = std::array::from_fn(|a| look.up[a] + [0.031, 0.017, -0.023][a]);
-            }
-            all[6].hidden = vec![1];
-            all[7].hidden = vec![2, 3];
-            all[4].hidden = (1..=count).filter(|place| place % 2 == 0).collect();
-            all[5].hidden = (1..=count).filter(|place| *place != 2).collect();
-            // Rays of the library pass through each label's model: two of the eight where there are many.
-            if crate::common::long() == 1 && number > 0 {
-                all = [4, 7].map(|at| all[at].clone()).into();
-            }
-            let said = shown(&browser, &page, &all, "pictures");
-            let name = format!("{} {surface}", input.file_stem().unwrap().display());
-            assert!(said["error"].is_null() && said["threw"].is_null(), "{name}: {said}");
-            let hits = compare(&name, (&model, &models), &all, &said);
-            assert!(hits > (side() * side() / 64) as usize, "{name}: {hits}");
+        let (model, page, models) = labelled(folder.path(), input);
+        let count = models.len() as u8;
+        let mut all: Vec<Look> = looks(&model).into_iter().chain(looks(&model)).collect();
+        for look in &mut all {
+            // No line of sight runs along an edge between two cells, and no row or column of pixels is parallel to
+            // one: all of it can lie near a plane with edges, and meets other boxes than the library, which rounds
+            // origins to 2^-16 of a cell. (One did, 4e-6 of a cell away; the page's were the right ones.)
+            look.target = std::array::from_fn(|a| look.target[a] + [0.213, 0.171, 0.377][a]);
+            look.forward = std::array::from_fn(|a| look.forward[a] + [0.013, -0.007, 0.011][a]);
+            look.up = std::array::from_fn(|a| look.up[a] + [0.031, 0.017, -0.023][a]);
         }
+        all[6].hidden = vec![1];
+        all[7].hidden = vec![2, 3];
+        all[4].hidden = (1..=count).filter(|place| place % 2 == 0).collect();
+        all[5].hidden = (1..=count).filter(|place| *place != 2).collect();
+        // Rays of the library pass through each label's model: two of the eight where there are many.
+        if crate::common::long() == 1 && number > 0 {
+            all = [4, 7].map(|at| all[at].clone()).into();
+        }
+        let said = shown(&browser, &page, &all, "pictures");
+        let name = input.file_stem().unwrap().display().to_string();
+        assert!(said["error"].is_null() && said["threw"].is_null(), "{name}: {said}");
+        let hits = compare(&name, (&model, &models), &all, &said);
+        assert!(hits > (side() * side() / 64) as usize, "{name}: {hits}");
     }
 }
 
@@ -151,11 +133,9 @@ fn parts_of_a_page_are_hidden_found_picked_and_kept_in_the_address() {
     let names = folder.path().join("names.csv");
     let names_of = |label: u32| format!("{label},\"<b>part{label}</b> </script><!--\"\n");
     fs::write(&names, format!("index,name\n{}", (1..=20).map(names_of).collect::<String>())).unwrap();
-    for surface in if crate::common::long() > 1 { &["cells", "skin"][..] } else { &["cells"] } {
-        let options = [&text(&input), "--labels", "all", "--surface", surface, "--names", &text(&names)];
-        let (_, page) = paged(folder.path(), surface, &options);
-        all_happened(&shown(&browser, &page, &[], "events"));
-    }
+    let options = [&text(&input), "--labels", "all", "--names", &text(&names)];
+    let (_, page) = paged(folder.path(), "parts", &options);
+    all_happened(&shown(&browser, &page, &[], "events"));
 }
 
 #[test]

@@ -51,19 +51,18 @@ fn a_page_fetches_the_same_model_as_a_page_holds() {
     fs::write(folder.path().join("one.raw"), [200_u8]).unwrap();
     let one = text(&folder.path().join("one.raw"));
     // A usual run ends with the fourth.
-    let cases: [(&str, &[&str]); 7] = [
+    let cases: [(&str, &[&str]); 6] = [
         ("skin", &["synthetic:head@96", "--surface", "skin", "--channels", "normal,value"]),
         ("corners", &["synthetic:sphere@40?noise=0.4", "--surface", "cells"]),
         ("walls", &[&labels, "--labels", "all", "--surface", "cells"]),
         ("leaves", &["synthetic:head@96", "--surface", "cells", "--error", "0.2"]),
         ("cells", &["synthetic:head@96", "--surface", "cells"]),
-        ("labels", &[&labels, "--labels", "all", "--surface", "skin"]),
         ("a one", &[&one, "--dims", "1x1x1", "--dtype", "u8", "--iso", "100", "--surface", "skin"]),
     ];
     let mut driver = Driver::start(&browser);
     let (ranges, whole) = (Site::of(Manner::Ranges, folder.path()), Site::of(Manner::Whole, folder.path()));
     let unstated = Site::of(Manner::Unstated, folder.path());
-    let count = if long() > 1 { 7 } else { 4 };
+    let count = if long() > 1 { 6 } else { 4 };
     for (number, (name, arguments)) in cases.into_iter().enumerate().take(count) {
         let (_, page) = paged(folder.path(), name, arguments);
         linked(&page.with_extension("oct"), &folder.path().join("viewer.html"));

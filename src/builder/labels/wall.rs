@@ -11,12 +11,13 @@
 use std::f32::consts::TAU;
 
 use crate::cpu::{Isa, Kernel, Portable, movemask, sums_by_table};
+use crate::format::CornerLabels;
 
 /// How far a wall may lie from the middle between two samples that it parts, in voxels: no sample changes its label.
 pub const MAX_SMOOTH: f64 = 0.5;
 
 /// Samples along a side of what is looked at.
-pub(crate) const WINDOW: usize = 8;
+pub(super) const WINDOW: usize = 8;
 /// Standard deviation of the Gaussian, in voxels.
 const SIGMA: f32 = 1.5;
 /// Its values half a voxel from the middle and so on.
@@ -30,24 +31,21 @@ const THIN: f32 = 0.85;
 /// Steps of Newton's method; the last changes less than 10^-6 voxel.
 const STEPS: usize = 3;
 
-/// Labels of the samples of a cell, by corner; 0 for none.
-pub(crate) type Corners = [u16; 8];
-
 /// The samples of each row of the window, as bits.
 type Members = [u8; WINDOW * WINDOW];
 
 /// A plane: `normal` leads out of the first label, `along` is its distance along it from the cell's middle, in voxels.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub(crate) struct Wall {
-    pub(crate) normal: [f32; 3],
-    pub(crate) along: f32,
+pub(super) struct Wall {
+    pub(super) normal: [f32; 3],
+    pub(super) along: f32,
 }
 
 impl Wall {
     /// Where the last corner of a cell that has the first label lies along the wall's normal, and the first one of the
     /// other, all others for `None`.
     #[inline(always)]
-    fn gap(&self, corners: &Corners, one: u16, other: Option<u16>) -> [f32; 2] {
+    fn gap(&self, corners: &CornerLabels, one: u16, other: Option<u16>) -> [f32; 2] {
         let (mut behind, mut before) = (f32::NEG_INFINITY, f32::INFINITY);
         for (i, label) in corners.iter().enumerate() {
             let part = |a: usize| if i >> a & 1 == 1 { self.normal[a] } else { -self.normal[a] };
@@ -69,10 +67,10 @@ impl Wall {
 
 /// Samples around a cell: eight slices whose rows are `stride` apart, of which the window begins at `first`.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Window<'a> {
-    pub(crate) slices: [&'a [u16]; WINDOW],
-    pub(crate) first: usize,
-    pub(crate) stride: usize,
+pub(super) struct Window<'a> {
+    pub(super) slices: [&'a [u16]; WINDOW],
+    pub(super) first: usize,
+    pub(super) stride: usize,
 }
 
 impl Window<'_> {
@@ -107,13 +105,13 @@ impl Window<'_> {
 }
 
 /// A copy of a window's samples.
-pub(crate) struct Samples([[u16; WINDOW * WINDOW]; WINDOW]);
+pub(super) struct Samples([[u16; WINDOW * WINDOW]; WINDOW]);
 
 impl Window<'_> {
     /// A copy in which a label's samples keep it where they are connected to its first corner, by faces and within the
     /// window; all others have `far`. `None` where there are none.
     #[cold]
-    pub(crate) fn apart(&self, corners: &Corners, label: u16, far: u16) -> Option<Samples> {
+    pub(super) fn apart(&self, corners: &CornerLabels, label: u16, far: u16) -> Option<Samples> {
         let mut slices = [[0; WINDOW * WINDOW]; WINDOW];
         for (to, from) in slices.iter_mut().zip(self.slices) {
             let rows = from.get(self.first..)?.chunks(self.stride);
@@ -143,7 +141,7 @@ impl Window<'_> {
     }
 
     /// A number that no sample has.
-    pub(crate) fn unused(&self) -> u16 {
+    pub(super) fn unused(&self) -> u16 {
         let end = self.first + (WINDOW - 1) * (self.stride + 1) + 1;
         let samples = self.slices.map(|slice| slice.get(self.first..end).unwrap_or_default());
         let has = |number: &u16| samples.iter().any(|slice| slice.contains(number));
@@ -152,11 +150,11 @@ impl Window<'_> {
 }
 
 impl Samples {
-    pub(crate) fn window(&self) -> Window<'_> {
+    pub(super) fn window(&self) -> Window<'_> {
         Window { slices: self.0.each_ref().map(|slice| &slice[..]), first: 0, stride: WINDOW }
     }
 
-    pub(crate) fn corners(&self) -> Corners {
+    pub(super) fn corners(&self) -> CornerLabels {
         std::array::from_fn(|corner| {
             let [z, at] = corner_at(corner);
             self.0[z][at]
@@ -199,7 +197,7 @@ fn bits<T: Copy>(isa: impl Isa, samples: &[T; FOUR_ROWS], holds: impl Fn(T) -> b
 
 /// The sums that a row adds, for every set of its samples, and what they are multiplied by for each row: in lanes, of
 /// which the first three add up to the moment, and the fourth and the last to the place.
-pub(crate) struct Fit {
+pub(super) struct Fit {
     /// Sums of the weight times x, three times of the weight, and of the weight times x^2.
     of_row: Box<[Lanes; 256]>,
     /// The row's weight, that times y and z, and for the place of a wall what does not change with x, and what does.
@@ -227,7 +225,7 @@ fn from_middle(at: usize) -> f32 {
 }
 
 impl Fit {
-    pub(crate) fn new() -> Self {
+    pub(super) fn new() -> Self {
         let weights: [f32; WINDOW] = std::array::from_fn(|i| GAUSSIAN[i.max(WINDOW - 1 - i) - WINDOW / 2]);
         let mut of_row = Box::new([[0.0; 8]; 256]);
         for (members, sums) in of_row.iter_mut().enumerate() {
@@ -260,11 +258,11 @@ impl Fit {
     /// The wall between a label and another, or all others, where it parts the corners of the cell that have them if a plane
     /// in its direction can; `None` where the samples do not say a direction.
     #[inline(always)]
-    pub(crate) fn between(
+    pub(super) fn between(
         &self,
         isa: impl Isa,
         window: &Window<'_>,
-        corners: &Corners,
+        corners: &CornerLabels,
         one: u16,
         other: Option<u16>,
     ) -> Option<Wall> {
@@ -358,7 +356,7 @@ impl Kernel for Again<'_> {
 /// The samples without those of two labels that are not connected to their corners: what lies beyond a thin sheet says
 /// nothing of this side.
 #[cold]
-fn near(window: &Window<'_>, corners: &Corners, labels: [u16; 2]) -> Option<Samples> {
+fn near(window: &Window<'_>, corners: &CornerLabels, labels: [u16; 2]) -> Option<Samples> {
     let far = window.unused();
     let first = window.apart(corners, labels[0], far);
     let second = first.as_ref().map_or(*window, Samples::window).apart(corners, labels[1], far);
