@@ -23,12 +23,12 @@ use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
 use infobyte::export::ExportForm;
-use infobyte::format::{Channels, SurfaceKind};
+use infobyte::format::SurfaceKind;
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
 use infobyte::jobs::demo::DemoFiles;
-use infobyte::jobs::export::{ExportRequest, MAX_SMOOTH};
+use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::names::read_label_names;
 use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
@@ -38,10 +38,9 @@ use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
 use infobyte::jobs::view::ViewRequest;
 use infobyte::jobs::{self, info, pack, picture, verify};
-use infobyte::mesh::usual_channels;
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
 use infobyte::text::{self, data, plain, shown};
-use infobyte::volume::{Overlap, Placement};
+use infobyte::volume::Placement;
 use infobyte::{CleanOptions, Error, ErrorReport, ExitKind, Progress};
 use serde::Serialize;
 
@@ -213,29 +212,6 @@ impl Build {
         args.refuse_foreign(kind)?;
         let label_names =
             args.names.as_deref().map_or(Ok(Vec::new()), |table| read_label_names(table, args.keep_names))?;
-        let surface = args.skin.surface(args.mesh.grid.is_thin());
-        let usual = match kind {
-            SubjectKind::Mesh => usual_channels(surface),
-            SubjectKind::Volume | SubjectKind::Tree => Channels::default(),
-        };
-        let options = BuildOptions {
-            threshold: args.selection.threshold(),
-            labels: args.labels.clone(),
-            label_names,
-            smooth: args.smooth.unwrap_or(MAX_SMOOTH),
-            overlap: args.overlap.policy(),
-            surface,
-            connectivity: args.skin.connectivity,
-            channels: args.skin.channels.unwrap_or(usual),
-            gradient: args.skin.gradient.unwrap_or_default(),
-            normal_bits: args.skin.normal_bits,
-            visible_from: args.visible_from.clone(),
-            error: args.skin.error,
-            lod: args.lod == Switch::On,
-            memory: MemoryCap::Process(args.memory),
-            threads: args.threads.count(),
-            scratch: args.scratch.clone(),
-        };
         let raw = if kind == SubjectKind::Volume { raw_options(&args.raw)? } else { None };
         let spool = args.scratch.clone().unwrap_or_else(std::env::temp_dir);
         let (inputs, held) = match args.input.as_slice() {
@@ -260,7 +236,7 @@ impl Build {
             ..OpenOptions::default()
         };
         let grid = args.mesh.options(args.raw.dims, &args.which.links);
-        let grid = GridOptions { keep_colors: args.skin.keeps_colors(), ..grid };
+        let options = args.options(label_names);
         Ok(Self { kind, inputs, how, clean: args.clean.options(), grid, options, _held: held })
     }
 
@@ -272,7 +248,7 @@ impl Build {
 fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
     refuse_dash(args.input.iter().map(PathBuf::as_path), Dash::Search)?;
     refuse_dash([args.out.as_path()], Dash::Folder)?;
-    args.skin.refuse_ignored(false)?;
+    args.skin.refuse_ignored(None)?;
     args.clean.refuse_ignored()?;
     let jobs = args.jobs.unwrap_or_else(cores);
     let request = BatchRequest {
@@ -287,36 +263,19 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         },
         clean: args.clean.options(),
         find_labels: !args.selection.is_given(),
-        build: BuildOptions {
-            threshold: args.selection.threshold(),
-            labels: None,
-            label_names: Vec::new(),
-            smooth: MAX_SMOOTH,
-            overlap: Overlap::default(),
-            surface: args.skin.surface(false),
-            connectivity: args.skin.connectivity,
-            channels: args.skin.channels.unwrap_or_default(),
-            gradient: args.skin.gradient.unwrap_or_default(),
-            normal_bits: args.skin.normal_bits,
-            visible_from: Vec::new(),
-            error: args.skin.error,
-            lod: args.lod == Switch::On,
-            memory: MemoryCap::Process(args.memory),
-            threads: args.threads.count(),
-            scratch: args.scratch.clone(),
-        },
+        build: args.options(),
         jobs,
         thumbnails: args.thumbnails,
         keep_names: args.keep_names,
         thumbnails_of_all: args.thumbnails_of_all,
         min_slices: args.min_slices,
-        grid: GridOptions { keep_colors: args.skin.keeps_colors(), ..args.mesh.options(&args.search.links) },
+        grid: args.mesh.options(&args.search.links),
         modalities: args.modality.clone(),
         series: args.series.clone(),
     };
     // Thumbnails are made of models that lie there.
     platform::tell_of(&args.out, args.json);
-    let is_cells = request.build.surface == SurfaceKind::Cells;
+    let is_cells = request.build.volume_surface() == SurfaceKind::Cells;
     let boxes = if is_cells { "cells" } else { "skin voxels" };
     let bars = BatchBars::new(jobs, args.quiet || args.json, boxes);
     let report = jobs::batch::batch(&request, &bars);
@@ -581,7 +540,6 @@ fn demo(args: &args::DemoArgs) -> Result<ExitCode, Failure> {
     let threads = args.threads.count();
     let options = BuildOptions {
         threshold: Threshold::Iso(args.iso),
-        surface: SurfaceKind::Cells,
         memory: MemoryCap::Process(args.memory),
         threads,
         ..BuildOptions::default()

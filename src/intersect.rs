@@ -186,7 +186,7 @@ impl Search<'_> {
 mod tests {
     use super::*;
     use crate::geom::Dims;
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::random::Random;
 
     fn tree(side: u32, cells: &[[u32; 3]]) -> MemoryTree {

@@ -114,6 +114,13 @@
 // What a file holds ends in a model or in a sentence.
 #![cfg_attr(not(test), deny(clippy::unwrap_used, clippy::expect_used, clippy::panic))]
 
+// Helpers of tests name this crate as other crates do.
+#[cfg(test)]
+extern crate self as infobyte;
+
+#[cfg(test)]
+#[path = "../tests/it/common/assembled.rs"]
+mod assembled;
 mod atomic;
 pub mod budget;
 pub mod builder;
@@ -137,6 +144,9 @@ pub mod intersect;
 pub mod jobs;
 pub mod load;
 mod mark;
+#[cfg(test)]
+#[path = "../tests/it/common/memory_tree.rs"]
+mod memory_tree;
 pub mod mesh;
 mod page;
 mod platform;

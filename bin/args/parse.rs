@@ -3,12 +3,12 @@
 use std::ops::Range;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use infobyte::builder::{Connectivity, Gradient, ViewedFrom};
-use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset, SizeLimit};
+use infobyte::builder::{Connectivity, Gradient};
+use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset};
 use infobyte::export::ExportForm;
 use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
-use infobyte::geom::{Affine, Dims, Orientation};
+use infobyte::geom::{Affine, Dims};
 use infobyte::jobs::export::MAX_SMOOTH;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples};
@@ -184,17 +184,6 @@ pub(super) fn keep_largest(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("'{text}' is not a number of components; choose 1 to {MAX_LARGEST}"))
 }
 
-pub(super) fn drop_below(text: &str) -> Result<SizeLimit, String> {
-    let refuse = || format!("'{text}' is not a size; write a number of voxels, or a percentage such as 5%");
-    match text.strip_suffix('%') {
-        Some(percent) => match number(percent) {
-            Ok(percent) if (0.0..=100.0).contains(&percent) => Ok(SizeLimit::PercentOfLargest(percent)),
-            _ => Err(refuse()),
-        },
-        None => text.parse().map(SizeLimit::Voxels).map_err(|_| refuse()),
-    }
-}
-
 /// Splits `AxBxC` into parts.
 fn parts<const K: usize>(text: &str, separator: char) -> Option<[&str; K]> {
     let parts: Vec<&str> = text.split(separator).map(str::trim).collect();
@@ -225,14 +214,6 @@ pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
     let parsed = three.ok_or_else(bad)?.map(|p| number(p).unwrap_or(0.0));
     let sound = parsed.iter().all(|s| *s > 0.0) && Affine::from_spacing(parsed).inverse().is_some();
     if sound { Ok(parsed) } else { Err(bad()) }
-}
-
-pub(super) fn orientation(text: &str) -> Result<Orientation, String> {
-    Orientation::parse(text).ok_or_else(|| {
-        format!(
-            "'{text}' is not an orientation; write three letters, one each of L/R, P/A and S/I, such as LPS"
-        )
-    })
 }
 
 pub(super) fn size(text: &str) -> Result<[u32; 2], String> {
@@ -273,26 +254,6 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     match (x, y, z) {
         (Ok(x), Ok(y), Ok(z)) => Ok([x, y, z]),
         _ => Err(bad()),
-    }
-}
-
-pub(super) fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
-    if text == "outside" {
-        return Ok(ViewedFrom::Outside);
-    }
-    if let Ok(view) = text.parse::<NamedView>() {
-        return Ok(ViewedFrom::Along(view.looks_along()));
-    }
-    let refuse = |_| {
-        let views = NamedView::ALL.map(NamedView::name).join(", ");
-        format!("'{text}' is not a place to look from; write outside, {views}, along:X,Y,Z, or X,Y,Z in mm")
-    };
-    match text.strip_prefix("along:") {
-        Some(direction) => match triple(direction) {
-            Ok([0.0, 0.0, 0.0]) => Err("along:0,0,0 is not a direction".into()),
-            other => other.map(ViewedFrom::Along).map_err(refuse),
-        },
-        None => triple(text).map(ViewedFrom::Point).map_err(refuse),
     }
 }
 

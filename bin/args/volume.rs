@@ -3,13 +3,16 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Args, ValueEnum};
-use infobyte::budget::parse_size;
-use infobyte::builder::{Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom};
+use infobyte::budget::{MemoryCap, parse_size};
+use infobyte::builder::{
+    BuildOptions, Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom,
+};
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
 use infobyte::format::normal::NormalBits;
-use infobyte::format::{Channel, Channels, SurfaceKind};
+use infobyte::format::{Channels, LabelName, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
-use infobyte::jobs::build::GridOptions;
+use infobyte::jobs::build::{GridOptions, viewed_from};
+use infobyte::jobs::export::MAX_SMOOTH;
 use infobyte::mesh::{Fill, GridChoice, UpAxis, states_place};
 use infobyte::source::{GapPolicy, SubjectKind};
 use infobyte::volume::{Endian, Overlap, ScalarType};
@@ -74,7 +77,7 @@ pub(crate) struct BuildArgs {
     /// Leave out what cannot be seen from there: outside (anywhere beyond the volume's box), a view by its name
     /// (parallel), along:X,Y,Z (a parallel view in that direction), or the position X,Y,Z of an eye in mm; may be
     /// given several times
-    #[arg(long, value_name = "WHERE", value_parser = parse::viewed_from, allow_hyphen_values = true)]
+    #[arg(long, value_name = "WHERE", value_parser = viewed_from, allow_hyphen_values = true)]
     pub(crate) visible_from: Vec<ViewedFrom>,
     /// Store mean attributes of coarse nodes, for quick small pictures
     #[arg(long, value_enum, default_value_t = Switch::On)]
@@ -156,7 +159,7 @@ pub(crate) struct BatchArgs {
     #[arg(long, value_name = "XxYxZ", value_parser = parse::spacing)]
     pub(crate) spacing: Option<[f64; 3]>,
     /// Patient directions that the axes run to, such as LPS or RAI, for every volume; comes before what files state
-    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation)]
+    #[arg(long, value_name = "LETTERS")]
     pub(crate) orientation: Option<Orientation>,
     /// Print one JSON object
     #[arg(long)]
@@ -284,42 +287,29 @@ pub(crate) struct SkinArgs {
 }
 
 impl SkinArgs {
-    /// The surface that is built: as it is said, or cells unless something is asked for that these have not.
-    pub(crate) fn surface(&self, thin: bool) -> SurfaceKind {
-        let only_skin = self.gradient.is_some()
-            || self.normal_bits != NormalBits::default()
-            || self.connectivity != Connectivity::default()
-            || self.channels.is_some_and(|channels| channels != Channels::default())
-            || thin;
-        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
-        self.surface.unwrap_or(usual)
-    }
-
-    /// Is nothing said of the surface, so that a mesh may keep its colours?
-    pub(crate) fn keeps_colors(&self) -> bool {
-        self.surface.is_none() && self.channels.is_none() && self.error.is_none()
+    fn options(&self) -> BuildOptions {
+        let Self { surface, error, channels, gradient, normal_bits, connectivity } = *self;
+        BuildOptions {
+            surface,
+            error,
+            channels,
+            gradient,
+            normal_bits,
+            connectivity,
+            ..BuildOptions::default()
+        }
     }
 
     /// Refuses a flag that says nothing about cells, where these are built: they are asked for, or there are labels.
-    pub(crate) fn refuse_ignored(&self, labels: bool) -> Result<(), Refusal> {
-        let is_offset = self.channels.is_some_and(|channels| channels.contains(Channel::Offset));
-        if self.surface != Some(SurfaceKind::Cells) && !is_offset && !labels {
-            return Ok(());
-        }
-        if labels && self.surface == Some(SurfaceKind::Skin) {
-            return Err(Refusal::NotOf {
-                flag: "--surface skin",
-                of: "volumes, and labels are stored as cells",
-            });
-        }
-        let given = [
-            ("--gradient", self.gradient.is_some()),
-            ("--connectivity", self.connectivity != Connectivity::default()),
-        ];
-        match given.into_iter().find(|(_, given)| *given) {
-            Some((flag, _)) => Err(Refusal::NotOf { flag, of: "skin voxels, and cells are built" }),
-            None => Ok(()),
-        }
+    pub(crate) fn refuse_ignored(&self, labels: Option<&LabelChoice>) -> Result<(), Refusal> {
+        let options = BuildOptions { labels: labels.cloned(), ..self.options() };
+        let Some((name, of)) = options.ignored() else { return Ok(()) };
+        let flag = match name {
+            "surface" => "--surface skin",
+            "gradient" => "--gradient",
+            _ => "--connectivity",
+        };
+        Err(Refusal::NotOf { flag, of })
     }
 }
 
@@ -430,7 +420,7 @@ pub(crate) struct CleanArgs {
     pub(crate) keep_largest: Option<u32>,
     /// Drop components of fewer voxels, or of less than a part of the largest one. Extra passes: the bits twice,
     /// together with --keep-largest
-    #[arg(long, value_name = "VOXELS|PERCENT%", allow_negative_numbers = true, value_parser = parse::drop_below)]
+    #[arg(long, value_name = "VOXELS|PERCENT%", allow_negative_numbers = true)]
     pub(crate) drop_below: Option<SizeLimit>,
     /// Voxels of one component share a face (6), or a face, an edge or a corner (26)
     #[arg(long, value_name = "26|6", default_value = "26", value_parser = parse::component_connectivity)]
@@ -463,7 +453,38 @@ impl CleanArgs {
     }
 }
 
+impl BatchArgs {
+    /// The options of the library.
+    pub(crate) fn options(&self) -> BuildOptions {
+        BuildOptions {
+            threshold: self.selection.threshold(),
+            lod: self.lod == Switch::On,
+            memory: MemoryCap::Process(self.memory),
+            threads: self.threads.count(),
+            scratch: self.scratch.clone(),
+            ..self.skin.options()
+        }
+    }
+}
+
 impl BuildArgs {
+    /// The options of the library, with the names of the labels.
+    pub(crate) fn options(&self, label_names: Vec<LabelName>) -> BuildOptions {
+        BuildOptions {
+            threshold: self.selection.threshold(),
+            labels: self.labels.clone(),
+            label_names,
+            smooth: self.smooth.unwrap_or(MAX_SMOOTH),
+            overlap: self.overlap.policy(),
+            visible_from: self.visible_from.clone(),
+            lod: self.lod == Switch::On,
+            memory: MemoryCap::Process(self.memory),
+            threads: self.threads.count(),
+            scratch: self.scratch.clone(),
+            ..self.skin.options()
+        }
+    }
+
     /// The model to write; empty where none is asked for.
     pub(crate) fn output(&self) -> &Path {
         self.output.as_deref().unwrap_or(Path::new(""))
@@ -471,7 +492,7 @@ impl BuildArgs {
 
     /// Refuses a flag that says nothing about what is built.
     pub(crate) fn refuse_foreign(&self, kind: SubjectKind) -> Result<(), Refusal> {
-        self.skin.refuse_ignored(self.labels.is_some())?;
+        self.skin.refuse_ignored(self.labels.as_ref())?;
         self.clean.refuse_ignored()?;
         let grid = &self.mesh.grid;
         let stated = [
@@ -631,13 +652,7 @@ impl GridArgs {
             fill,
             keep_thin: self.keep_thin,
             follow_links: links.follow_links,
-            keep_colors: false,
         }
-    }
-
-    /// Is what is built of a mesh thinner than its inside?
-    pub(crate) fn is_thin(&self) -> bool {
-        self.keep_thin || matches!(self.fill, Some(FillRule::Surface))
     }
 
     /// The options of the library, each mesh and tree on a grid of its own.
@@ -673,6 +688,6 @@ pub(crate) struct RawArgs {
     #[arg(long, value_name = "BYTES", allow_negative_numbers = true, value_parser = parse::skip)]
     pub(crate) skip: Option<u64>,
     /// Patient directions that the axes run to, such as LPS or RAI, of volumes; comes before what files state
-    #[arg(long, value_name = "LETTERS", value_parser = parse::orientation, help_heading = PLACE)]
+    #[arg(long, value_name = "LETTERS", help_heading = PLACE)]
     pub(crate) orientation: Option<Orientation>,
 }

@@ -29,7 +29,8 @@ pub use size::{Bytes, ExactSize, parse_size};
 use std::sync::{Arc, Condvar, Mutex, MutexGuard, PoisonError};
 
 /// The bound on the memory of a job.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum MemoryCap {
     /// The resident memory of the whole process; the job is all that it does.
     Process(u64),

@@ -27,24 +27,14 @@ macro_rules! by_type {
     };
 }
 
-/// Chooses what is inside, as [`super::build_volume`] does; [`Threshold::Chosen`] hands the result on to it.
+/// Chooses what is inside, as [`super::build_volume`] does, and notes what is odd about the volume;
+/// [`Threshold::Chosen`] hands the result on to it.
 ///
 /// Passes over the volume: none, but for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
 /// fewer workers where the cap is small.
 ///
 /// # Errors
 /// The range is empty, or no sample can lie in it; the volume cannot be read.
-pub fn choose_selection(
-    source: &dyn VolumeSource,
-    threshold: Threshold,
-    memory: MemoryCap,
-    threads: usize,
-    progress: &dyn Progress,
-) -> Result<Selection, BuildError> {
-    choose_noted(source, threshold, memory, threads, progress).map(|(selection, _)| selection)
-}
-
-/// As [`choose_selection`], with what is odd about the volume.
 pub(crate) fn choose_noted(
     source: &dyn VolumeSource,
     threshold: Threshold,

@@ -28,7 +28,8 @@ use std::fmt;
 use std::str::FromStr;
 
 /// How normals are estimated.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Gradient {
     /// Differences of the two neighbours along each axis.
     Central,

@@ -8,7 +8,7 @@ use super::{BuildError, BuildOptions, BuildReport, Progress, Solid};
 use crate::budget::MemoryCap;
 
 /// A solid that was made of files, and what that took.
-pub(crate) struct FileSolid<'a> {
+pub struct FileSolid<'a> {
     pub(crate) solid: Box<dyn Solid + 'a>,
     pub(crate) held_bytes: u64,
     pub(crate) scratch_bytes: u64,
@@ -18,11 +18,24 @@ pub(crate) struct FileSolid<'a> {
 }
 
 impl FileSolid<'_> {
-    /// Builds its model, or a part of that.
+    /// Builds its model.
     ///
     /// # Errors
     /// As [`super::build_solid`].
-    pub(crate) fn build(
+    pub fn build(
+        &self,
+        options: &BuildOptions,
+        output: &Path,
+        progress: &dyn Progress,
+    ) -> Result<BuildReport, BuildError> {
+        self.build_part(options, output, None, progress)
+    }
+
+    /// Builds its model, or a part of it.
+    ///
+    /// # Errors
+    /// As [`super::build_solid`].
+    pub(crate) fn build_part(
         &self,
         options: &BuildOptions,
         output: &Path,

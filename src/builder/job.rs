@@ -106,10 +106,11 @@ pub(super) fn channel_forms(
     let with_form = |channel| match form(channel, &ScanSummary::default()) {
         Some(form) => Ok(ChannelForm { channel, form }),
         None => {
-            Err(BuildFault::NoChannel { name: name.to_owned(), channel, surface: options.surface }.into())
+            Err(BuildFault::NoChannel { name: name.to_owned(), channel, surface: options.volume_surface() }
+                .into())
         }
     };
-    options.channels.iter().map(with_form).collect()
+    options.channels().iter().map(with_form).collect()
 }
 
 fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote> {
@@ -448,10 +449,10 @@ impl Job<'_> {
             let more = if others.is_empty() { String::new() } else { format!(" and {} more", others.len()) };
             metadata.note_seen_from(&format!("{first}{more}"));
         }
-        if !self.options.channels.contains(Channel::Normal) {
+        if !self.options.channels().contains(Channel::Normal) {
             metadata.gradient = String::new();
         }
-        if !self.options.channels.contains(Channel::Value) {
+        if !self.options.channels().contains(Channel::Value) {
             metadata.value_scale = [0.0; 2];
         }
         metadata

@@ -76,12 +76,12 @@ mod volume;
 mod walk;
 
 pub(crate) use bits::{BitVolume, scratch_error};
-pub use choose::choose_selection;
 pub(crate) use choose::{Chooser, choose_noted};
 pub use error::BuildError;
 pub(crate) use error::BuildFault;
 pub use estimator::Gradient;
-pub(crate) use file_solid::FileSolid;
+#[doc(hidden)]
+pub use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
 pub(crate) use job::reserve_least_of;
@@ -152,7 +152,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         let form_of = |channel| Some(ChannelForm { channel, form: labels::label_form(channel)? });
         return PlanRequest {
             dims: cell_dims(info.dims).unwrap_or(info.dims),
-            channels: options.channels.iter().filter_map(form_of).collect(),
+            channels: options.channels().iter().filter_map(form_of).collect(),
             threads: options.threads,
             solid_bytes: Box::new(move |tile| labels::worker_bytes(info, tile)),
             input_bytes: source.resident_bytes(),
@@ -166,11 +166,11 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
         SurfaceKind::Cells => (cell_dims(info.dims).unwrap_or(info.dims), AROUND_CELL),
     };
     let more = match surface {
-        SurfaceKind::Skin => NormalRule::more_bytes(options.gradient),
+        SurfaceKind::Skin => NormalRule::more_bytes(options.gradient()),
         SurfaceKind::Cells => cells::WORKER_BYTES,
     };
     let shape = RingShape::kindest(info.dims, info.scalar, reach);
-    let channels = options.for_surface(surface).channels;
+    let channels = options.for_surface(surface).channels();
     let form_of = |channel| {
         let form = form_on(surface, info.scalar, channel, &ScanSummary::default())?;
         Some(ChannelForm { channel, form })
@@ -248,7 +248,7 @@ fn run_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<BuildReport, B
     let dims = check_volume(source, job)?;
     let files = job.open_files(dims)?;
     let started = Instant::now();
-    let solid = volume_solid(source, options.threshold, options.surface, options, progress)?;
+    let solid = volume_solid(source, options.threshold, options.volume_surface(), options, progress)?;
     let histogram_s = started.elapsed().as_secs_f64();
     let mut report = job.run(files, &*solid)?;
     report.seconds.histogram = histogram_s;
@@ -274,7 +274,7 @@ pub(crate) fn volume_solid<'a>(
 /// the model's grid.
 fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildError> {
     let VolumeInfo { dims, scalar, description, .. } = source.info();
-    let (name, surface) = (&description.name, job.options.surface);
+    let (name, surface) = (&description.name, job.options.volume_surface());
     let dims = typed::grid_dims(*dims, surface, name)?;
     job.options.check_bits(true, || name.clone())?;
     job.options.check_error(source.info().spacing_mm, || name.clone())?;

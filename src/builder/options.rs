@@ -8,10 +8,12 @@ use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
 use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
+use crate::text::some_text;
 use crate::volume::Overlap;
 
 /// How to choose what is inside; values are physical (after rescale).
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Threshold {
     /// `value >= iso`.
     Iso(f64),
@@ -19,7 +21,8 @@ pub enum Threshold {
     Range(f64, f64),
     /// Otsu's threshold of the volume's histogram.
     Otsu,
-    /// A selection from [`choose_selection`](super::choose_selection).
+    #[serde(skip)]
+    /// A selection that was made before, as [`BuildReport::selection`](super::BuildReport) tells.
     Chosen(Selection),
 }
 
@@ -71,11 +74,13 @@ impl FromStr for Tolerance {
 }
 
 /// Options of a build: its content and its means.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct BuildOptions {
     /// The inside of a volume; other solids define their own.
     pub threshold: Threshold,
     /// The labels to build from a label volume, as cells; threshold and [`BuildOptions::surface`] are ignored then.
+    #[serde(deserialize_with = "some_text")]
     pub labels: Option<LabelChoice>,
     /// Their names and colours, where known.
     pub label_names: Vec<LabelName>,
@@ -84,20 +89,24 @@ pub struct BuildOptions {
     pub smooth: f64,
     /// Which of several masks wins where more than one contains a voxel.
     pub overlap: Overlap,
-    /// Skin voxels or cells, for volumes, meshes and trees; [`Channel::Offset`] among the channels also means cells.
-    /// Other solids define their own surface.
-    pub surface: SurfaceKind,
+    /// Skin voxels or cells, for volumes, meshes and trees. If not given, cells, but skin voxels for options that only
+    /// these have: channels other than normals, a gradient, normal bits, connectivity 6, thin walls of meshes, and
+    /// colours of meshes. [`Channel::Offset`] among the channels always means cells. Other solids define their own
+    /// surface.
+    pub surface: Option<SurfaceKind>,
     /// Which neighbours make a voxel skin; ignored for cells.
     pub connectivity: Connectivity,
-    /// The channels of every skin voxel.
-    pub channels: Channels,
-    /// Normal estimator for volumes.
-    pub gradient: Gradient,
+    /// The channels of every skin voxel; if not given, normals, and for the skin of meshes their colours.
+    pub channels: Option<Channels>,
+    /// Normal estimator for skin voxels of volumes; if not given, [`Gradient::Isotropic5`].
+    pub gradient: Option<Gradient>,
     /// Bits per stored normal, for skin voxels of volumes.
     pub normal_bits: NormalBits,
     /// Viewpoints of the model: what cannot be seen from any of them is dropped. An empty list keeps everything.
+    #[serde(skip)]
     pub visible_from: Vec<ViewedFrom>,
     /// Join cells into larger leaves where that stays within a bound; 0 joins none.
+    #[serde(deserialize_with = "some_text")]
     pub error: Option<Tolerance>,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
@@ -110,8 +119,7 @@ pub struct BuildOptions {
 }
 
 impl Default for BuildOptions {
-    /// Otsu's threshold, the thin skin with normals and coarse means, within 64 MiB on top of what the process
-    /// holds, on all cores.
+    /// Otsu's threshold, cells with coarse means, within 64 MiB on top of what the process holds, on all cores.
     fn default() -> Self {
         Self {
             threshold: Threshold::Otsu,
@@ -119,10 +127,10 @@ impl Default for BuildOptions {
             label_names: Vec::new(),
             smooth: MAX_SMOOTH,
             overlap: Overlap::default(),
-            surface: SurfaceKind::Skin,
+            surface: None,
             connectivity: Connectivity::Thin26,
-            channels: Channels::default(),
-            gradient: Gradient::default(),
+            channels: None,
+            gradient: None,
             normal_bits: NormalBits::default(),
             visible_from: Vec::new(),
             error: None,
@@ -136,27 +144,56 @@ impl Default for BuildOptions {
 
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
-    pub(crate) fn volume_surface(&self) -> SurfaceKind {
-        let only_cells = self.labels.is_some() || self.channels.contains(Channel::Offset);
-        if only_cells { SurfaceKind::Cells } else { self.surface }
+    pub fn volume_surface(&self) -> SurfaceKind {
+        let only_skin = self.gradient.is_some()
+            || self.normal_bits != NormalBits::default()
+            || self.connectivity != Connectivity::default()
+            || self.channels() != Channels::default();
+        let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
+        let only_cells = self.labels.is_some() || self.channels().contains(Channel::Offset);
+        if only_cells { SurfaceKind::Cells } else { self.surface.unwrap_or(usual) }
     }
 
-    /// The same for a solid with this surface: cells need normals, offsets and corners.
+    /// The channels, or normals.
+    pub(crate) fn channels(&self) -> Channels {
+        self.channels.unwrap_or_default()
+    }
+
+    /// The estimator, or the usual one.
+    pub(crate) fn gradient(&self) -> Gradient {
+        self.gradient.unwrap_or_default()
+    }
+
+    /// The name of an option without effect on the cells that are built, and what it is for.
+    pub fn ignored(&self) -> Option<(&'static str, &'static str)> {
+        let skin = "skin voxels, and cells are built";
+        let labelled_skin = self.labels.is_some() && self.surface == Some(SurfaceKind::Skin);
+        let given = [
+            ("surface", "volumes, and labels are stored as cells", labelled_skin),
+            ("gradient", skin, self.gradient.is_some()),
+            ("connectivity", skin, self.connectivity != Connectivity::default()),
+        ];
+        let is_cells = self.volume_surface() == SurfaceKind::Cells;
+        given.into_iter().find(|(.., given)| *given && is_cells).map(|(name, of, _)| (name, of))
+    }
+
+    /// These options for a solid with this surface: cells need normals, offsets and corners.
     pub(super) fn for_surface(&self, surface: SurfaceKind) -> Self {
-        let labelled = if self.labels.is_some() { self.channels.with(Channel::Label) } else { self.channels };
+        let asked = self.channels();
+        let labelled = if self.labels.is_some() { asked.with(Channel::Label) } else { asked };
         let channels = match surface {
             SurfaceKind::Skin if self.has_fine_normals() => labelled.with(Channel::Fine),
             SurfaceKind::Skin => labelled,
             SurfaceKind::Cells => labelled.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners),
         };
-        Self { surface, channels, ..self.clone() }
+        Self { surface: Some(surface), channels: Some(channels), ..self.clone() }
     }
 
     /// What is asked for that a model of labels does not have, by its name.
     pub(super) fn labels_refused(&self) -> Option<&'static str> {
         let refused = [
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
-            ("channel 'value'", self.channels.contains(Channel::Value)),
+            ("channel 'value'", self.channels().contains(Channel::Value)),
             ("larger leaves", self.joins()),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
@@ -164,7 +201,7 @@ impl BuildOptions {
 
     /// Are there normals, and in 24 bits?
     fn has_fine_normals(&self) -> bool {
-        self.channels.contains(Channel::Normal) && self.normal_bits == NormalBits::TwentyFour
+        self.channels().contains(Channel::Normal) && self.normal_bits == NormalBits::TwentyFour
     }
 
     /// Are normals of this surface stored in as many bits?
@@ -176,7 +213,7 @@ impl BuildOptions {
         of_volume: bool,
         name: impl FnOnce() -> String,
     ) -> Result<(), BuildError> {
-        if self.normal_bits == NormalBits::Sixteen || (of_volume && self.surface == SurfaceKind::Skin) {
+        if self.normal_bits == NormalBits::Sixteen || (of_volume && self.surface == Some(SurfaceKind::Skin)) {
             return Ok(());
         }
         Err(BuildFault::NormalBits { name: name() }.into())
@@ -198,7 +235,7 @@ impl BuildOptions {
     ) -> Result<(), BuildError> {
         let Some(error) = self.error.filter(|_| self.joins()) else { return Ok(()) };
         let voxels = error.voxels(spacing_mm);
-        let fault = if self.surface != SurfaceKind::Cells {
+        let fault = if self.surface != Some(SurfaceKind::Cells) {
             BuildFault::ErrorOfSkin { name: name() }
         } else if !(voxels > 0.0 && voxels <= 1.0) {
             BuildFault::ErrorRange { name: name(), voxels }

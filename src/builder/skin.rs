@@ -10,12 +10,14 @@ use super::solid::BRICK;
 pub(super) const BRICK_ROWS: usize = BRICK as usize;
 
 /// Which neighbours make a voxel skin.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Default, serde::Deserialize)]
 pub enum Connectivity {
     /// A face neighbour is outside: the thin skin, 26-connected, that no 6-connected path crosses.
     #[default]
+    #[serde(rename = "26")]
     Thin26,
     /// Any of the 26 neighbours is outside: the thick skin, itself 6-connected.
+    #[serde(rename = "6")]
     Thick6,
 }
 

@@ -63,7 +63,7 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
     /// The solid of a range that has been chosen; `form` tests for it.
     pub(super) fn new(form: F, selection: Selection, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
         let source = chooser.source;
-        let (gradient, bits) = (options.gradient, options.normal_bits);
+        let (gradient, bits) = (options.gradient(), options.normal_bits);
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
         Self { source, form, selection, gradient, bits, rule, chooser, note: None }
     }

@@ -42,11 +42,13 @@ use crate::progress::Progress;
 /// Link of a slot whose component is finished.
 const FINISHED: u32 = u32::MAX;
 /// Which voxels are neighbours.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 pub enum ComponentConnectivity {
     /// Voxels that share a face.
+    #[serde(rename = "6")]
     Faces6,
     /// Voxels that share a face, an edge or a corner.
+    #[serde(rename = "26")]
     Corners26,
 }
 

@@ -37,6 +37,7 @@ pub use preset::Preset;
 
 use std::ops::Range;
 use std::path::{Path, PathBuf};
+use std::str::FromStr;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Instant;
 
@@ -46,6 +47,7 @@ use crate::builder::{
 };
 use crate::format::Selection;
 use crate::geom::Dims;
+use crate::text::some_text;
 use crate::volume::{Crop, Downsample, SourceError, Treatment, VolumeSource};
 use bits::BitVolume;
 use components::{Component, Task, TaskMemory};
@@ -69,8 +71,27 @@ pub enum SizeLimit {
     PercentOfLargest(f64),
 }
 
+/// Voxels as `500`, a percentage of the largest component as `5%`.
+impl FromStr for SizeLimit {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let limit = match text.strip_suffix('%') {
+            Some(percent) => {
+                let percent = percent.trim().parse().ok().filter(|percent| (0.0..=100.0).contains(percent));
+                percent.map(Self::PercentOfLargest)
+            }
+            None => text.parse().ok().map(Self::Voxels),
+        };
+        limit.ok_or_else(|| {
+            format!("'{text}' is not a size; write a number of voxels, or a percentage such as 5%")
+        })
+    }
+}
+
 /// Operations on a volume before it is built; none by default.
-#[derive(Clone, Debug, PartialEq)]
+#[derive(Clone, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct CleanOptions {
     /// Keep voxels with these indices along x, y, z only.
     pub roi: Option<[Range<u32>; 3]>,
@@ -87,6 +108,7 @@ pub struct CleanOptions {
     /// z, y, x.
     pub keep_largest: Option<u32>,
     /// Drop components that are too small.
+    #[serde(deserialize_with = "some_text")]
     pub drop_below: Option<SizeLimit>,
     /// Which voxels are of one component.
     pub connectivity: ComponentConnectivity,

@@ -5,7 +5,8 @@ use std::fmt;
 use crate::builder::Threshold;
 
 /// A tissue in CT, by its usual range.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
 pub enum Preset {
     /// Bone, cancellous and compact: 226 HU and more.
     Bone,

@@ -56,7 +56,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use crate::builder::BuildFault;
-use crate::builder::{BuildError, BuildOptions, BuildReport, FileSolid, Progress, Solid, cell_dims};
+use crate::builder::{BuildError, BuildOptions, FileSolid, Progress, Solid, cell_dims};
 pub use crate::facts::CsgFacts;
 use crate::format::SurfaceKind;
 use crate::mesh::GridChoice;
@@ -87,37 +87,12 @@ pub struct CsgOptions {
     pub unit_mm: f64,
 }
 
-/// The report of a build from a tree.
-#[derive(Clone, Debug)]
-pub struct CsgReport {
-    /// Figures of the build.
-    pub build: BuildReport,
-    /// Facts about the tree.
-    pub facts: CsgFacts,
-}
-
-/// Builds the skin octree of a tree into `output`.
+/// Makes the solid of a tree, and hands it on; returns what is known of the tree.
 ///
 /// # Errors
-/// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
-pub fn build_csg(
-    input: CsgInput<'_>,
-    csg: &CsgOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-) -> Result<CsgReport, BuildError> {
-    let scratch = options.scratch_folder(output);
-    let then = |made: &FileSolid<'_>| made.build(options, output, None, progress);
-    let (build, facts) = with_tree(input, csg, options, scratch, progress, then)?;
-    Ok(CsgReport { build, facts })
-}
-
-/// Makes the solid of a tree, and hands it on; what is known of the tree.
-///
-/// # Errors
-/// As [`build_csg`].
-pub(crate) fn with_tree<T>(
+/// [`BuildError`]
+#[doc(hidden)]
+pub fn with_tree<T>(
     input: CsgInput<'_>,
     csg: &CsgOptions,
     options: &BuildOptions,

@@ -656,7 +656,6 @@ impl<'p> Samples<'p> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::SurfaceKind;
     use crate::progress::Silent;
     use crate::{BuildOptions, Model, Threshold, Voxels};
 
@@ -668,7 +667,7 @@ mod tests {
         let path = folder.path().join("m.oct");
         let volume = Voxels::from_fn(Dims::new(40, 38, 37).unwrap(), depth);
         let threshold = Threshold::Iso(0.0);
-        let options = BuildOptions { threshold, surface: SurfaceKind::Cells, ..BuildOptions::default() };
+        let options = BuildOptions { threshold, ..BuildOptions::default() };
         crate::build(&volume, &options, &path).unwrap();
         let model = Model::open(&path).unwrap();
         let space = GridSpace::new(model.dims(), &model.affine()).unwrap();

@@ -190,7 +190,8 @@ pub enum Boundary {
 }
 
 /// Which voxels are inside a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Fill {
     /// Those that the mesh winds around, in either direction.
     Winding,

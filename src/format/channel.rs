@@ -6,6 +6,8 @@
 
 use std::fmt;
 
+use serde::{Deserialize, Deserializer};
+
 use super::kind::Channel;
 use super::metadata::Metadata;
 use super::normal;
@@ -200,6 +202,12 @@ impl FromIterator<Channel> for Channels {
 impl<const N: usize> From<[Channel; N]> for Channels {
     fn from(channels: [Channel; N]) -> Self {
         channels.into_iter().collect()
+    }
+}
+
+impl<'de> Deserialize<'de> for Channels {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        Vec::<Channel>::deserialize(deserializer).map(Self::from_iter)
     }
 }
 
@@ -472,7 +480,8 @@ mod tests {
     fn a_new_row_is_built_loaded_verified_packed_and_shown() {
         let folder = tempfile::tempdir().unwrap();
         let at = |name: &str| folder.path().join(name);
-        let options = BuildOptions { channels: Channels::from([Channel::Dummy]), ..BuildOptions::default() };
+        let options =
+            BuildOptions { channels: Some(Channels::from([Channel::Dummy])), ..BuildOptions::default() };
         let report = build_solid(&Cube, &options, &at("m.oct"), &Silent).unwrap();
         assert_eq!(report.skin_voxels, 48 * 48 * 48 - 46 * 46 * 46);
 

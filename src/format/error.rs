@@ -243,10 +243,6 @@ pub enum FormatError {
     MetadataTooLong { bytes: u64 },
     #[error("{DAMAGED}metadata cannot be written{AGAIN}")]
     MetadataUnwritable,
-    #[error("{DAMAGED}a value does not fit one byte{AGAIN}")]
-    ValueTooLarge { value: u16 },
-    #[error("{DAMAGED}the voxels are none, repeated, or outside the dims{AGAIN}")]
-    VoxelSet { voxels: u64 },
 }
 
 const DAMAGED: &str = "is damaged: ";

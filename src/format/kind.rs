@@ -1,7 +1,7 @@
 //! Names of what a file holds: its surface, its channels and its sections.
 
 /// The kind of the boxes of the finest level of a model.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum SurfaceKind {
@@ -39,7 +39,8 @@ impl SurfaceKind {
 }
 
 /// One attribute of skin voxels, in the order in which sections stand in a file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Channel {
     /// Outward direction of the surface (SPEC 4.6).
     Normal,

@@ -31,13 +31,15 @@ pub struct Label {
 }
 
 /// What a table states of a label.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(deny_unknown_fields)]
 pub struct LabelName {
     /// Its number in the volume.
     pub number: u16,
     /// Its name; may be empty.
     pub name: String,
     /// Its colour (sRGB), if the table has one.
+    #[serde(default)]
     pub color: Option<[u8; 3]>,
 }
 

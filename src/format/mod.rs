@@ -4,8 +4,6 @@
 //! This module turns those bytes into values and back; it opens no file.
 
 #[doc(hidden)]
-pub mod assemble;
-#[doc(hidden)]
 pub mod cell;
 mod channel;
 mod error;
@@ -16,7 +14,8 @@ mod metadata;
 pub mod normal;
 #[doc(hidden)]
 pub mod packed;
-pub(crate) mod rank;
+#[doc(hidden)]
+pub mod rank;
 mod section;
 mod walls;
 

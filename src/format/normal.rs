@@ -185,14 +185,17 @@ fn next_step(c: f32) -> f32 {
 }
 
 /// In how many bits normals are stored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Default, serde::Deserialize)]
 pub enum NormalBits {
     /// 12: every 16th code, in the place of 16 bits; packed models shrink. 1.3 degrees.
+    #[serde(rename = "12")]
     Twelve,
     /// 16: 0.31 degrees.
     #[default]
+    #[serde(rename = "16")]
     Sixteen,
     /// 24: a byte more ([`super::Channel::Fine`]). 0.04 degrees.
+    #[serde(rename = "24")]
     TwentyFour,
 }
 

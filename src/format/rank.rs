@@ -58,7 +58,7 @@ impl RankBuilder {
 }
 
 /// The whole directory of infobytes that are in memory.
-pub(crate) fn directory(infobytes: &[u8]) -> Vec<u8> {
+pub fn directory(infobytes: &[u8]) -> Vec<u8> {
     let (mut supers, mut blocks) = (Vec::new(), Vec::new());
     let mut builder = RankBuilder::default();
     builder.feed(

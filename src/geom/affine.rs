@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::ops::RangeInclusive;
+use std::str::FromStr;
 
 /// Affine map from a voxel index (centres at integers) to LPS millimetres: `world = m * [x, y, z, 1]`.
 ///
@@ -175,6 +176,18 @@ impl Orientation {
                 if backwards { -spacing_mm[index_axis] } else { spacing_mm[index_axis] };
         }
         Affine { rows }
+    }
+}
+
+impl FromStr for Orientation {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Self::parse(text).ok_or_else(|| {
+            format!(
+                "'{text}' is not an orientation; write three letters, one each of L/R, P/A and S/I, such as LPS"
+            )
+        })
     }
 }
 

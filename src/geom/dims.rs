@@ -3,11 +3,20 @@
 use std::fmt;
 
 /// Number of voxels along x, y and z, each within 1..=65536.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(try_from = "[u32; 3]")]
 pub struct Dims {
     nx: u32,
     ny: u32,
     nz: u32,
+}
+
+impl TryFrom<[u32; 3]> for Dims {
+    type Error = String;
+
+    fn try_from([x, y, z]: [u32; 3]) -> Result<Self, String> {
+        Self::new(x, y, z).ok_or_else(|| format!("{x} x {y} x {z} is not a size; each side is 1 to 65536"))
+    }
 }
 
 impl Dims {

@@ -25,7 +25,9 @@ use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
 use crate::builder::BuildFault;
-use crate::builder::{self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold};
+use crate::builder::{
+    self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold, ViewedFrom,
+};
 use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, least_cap, read_tree, with_tree};
 use crate::discovery;
@@ -36,6 +38,7 @@ use crate::mesh::{
     GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, usual_channels, with_mesh,
 };
 use crate::platform::{give_back, open_file};
+use crate::render::NamedView;
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
@@ -44,7 +47,8 @@ use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
 const LARGE_MESH: u64 = 64 << 20;
 
 /// How a mesh or a tree of solids is put on a grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct GridOptions {
     /// How fine the grid is; with a volume in a tree it is that of the volume. If it is not given, 512 voxels along the
     /// longest side; for meshes of more than 64 MiB 1024; fewer where the memory is too small.
@@ -59,19 +63,22 @@ pub struct GridOptions {
     pub keep_thin: bool,
     /// May links lead from files that a mesh or a tree names out of its folder?
     pub follow_links: bool,
-    /// Build a mesh that has colours of skin voxels, where cells would be built, which have none?
-    pub keep_colors: bool,
 }
 
 impl Default for GridOptions {
     /// No grid, units of a millimetre.
     fn default() -> Self {
         let (grid, fill, unit_mm, up) = (None, None, 1.0, UpAxis::Z);
-        Self { grid, unit_mm, up, fill, keep_thin: false, follow_links: false, keep_colors: false }
+        Self { grid, unit_mm, up, fill, keep_thin: false, follow_links: false }
     }
 }
 
 impl GridOptions {
+    /// True if walls thinner than a voxel are kept, which only skin voxels can.
+    pub(super) fn is_thin(&self) -> bool {
+        self.keep_thin || self.fill == Some(Fill::Surface)
+    }
+
     /// The options of a mesh, if the grid is given.
     pub fn mesh(&self) -> Option<MeshOptions> {
         self.grid.map(|grid| self.mesh_on(grid))
@@ -79,8 +86,7 @@ impl GridOptions {
 
     /// What is said of meshes and trees, if anything is.
     pub(super) fn stated(&self) -> Option<MeshOptions> {
-        let usual =
-            Self { follow_links: self.follow_links, keep_colors: self.keep_colors, ..Self::default() };
+        let usual = Self { follow_links: self.follow_links, ..Self::default() };
         (*self != usual)
             .then(|| self.mesh_on(self.grid.unwrap_or(GridChoice::Side { voxels: 512, margin: 1 })))
     }
@@ -107,6 +113,33 @@ impl GridOptions {
     pub fn tree(&self) -> CsgOptions {
         CsgOptions { grid: self.grid, unit_mm: self.unit_mm }
     }
+}
+
+/// Where a model is looked at from, by name or as numbers: `outside`, `front`, `along:X,Y,Z`, `X,Y,Z` in mm.
+///
+/// # Errors
+/// A sentence on what can be written.
+pub fn viewed_from(text: &str) -> Result<ViewedFrom, String> {
+    let triple = |text: &str| -> Option<[f64; 3]> {
+        let numbers: Vec<f64> =
+            text.split(',').map(|part| part.trim().parse().ok()).collect::<Option<_>>()?;
+        numbers.try_into().ok().filter(|at: &[f64; 3]| at.iter().all(|c| c.is_finite()))
+    };
+    if text == "outside" {
+        return Ok(ViewedFrom::Outside);
+    }
+    if let Ok(view) = text.parse::<NamedView>() {
+        return Ok(ViewedFrom::Along(view.looks_along()));
+    }
+    let found = match text.strip_prefix("along:") {
+        Some("0,0,0") => return Err("along:0,0,0 is not a direction".into()),
+        Some(direction) => triple(direction).filter(|along| *along != [0.0; 3]).map(ViewedFrom::Along),
+        None => triple(text).map(ViewedFrom::Point),
+    };
+    found.ok_or_else(|| {
+        let views = NamedView::ALL.map(NamedView::name).join(", ");
+        format!("'{text}' is not a place to look from; write outside, {views}, along:X,Y,Z, or X,Y,Z in mm")
+    })
 }
 
 /// How subjects are built, and into what.
@@ -204,6 +237,12 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Voxels this many times as long along one axis as along another make stairs of a surface.
 const UNEVEN: f64 = 3.0;
 
+/// Options with which a mesh keeps its colours.
+fn skin_of_mesh(options: &BuildOptions) -> BuildOptions {
+    let surface = SurfaceKind::Skin;
+    BuildOptions { surface: Some(surface), channels: Some(usual_channels(surface)), ..options.clone() }
+}
+
 /// Is it a mesh whose files do not say what is up?
 fn lies_as_it_is(subject: &Subject) -> bool {
     match subject {
@@ -276,7 +315,10 @@ impl BuildJob<'_> {
                 let unrolling = volume.preparation().memory_bytes;
                 self.clean.smallest_share(&**volume, self.options).max(unrolling)
             }
-            Subject::Mesh(files) => least_share(&self.grid.mesh_or_usual(files, self.options), self.options),
+            Subject::Mesh(files) => {
+                let options = self.mesh_options();
+                least_share(&self.grid.mesh_or_usual(files, &options), &options)
+            }
             Subject::Tree(_) => least_share(&self.grid.mesh_or_usual(&[], self.options), self.options),
         }
     }
@@ -284,7 +326,7 @@ impl BuildJob<'_> {
     /// Builds the model of a reshaped subject; `started` is when the work on it began.
     ///
     /// # Errors
-    /// As [`builder::build_volume`] and [`CleanOptions::clean`], [`crate::mesh::build_mesh`], [`crate::csg::build_csg`].
+    /// As [`builder::build_volume`], [`CleanOptions::clean`], [`with_mesh`] and [`with_tree`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let is_solid = !matches!(subject, Subject::Volume(_));
         let may_lie = self.grid.up == UpAxis::Z && lies_as_it_is(&subject);
@@ -341,7 +383,7 @@ impl BuildJob<'_> {
         // What is said of thresholds is not said of labels.
         let threshold =
             if options.labels.is_some() { Threshold::Chosen(report.selection) } else { threshold };
-        let hints = hints(&*source, threshold, options.surface, &report);
+        let hints = hints(&*source, threshold, options.volume_surface(), &report);
         Ok(Built { report, cleaned: cleaned.map(|cleaned| cleaned.report), warnings, hints })
     }
 
@@ -366,16 +408,15 @@ impl BuildJob<'_> {
     }
 
     fn solid(&self, subject: &Subject) -> Result<Built, Error> {
-        let (report, warnings) = self.with_solid(subject, &mut |made, options| {
-            made.build(options, self.output, None, self.progress)
-        })?;
+        let (report, warnings) =
+            self.with_solid(subject, &mut |made, options| made.build(options, self.output, self.progress))?;
         Ok(Built { report, cleaned: None, warnings, hints: Vec::new() })
     }
 
     /// Makes the solid of a mesh or a tree, and hands it on with its notes.
     ///
     /// # Errors
-    /// As [`crate::mesh::build_mesh`] and [`crate::csg::build_csg`].
+    /// As [`with_mesh`] and [`with_tree`].
     pub(super) fn with_solid<T>(
         &self,
         subject: &Subject,
@@ -391,18 +432,28 @@ impl BuildJob<'_> {
         }
     }
 
+    /// The options of a mesh, its surface and channels chosen.
+    fn mesh_options(&self) -> BuildOptions {
+        let options = self.options;
+        let thin = options.surface.is_none() && self.grid.is_thin();
+        let surface = if thin { SurfaceKind::Skin } else { options.volume_surface() };
+        let channels = options.channels.or(Some(usual_channels(surface)));
+        BuildOptions { surface: Some(surface), channels, ..options.clone() }
+    }
+
     fn mesh<T>(&self, inputs: &[PathBuf], then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
-        let mesh = self.grid.mesh_or_usual(inputs, self.options);
-        let skin = BuildOptions {
-            surface: SurfaceKind::Skin,
-            channels: usual_channels(SurfaceKind::Skin),
-            ..self.options.clone()
-        };
-        let may_lose = self.options.volume_surface() == SurfaceKind::Cells && self.grid.keep_colors;
-        let loses = may_lose && has_colors(inputs, &mesh, &skin, self.output, self.progress);
-        let options = if loses { &skin } else { self.options };
+        let mut options = self.mesh_options();
+        let mesh = self.grid.mesh_or_usual(inputs, &options);
+        let BuildOptions { surface, channels, error, .. } = self.options;
+        let may_choose = surface.is_none() && channels.is_none() && error.is_none();
+        if may_choose && options.volume_surface() == SurfaceKind::Cells {
+            let skin = skin_of_mesh(&options);
+            if has_colors(inputs, &mesh, &skin, self.output, self.progress) {
+                options = skin;
+            }
+        }
         let scratch = options.scratch_folder(self.output);
-        let (done, facts, notes) = with_mesh(inputs, &mesh, options, scratch, self.progress, then)?;
+        let (done, facts, notes) = with_mesh(inputs, &mesh, &options, scratch, self.progress, then)?;
         let notes = notes.iter().map(ToString::to_string);
         Ok((done, std::iter::once(facts.to_string()).chain(notes).collect()))
     }
@@ -425,7 +476,7 @@ impl BuildJob<'_> {
             check_links(&tree, path)?;
         }
         let volumes = self.open_volumes(&tree)?;
-        if volumes.is_empty() && self.options.gradient != Gradient::default() {
+        if volumes.is_empty() && self.options.gradient() != Gradient::default() {
             return Err(UsageError::GradientOfTree { path: path.to_path_buf() }.into());
         }
         self.give_back();

@@ -20,7 +20,7 @@ pub(super) fn stated(source: &dyn VolumeSource) -> usize {
 pub(super) fn all_labels(options: &BuildOptions) -> BuildOptions {
     BuildOptions {
         labels: Some(LabelChoice::All),
-        channels: options.channels.iter().filter(|channel| *channel == Channel::Normal).collect(),
+        channels: Some(options.channels().iter().filter(|channel| *channel == Channel::Normal).collect()),
         connectivity: Connectivity::default(),
         error: None,
         ..options.clone()

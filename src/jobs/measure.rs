@@ -398,7 +398,7 @@ impl Facets {
 mod tests {
     use super::*;
     use crate::geom::morton;
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
 
     /// The skin of a set of voxels, with the normals of a field where there is one.
     fn skin(

@@ -512,7 +512,7 @@ fn level_of(depth: usize) -> Level {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+    use crate::assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
     use crate::format::{Metadata, normal};
     use crate::geom::BoxIndex;
     use crate::load::{Model, NodeView};
@@ -538,7 +538,7 @@ mod tests {
                         value: u16::try_from(i).unwrap(),
                     })
                     .collect();
-                let file = assemble(&metadata([side; 3], channels), &voxels, channels).unwrap();
+                let file = assemble(&metadata([side; 3], channels), &voxels, channels);
                 verify(file.as_slice()).unwrap();
                 let model = Model::from_bytes(file).unwrap();
                 let mut found = Vec::new();

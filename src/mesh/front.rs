@@ -129,7 +129,7 @@ impl Front<'_> {
         let (mesh, facts, notes) = self.solid()?;
         // A mesh without colours has none to store; cells never have colours, and the builder refuses these by name.
         let colored = cells || mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
-        let stored = self.options.channels.iter().filter(|channel| *channel != Channel::Color || colored);
+        let stored = self.options.channels().iter().filter(|channel| *channel != Channel::Color || colored);
         let channels = stored.collect();
         let held_bytes =
             Bins::memory_bytes(self.boxes(&mesh.grid)) + mesh.paint.as_ref().map_or(0, paint::Paint::bytes);
@@ -170,8 +170,8 @@ impl Front<'_> {
     fn least(&self, dry: &Budget) -> Result<u64, BuildError> {
         if let Some((mesh, _held)) = self.least_solid(dry)? {
             let colored = self.is_of_cells() || mesh.wanted.is_some_and(|wanted| wanted.colors);
-            let channels = self.options.channels.iter().filter(|c| *c != Channel::Color || colored);
-            let options = BuildOptions { channels: channels.collect(), ..self.options.clone() };
+            let channels = self.options.channels().iter().filter(|c| *c != Channel::Color || colored);
+            let options = BuildOptions { channels: Some(channels.collect()), ..self.options.clone() };
             drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
         }
         Ok(dry.smallest_limit(1))
@@ -376,7 +376,7 @@ impl Front<'_> {
     /// cells.
     fn channels(&self) -> Channels {
         let own = self.placed.is_some() || self.is_of_cells();
-        if own { Channels::NONE } else { self.options.channels }
+        if own { Channels::NONE } else { self.options.channels() }
     }
 
     /// Channels that are asked for and present.
@@ -554,7 +554,7 @@ impl Front<'_> {
 
     /// How many triangles a worker may load: those of the fullest bin, if the budget has room.
     fn resident(&self, bins: &Bins, grid: &Grid, paint: Option<&paint::Paint>) -> usize {
-        let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels };
+        let tile = Tile { columns: grid.dims.nx().min(1024), channels: self.options.channels() };
         let own = (COLUMN_BYTES + fixed_bytes(&tile)).max(MIN_WORKER) + WORKER_OVERHEAD;
         let own = own + paint.map_or(0, |_| Painter::BYTES);
         let own = own + if self.is_of_cells() { CellEdges::BYTES } else { 0 };

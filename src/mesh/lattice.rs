@@ -25,7 +25,8 @@ const ROUNDER: f64 = 6_755_399_441_055_744.0;
 pub(crate) type Triangle = [i32; 9];
 
 /// How fine a grid is and where it lies.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(rename_all = "snake_case")]
 pub enum GridChoice {
     /// So many voxels along the longest side of the mesh, margins included.
     Side {

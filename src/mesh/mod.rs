@@ -60,7 +60,7 @@ use std::sync::Arc;
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation};
 use crate::builder::FileSolid;
-use crate::builder::{BuildError, BuildFault, BuildOptions, BuildReport, CellEdges, Progress, Tile};
+use crate::builder::{BuildError, BuildFault, BuildOptions, CellEdges, Progress, Tile};
 use crate::facts::SourceError;
 pub use crate::facts::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::format::{Channel, Channels, SurfaceKind};
@@ -80,7 +80,8 @@ pub(crate) use solid::{MeshSolid, from_faces, row_words};
 use thin::Thin;
 
 /// The axis of a file's coordinates that is up.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum UpAxis {
     /// As models have it.
     #[default]
@@ -126,57 +127,30 @@ impl MeshOptions {
     }
 }
 
-/// The report of a build from a mesh.
-#[derive(Clone, Debug)]
-pub struct MeshReport {
-    /// Figures of the build; the time of reading the mesh is in the scan's.
-    pub build: BuildReport,
-    /// Facts about the mesh, and the choices made.
-    pub facts: MeshFacts,
-    /// Missing parts of the mesh.
-    pub notes: Vec<MeshNote>,
-}
-
 /// Fewest triangles that a worker has room for.
 const MIN_RESIDENT: usize = 2048;
 /// Bytes of a worker of the builder without its part of the solid, about.
 const COLUMN_BYTES: u64 = 768 << 10;
 
 /// The default channels of a mesh: normals, and for skin colours if it has them.
-pub fn usual_channels(surface: SurfaceKind) -> Channels {
+pub(crate) fn usual_channels(surface: SurfaceKind) -> Channels {
     match surface {
         SurfaceKind::Skin => Channels::default().with(Channel::Color),
         SurfaceKind::Cells => Channels::default(),
     }
 }
 
-/// Builds the skin octree of a mesh, which several files may hold together, into `output`.
+/// Makes the solid of a mesh, which several files may hold together, and hands it on with the options that fit it;
+/// returns what is known of the meshes.
 ///
 /// Channels: normals, smooth where files have normals of vertices; colours, left out where files have none; and as
 /// material the number of the part, from 0, those beyond 255 as 255: files count as parts one after the other, and
 /// within them objects and groups of OBJ, nodes of glTF with a mesh, and meshes of 3MF where they are placed.
 ///
 /// # Errors
-/// [`BuildError`]; the old output, if any, is untouched then and no temporary file remains.
-pub fn build_mesh(
-    inputs: &[PathBuf],
-    mesh: &MeshOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-) -> Result<MeshReport, BuildError> {
-    let scratch = options.scratch_folder(output);
-    let (build, facts, notes) = with_mesh(inputs, mesh, options, scratch, progress, |made, options| {
-        made.build(options, output, None, progress)
-    })?;
-    Ok(MeshReport { build, facts, notes })
-}
-
-/// Makes the solid of meshes, and hands it on, with the options that fit it; what is known of the meshes.
-///
-/// # Errors
-/// As [`build_mesh`].
-pub(crate) fn with_mesh<T>(
+/// [`BuildError`]
+#[doc(hidden)]
+pub fn with_mesh<T>(
     inputs: &[PathBuf],
     mesh: &MeshOptions,
     options: &BuildOptions,
@@ -188,7 +162,7 @@ pub(crate) fn with_mesh<T>(
     let (made, channels, facts, mut notes) = front.made()?;
     // Memory of reading goes back before the build takes its own.
     give_back();
-    let done = then(&made, &BuildOptions { channels, ..options.clone() })?;
+    let done = then(&made, &BuildOptions { channels: Some(channels), ..options.clone() })?;
     notes.extend(front.short());
     Ok((done, facts, notes))
 }
@@ -210,7 +184,7 @@ pub(crate) fn has_colors(
 /// corner of the first. So many `parts` share the memory.
 ///
 /// # Errors
-/// As [`build_mesh`].
+/// As [`with_mesh`].
 pub(crate) fn mesh_part(
     path: &Path,
     (placed, dims): (Affine, Dims),
@@ -230,7 +204,7 @@ pub(crate) fn mesh_part(
 /// and what it holds then stays so. `None` where its description alone is larger than what is looked at.
 ///
 /// # Errors
-/// As [`build_mesh`].
+/// As [`with_mesh`].
 pub(crate) fn least_part(
     path: &Path,
     placed: (Affine, Dims),
@@ -267,8 +241,9 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     let cells = options.volume_surface() == SurfaceKind::Cells;
     let side = side.max(1) + if cells { SurfaceKind::Cells.grown() } else { 0 };
     let bins = Dims::new(side, side, side).map_or(0, Bins::memory_bytes);
-    let tile = Tile { columns: side.min(1024), channels: options.channels };
-    let painted = options.channels.contains(Channel::Color) || options.channels.contains(Channel::Material);
+    let tile = Tile { columns: side.min(1024), channels: options.channels() };
+    let painted =
+        options.channels().contains(Channel::Color) || options.channels().contains(Channel::Material);
     let (collecting, painter) = if painted { (COLLECTING_BYTES, Painter::BYTES) } else { (0, 0) };
     let thin = mesh.thin().map_or(0, |_| thin::fixed_bytes(&tile) + Resident::bytes(MIN_RESIDENT, 0));
     let edges = if cells { CellEdges::BYTES } else { 0 };

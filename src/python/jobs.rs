@@ -44,7 +44,7 @@ pub(super) fn build_files(
     let wrong = |sentence: String| usage(py, &sentence);
     let how = asked.opening().map_err(wrong)?;
     let kind = if how.raw.is_some() { SubjectKind::Volume } else { SubjectKind::of(&paths) };
-    let options = asked.options(kind).map_err(wrong)?;
+    let options = asked.options().map_err(wrong)?;
     let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
     let summary = watched(py, progress, |progress| {
         let job = BuildJob { clean: &clean, grid: &grid, options: &options, output: &output, progress };
@@ -116,7 +116,7 @@ fn build_volume(
 ) -> PyResult<String> {
     let started = Instant::now();
     let wrong = |sentence: String| usage(py, &sentence);
-    let options = asked.options(SubjectKind::Volume).map_err(wrong)?;
+    let options = asked.options().map_err(wrong)?;
     let (clean, grid) = (asked.cleaning().map_err(wrong)?, asked.grid().map_err(wrong)?);
     let mut warnings = sentences(&volume.info().notes);
     let input = volume.info().description.name.clone();

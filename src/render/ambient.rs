@@ -232,7 +232,7 @@ pub(crate) fn tangents(normal: [f64; 3]) -> [[f64; 3]; 2] {
 mod tests {
     use super::*;
     use crate::geom::{Affine, Dims};
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::render::leave::REACH;
     use crate::render::picture::{Canvas, Traversal, paint};
     use crate::render::single;

@@ -167,7 +167,7 @@ mod tests {
     use crate::geom::Dims;
     use crate::geom::Octant;
     use crate::geom::morton;
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::render::lanes::Portable;
 
     #[test]

@@ -243,7 +243,7 @@ fn farthest_octants(weight: [f64; 3]) -> [Octant; 8] {
 mod tests {
     use super::*;
     use crate::geom::morton;
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
 
     #[test]
     fn voxel_centres_are_cell_centres_and_normals_stay_perpendicular() {

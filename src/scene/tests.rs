@@ -33,8 +33,12 @@ fn ball(radius: f64, spacing: f64, surface: SurfaceKind) -> Model {
     let mut affine = Affine::from_spacing([spacing; 3]);
     affine.rows.iter_mut().for_each(|row| row[3] = -middle * spacing);
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), depth).placed(affine);
-    let options =
-        BuildOptions { threshold: Threshold::Iso(0.0), surface, threads: 1, ..BuildOptions::default() };
+    let options = BuildOptions {
+        threshold: Threshold::Iso(0.0),
+        surface: Some(surface),
+        threads: 1,
+        ..BuildOptions::default()
+    };
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("ball.oct");
     crate::build(&volume, &options, &path).unwrap();
@@ -132,8 +136,12 @@ fn details_right_next_to_the_start_of_a_line_stop_it() {
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("ridge.oct");
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let options =
-            BuildOptions { threshold: Threshold::Iso(0.5), surface, threads: 1, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(0.5),
+            surface: Some(surface),
+            threads: 1,
+            ..BuildOptions::default()
+        };
         crate::build(&volume, &options, &path).unwrap();
         let model = Model::open(&path).unwrap();
         let view = model.view();
@@ -178,7 +186,7 @@ fn labelled(side: u32, label: &dyn Fn([u32; 3]) -> u16) -> Model {
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), label);
     let options = BuildOptions {
         labels: Some(LabelChoice::All),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         threads: 1,
         ..BuildOptions::default()
     };

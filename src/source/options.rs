@@ -6,9 +6,11 @@ use super::RawOptions;
 use crate::volume::{Overlap, Placement};
 
 /// How volumes are read, where they leave a choice.
-#[derive(Clone, Debug, Default, PartialEq)]
+#[derive(Clone, Debug, Default, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
 pub struct OpenOptions {
     /// Layout of headerless files; without it they are not volumes.
+    #[serde(skip)]
     pub raw: Option<RawOptions>,
     /// Treatment of missing slices of a series.
     pub gaps: GapPolicy,
@@ -41,7 +43,7 @@ pub struct OpenOptions {
 }
 
 /// Treatment of missing slices of a series.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
 #[serde(rename_all = "lowercase")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub enum GapPolicy {

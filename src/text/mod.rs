@@ -12,8 +12,20 @@ pub(crate) mod names;
 mod number;
 mod system;
 
+use std::str::FromStr;
+
+use serde::{Deserialize, Deserializer, de::Error};
+
 pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};
 pub(crate) use number::{Short, WithError};
 pub(crate) use system::{reading, writing};
+
+/// An optional value that is written as text.
+pub(crate) fn some_text<'de, D: Deserializer<'de>, T: FromStr<Err = String>>(
+    deserializer: D,
+) -> Result<Option<T>, D::Error> {
+    let text = Option::<String>::deserialize(deserializer)?;
+    text.map(|text| text.parse()).transpose().map_err(D::Error::custom)
+}

@@ -15,7 +15,8 @@ use crate::geom::Dims;
 pub(crate) const MAX_MASKS: usize = 400;
 
 /// Which label a voxel has that several masks hold.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "lowercase")]
 pub enum Overlap {
     /// That of the first of them.
     First,

@@ -10,6 +10,7 @@
 mod common {
     pub(crate) mod dicom;
     pub(crate) mod frames;
+    pub(crate) mod models;
 }
 mod live;
 mod targets;

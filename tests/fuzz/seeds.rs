@@ -19,6 +19,7 @@ use crate::common::formats::{
 };
 use crate::common::frames::{DEFLATED, ENCAPSULATED, RLE, Spec, deflated, encapsulated, rle, rle16};
 use crate::common::meshes::Body;
+use crate::common::models::skin_options;
 use crate::common::{FULL, NORMALS, corner, shell};
 
 /// Target and content of each.
@@ -95,7 +96,11 @@ fn parts(all: &mut Seeds) {
     fs::write(&path, nrrd(&object, "raw", false, "")).unwrap();
     let inputs = [path];
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let options = BuildOptions { threshold: Threshold::Iso(128.0), surface, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(128.0),
+            surface: Some(surface),
+            ..BuildOptions::default()
+        };
         let (how, clean, grid) = (OpenOptions::default(), CleanOptions::default(), GridOptions::default());
         let job = BuildJob {
             output: folder.path(),
@@ -204,21 +209,25 @@ fn models(all: &mut Seeds) {
         3.6 - (square(p[0], 5.1) + square(p[1], 4.4) + square(p[2], 4.2)).sqrt()
     });
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let options = BuildOptions { threshold: Threshold::Iso(0.0), surface, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(0.0),
+            surface: Some(surface),
+            ..BuildOptions::default()
+        };
         infobyte::build(&ball, &options, &path).unwrap();
         mapped.push(fs::read(&path).unwrap());
     }
     let plain = BuildOptions {
         threshold: Threshold::Iso(0.0),
-        channels: Channels::NONE,
+        channels: Some(Channels::NONE),
         lod: false,
-        ..BuildOptions::default()
+        ..skin_options()
     };
     infobyte::build(&ball, &plain, &path).unwrap();
     mapped.push(fs::read(&path).unwrap());
     let cells = |error| BuildOptions {
         threshold: Threshold::Iso(0.0),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         error,
         ..BuildOptions::default()
     };

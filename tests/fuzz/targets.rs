@@ -10,7 +10,7 @@ use std::sync::OnceLock;
 
 use infobyte::budget::{Budget, MemoryCap};
 use infobyte::builder::{BuildOptions, LabelChoice, Silent, Threshold, build_volume};
-use infobyte::csg::{CsgInput, CsgOptions, build_csg, read_tree};
+use infobyte::csg::{CsgInput, CsgOptions, read_tree};
 use infobyte::discovery::Catalogue;
 use infobyte::export::ExportForm;
 use infobyte::format::{Channel, Channels, ENTRY_BYTES, FormatError, HEADER_BYTES, MAX_SECTIONS, align_up};
@@ -22,7 +22,7 @@ use infobyte::jobs::picture::Outputs;
 use infobyte::jobs::scene::{SceneRequest, read_scene, render_scene};
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
-use infobyte::mesh::{GridChoice, MeshOptions, UpAxis, build_mesh};
+use infobyte::mesh::{GridChoice, MeshOptions, UpAxis};
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
@@ -30,6 +30,7 @@ use infobyte::volume::{VolumeSource, Voxels, Workspace};
 use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
 
 use crate::common::frames::{Spec, encapsulated};
+use crate::common::models::{build_csg, build_mesh, skin_options};
 
 /// Most memory that a case may take: what reading and building are allowed, twice, and the case itself.
 pub(crate) const MAX_BYTES: usize = 40 << 20;
@@ -123,7 +124,7 @@ fn put(name: &str, bytes: &[u8]) -> PathBuf {
 
 fn options() -> BuildOptions {
     let threshold = Threshold::Iso(40.0);
-    BuildOptions { threshold, memory: MemoryCap::Share(ALLOWED), threads: 1, ..BuildOptions::default() }
+    BuildOptions { threshold, memory: MemoryCap::Share(ALLOWED), threads: 1, ..skin_options() }
 }
 
 /// Finds, opens, unrolls and reads the volumes of a file, and builds those of up to `built` voxels.
@@ -277,7 +278,7 @@ fn looks(library: &[u8], image: &[u8]) -> bool {
     put("case.mtl", library);
     put("case.img", image);
     let channels = Channels::from([Channel::Normal, Channel::Color]);
-    built_mesh("looks.obj", BODY.as_bytes(), &BuildOptions { channels, ..options() })
+    built_mesh("looks.obj", BODY.as_bytes(), &BuildOptions { channels: Some(channels), ..options() })
 }
 
 /// Most models, lights and bounces of a scene that is shown: more take longer than a case may.
@@ -291,7 +292,7 @@ fn scene(bytes: &[u8]) -> bool {
             Voxels::from_fn(Dims::new(7, 6, 5).unwrap(), |p| u8::from(p.iter().all(|c| (1..4).contains(c))));
         let path = folder().join("m.oct");
         let all = Channels::from([Channel::Normal, Channel::Value]);
-        let options = BuildOptions { threshold: Threshold::Iso(1.0), channels: all, ..options() };
+        let options = BuildOptions { threshold: Threshold::Iso(1.0), channels: Some(all), ..options() };
         build_volume(&ball, &options, &path, &Silent).unwrap();
         path
     });

@@ -18,11 +18,11 @@ fn noise(dims: [u32; 3], scalar: ScalarType) -> MemoryVolume {
 fn options(threshold: Threshold, memory: MemoryCap) -> BuildOptions {
     BuildOptions {
         threshold,
-        channels: Channels::from([Channel::Normal, Channel::Value]),
+        channels: Some(Channels::from([Channel::Normal, Channel::Value])),
         memory,
         // One thread works on the caller's, where everything is counted.
         threads: 1,
-        ..BuildOptions::default()
+        ..skin_options()
     }
 }
 

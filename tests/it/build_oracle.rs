@@ -123,7 +123,7 @@ fn check(
     assert_eq!((model.header().nodes, model.header().voxels), (first, want.len() as u64), "{name}");
 
     let codes = model.section_bytes(SectionKind::Voxels(Channel::Normal)).map(|b| b.as_chunks::<2>().0);
-    assert_eq!(codes.is_some(), options.channels.contains(Channel::Normal), "{name}");
+    assert_eq!(codes.is_some(), options.channels.unwrap().contains(Channel::Normal), "{name}");
     let codes: Vec<u16> = codes.unwrap_or_default().iter().map(|c| u16::from_le_bytes(*c)).collect();
     for (code, (_, exposed)) in codes.iter().zip(truth.skin.values()) {
         let n = normal::decode(*code);
@@ -147,7 +147,7 @@ fn check_values(
     let stored: Vec<u16> = (0..count).filter_map(|v| model.value(VoxelIndex::new(v))).collect();
     assert_eq!(
         stored.len() as u64,
-        if options.channels.contains(Channel::Value) { count } else { 0 },
+        if options.channels.unwrap().contains(Channel::Value) { count } else { 0 },
         "{name}"
     );
     let [scale, offset] = model.metadata().value_scale;
@@ -352,15 +352,17 @@ fn case(seed: u64, dims: [u32; 3], shape: Shape) -> bool {
     let options = BuildOptions {
         threshold,
         connectivity: random.pick(&[Connectivity::Thin26, Connectivity::Thick6]),
-        channels: [(Channel::Normal, 4), (Channel::Value, 3)]
-            .into_iter()
-            .filter(|(_, one_in)| random.below(*one_in) > 0)
-            .map(|(channel, _)| channel)
-            .collect(),
+        channels: Some(
+            [(Channel::Normal, 4), (Channel::Value, 3)]
+                .into_iter()
+                .filter(|(_, one_in)| random.below(*one_in) > 0)
+                .map(|(channel, _)| channel)
+                .collect(),
+        ),
         lod: random.below(4) > 0,
         memory: MemoryCap::Process(1 << 30),
         threads: 1 + random.below(3_usize),
-        ..BuildOptions::default()
+        ..skin_options()
     };
     let name = format!("seed {seed} {dims:?} {scalar} {shape:?} {rescale:?} {options:?}");
     let folder = tempfile::tempdir().unwrap();
@@ -510,10 +512,10 @@ fn bricks_of_several_fragments_are_joined_in_order() {
             let options = BuildOptions {
                 threshold: Threshold::Iso(between(span, 0.5)),
                 connectivity,
-                channels: Channels::from([Channel::Normal, Channel::Value]),
+                channels: Some(Channels::from([Channel::Normal, Channel::Value])),
                 memory: MemoryCap::Process(1 << 30),
                 threads,
-                ..BuildOptions::default()
+                ..skin_options()
             };
             let folder = tempfile::tempdir().unwrap();
             let name = format!("{scalar} {shape:?} {connectivity:?}");
@@ -529,10 +531,10 @@ fn the_skin_of_a_solid_is_its_six_faces() {
         let source = MemoryVolume::new(dims, ScalarType::I16, &fill(dims, Shape::Solid, &mut Random(1)));
         let options = BuildOptions {
             threshold: Threshold::Iso(-5.0),
-            channels: Channels::from([Channel::Normal, Channel::Value]),
+            channels: Some(Channels::from([Channel::Normal, Channel::Value])),
             memory: MemoryCap::Process(1 << 30),
             threads: 2,
-            ..BuildOptions::default()
+            ..skin_options()
         };
         let folder = tempfile::tempdir().unwrap();
         let output = folder.path().join("v.oct");
@@ -569,7 +571,7 @@ fn normals_do_not_depend_on_where_in_the_grid_a_thing_stands() {
                 lod: false,
                 memory: MemoryCap::Process(1 << 30),
                 threads: 2,
-                ..BuildOptions::default()
+                ..skin_options()
             };
             let folder = tempfile::tempdir().unwrap();
             let output = folder.path().join("v.oct");

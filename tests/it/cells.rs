@@ -11,7 +11,8 @@ use infobyte::render::reference::walk;
 /// Builds a model of cells, or of skin, of values of 128 and more.
 fn built(folder: &Path, voxels: &Voxels<u8>, surface: SurfaceKind) -> Model {
     let path = folder.join(surface.name());
-    let options = BuildOptions { threshold: Threshold::Iso(128.0), surface, ..BuildOptions::default() };
+    let options =
+        BuildOptions { threshold: Threshold::Iso(128.0), surface: Some(surface), ..BuildOptions::default() };
     infobyte::build(voxels, &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     verify(&model).unwrap();

@@ -65,8 +65,12 @@ fn for_each_ray(n: u32, mut each: impl FnMut([f64; 3], [f64; 3])) {
 fn measure(body: &Body, n: u32, how: Scan, surface: SurfaceKind) -> Found {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.oct");
-    let options =
-        BuildOptions { threshold: Threshold::Iso(iso(how)), surface, lod: false, ..BuildOptions::default() };
+    let options = BuildOptions {
+        threshold: Threshold::Iso(iso(how)),
+        surface: Some(surface),
+        lod: false,
+        ..BuildOptions::default()
+    };
     let report = infobyte::build(&scan(body, n, how), &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     let caster = RayCaster::new(&model).unwrap();

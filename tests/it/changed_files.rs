@@ -51,7 +51,7 @@ fn a_volume_that_changes_during_the_build_makes_no_model() {
         ("the header overwritten", "ball.nhdr", &|path| touch(path)),
         ("removed", "ball.raw", &|path| fs::remove_file(path).unwrap()),
     ];
-    let options = BuildOptions { threshold: Threshold::Iso(100.0), ..BuildOptions::default() };
+    let options = BuildOptions { threshold: Threshold::Iso(100.0), ..skin_options() };
     for (how, name, change) in ways {
         let folder = tempfile::tempdir().unwrap();
         let header = ball(folder.path(), 24);
@@ -88,9 +88,11 @@ fn cells_and_meshes_notice_it_too() {
     let output = folder.path().join("m.oct");
     let header = ball(folder.path(), 24);
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let channels = BuildOptions::default().channels;
-        let options =
-            BuildOptions { threshold: Threshold::Iso(100.0), surface, channels, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(100.0),
+            surface: Some(surface),
+            ..BuildOptions::default()
+        };
         let volume = infobyte::open(&header).unwrap();
         let meddler = Meddler(&folder.path().join("ball.raw"));
         let told = build_volume(&*volume, &options, &output, &meddler).unwrap_err().to_string();
@@ -100,7 +102,7 @@ fn cells_and_meshes_notice_it_too() {
     fs::write(&mesh, meshes::Body::tetrahedron(9.0).stl_text()).unwrap();
     let options = on_grid(GridChoice::Side { voxels: 16, margin: 1 });
     let mesh_built = |progress: &dyn Progress| {
-        build_mesh(std::slice::from_ref(&mesh), &options, &BuildOptions::default(), &output, progress)
+        build_mesh(std::slice::from_ref(&mesh), &options, &skin_options(), &output, progress)
     };
     let told = mesh_built(&Meddler(&mesh)).unwrap_err().to_string();
     assert!(told.contains("a.stl: was changed or replaced"), "{told}");

@@ -182,7 +182,7 @@ fn build_options(threshold: Threshold, threads: usize) -> BuildOptions {
         memory: MemoryCap::Share(8 << 20),
         threads,
         scratch: Some(std::env::temp_dir()),
-        ..BuildOptions::default()
+        ..skin_options()
     }
 }
 

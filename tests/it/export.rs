@@ -26,7 +26,11 @@ impl Case {
         let folder = tempfile::tempdir().unwrap();
         let [nx, ny, nz] = dims;
         let volume = Voxels::from_fn(Dims::new(nx, ny, nz).unwrap(), depth).placed(affine);
-        let options = BuildOptions { threshold: Threshold::Iso(0.0), surface, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(0.0),
+            surface: Some(surface),
+            ..BuildOptions::default()
+        };
         infobyte::build(&volume, &options, folder.path().join("m.oct")).unwrap();
         Self { folder, dims }
     }

@@ -405,7 +405,7 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     bodies().build(&folder.path().join("m.oct"));
     let plain =
         Voxels::from_fn(Dims::new(9, 9, 9).unwrap(), |p| u8::from(p.iter().all(|c| (2..6).contains(c))));
-    let options = BuildOptions { threshold: Threshold::Iso(0.5), ..BuildOptions::default() };
+    let options = BuildOptions { threshold: Threshold::Iso(0.5), ..skin_options() };
     infobyte::build(&plain, &options, folder.path().join("p.oct")).unwrap();
     let (m, p) = (at("m.oct"), at("p.oct"));
     oct(&["export", &p, "--each", &at("each")]).refused(2, &["no labels"]);

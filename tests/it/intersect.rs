@@ -16,7 +16,8 @@ fn ball(path: &str, spacing: f64, surface: SurfaceKind) {
     let mut affine = Affine::from_spacing([spacing; 3]);
     affine.rows.iter_mut().for_each(|row| row[3] = -middle * spacing);
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), depth).placed(affine);
-    let options = BuildOptions { threshold: Threshold::Iso(0.0), surface, ..BuildOptions::default() };
+    let options =
+        BuildOptions { threshold: Threshold::Iso(0.0), surface: Some(surface), ..BuildOptions::default() };
     infobyte::build(&volume, &options, path).unwrap();
 }
 

@@ -6,8 +6,8 @@
 use crate::common as support;
 use crate::prelude::*;
 
+use crate::common::assembled::join_sections;
 use infobyte::format::SectionEntry;
-use infobyte::format::assemble::join_sections;
 use infobyte::format::{ErrorBound, Selection, SelectionKind};
 use infobyte::geom::Level;
 use infobyte::jobs::pack::{pack, unpack};
@@ -35,7 +35,7 @@ fn sound() -> Vec<u8> {
 fn model(dims: [u32; 3], channels: OptionalSections, cells: &[[u32; 3]]) -> Vec<u8> {
     let voxels: Vec<_> =
         cells.iter().map(|cell| AssembledVoxel { cell: *cell, normal: 0, value: 0 }).collect();
-    assemble(&metadata(dims, channels), &voxels, channels).unwrap()
+    assemble(&metadata(dims, channels), &voxels, channels)
 }
 
 fn frame(file: &[u8]) -> Frame {
@@ -55,7 +55,7 @@ fn labelled() -> Vec<u8> {
     let volume =
         Voxels::from_fn(Dims::new(20, 16, 12).unwrap(), |[x, y, z]| ((x / 5 + y / 4 + z / 6) % 4) as u8);
     let labels = Some(infobyte::builder::LabelChoice::All);
-    infobyte::build(&volume, &BuildOptions { labels, ..BuildOptions::default() }, &path).unwrap();
+    infobyte::build(&volume, &BuildOptions { labels, ..skin_options() }, &path).unwrap();
     std::fs::read(&path).unwrap()
 }
 

@@ -133,7 +133,7 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     let volume =
         Voxels::from_fn(Dims::new(40, 41, 42).unwrap(), |[x, y, z]| labels[(x + 40 * (y + 41 * z)) as usize]);
     let path = folder.path().join("m.oct");
-    let options = BuildOptions { labels: Some(LabelChoice::All), ..BuildOptions::default() };
+    let options = BuildOptions { labels: Some(LabelChoice::All), ..skin_options() };
     infobyte::build(&volume, &options, &path).unwrap();
     let info = oct(&["info", path.to_str().unwrap(), "--json"]).json();
     let table = info["labels"].as_array().unwrap();

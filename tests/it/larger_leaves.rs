@@ -20,7 +20,7 @@ type Body = (&'static str, Voxels<u8>);
 fn options(error: f64, share_mib: u64, threads: usize) -> BuildOptions {
     BuildOptions {
         threshold: Threshold::Iso(128.0),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         error: Some(Tolerance::Voxels(error)),
         memory: MemoryCap::Share(share_mib << 20),
         threads,
@@ -352,7 +352,7 @@ fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none(
     }
     let options = BuildOptions {
         threshold: Threshold::Iso(128.0),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         ..BuildOptions::default()
     };
     infobyte::build(voxels, &options, at("fine")).unwrap();

@@ -42,10 +42,15 @@ fn voxels() -> Voxels<u16> {
 
 fn options(surface: SurfaceKind) -> BuildOptions {
     let channels = match surface {
-        SurfaceKind::Skin => BuildOptions::default().channels.with(Channel::Value),
-        SurfaceKind::Cells => BuildOptions::default().channels,
+        SurfaceKind::Skin => Channels::default().with(Channel::Value),
+        SurfaceKind::Cells => Channels::default(),
     };
-    BuildOptions { threshold: Threshold::Iso(1000.0), surface, channels, ..BuildOptions::default() }
+    BuildOptions {
+        threshold: Threshold::Iso(1000.0),
+        surface: Some(surface),
+        channels: Some(channels),
+        ..BuildOptions::default()
+    }
 }
 
 fn built(source: &dyn VolumeSource, options: &BuildOptions) -> Vec<u8> {
@@ -462,7 +467,7 @@ fn triangles_in_memory_are_those_of_the_file() {
         compare(true, false, 0);
         compare(true, false, 1);
     }
-    let bare = BuildOptions { channels: infobyte::Channels::NONE, ..options(SurfaceKind::Skin) };
+    let bare = BuildOptions { channels: Some(infobyte::Channels::NONE), ..options(SurfaceKind::Skin) };
     infobyte::build(&voxels(), &bare, &path).unwrap();
     compare(false, false, 0);
 
@@ -476,10 +481,7 @@ fn triangles_in_memory_are_those_of_the_file() {
     text += "3 0 2 1\n3 0 1 3\n3 0 3 2\n3 1 2 3\n";
     fs::write(&solid, text).unwrap();
     let mesh = on_grid(GridChoice::Side { voxels: 24, margin: 1 });
-    let colored = BuildOptions {
-        channels: BuildOptions::default().channels.with(Channel::Color),
-        ..BuildOptions::default()
-    };
+    let colored = BuildOptions { channels: Some(Channels::default().with(Channel::Color)), ..skin_options() };
     build_mesh(&[solid], &mesh, &colored, &path, &Silent).unwrap();
     compare(true, true, 0);
     compare(true, true, 1);

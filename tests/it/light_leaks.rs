@@ -114,8 +114,12 @@ impl Samples<'_> {
 fn passed(voxels: &Voxels<u16>, surface: SurfaceKind, rays: u32, random: &mut Random) -> u32 {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.oct");
-    let options =
-        BuildOptions { threshold: Threshold::Iso(ISO), surface, lod: false, ..BuildOptions::default() };
+    let options = BuildOptions {
+        threshold: Threshold::Iso(ISO),
+        surface: Some(surface),
+        lod: false,
+        ..BuildOptions::default()
+    };
     infobyte::build(voxels, &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     let view = model.view();

@@ -15,7 +15,7 @@ fn build_on(
     grid: GridChoice,
 ) -> Result<(Vec<u8>, Vec<String>), String> {
     let (path, model) = (put(folder, name, bytes), folder.join("model.oct"));
-    let options = BuildOptions { channels: Channels::default().with(Channel::Color), ..share(8, 1) };
+    let options = BuildOptions { channels: Some(Channels::default().with(Channel::Color)), ..share(8, 1) };
     let report = build_mesh(&[path], &on_grid(grid), &options, &model, &Silent).map_err(|e| e.to_string())?;
     Ok((fs::read(&model).unwrap(), report.notes.iter().map(ToString::to_string).collect()))
 }
@@ -512,7 +512,7 @@ fn a_fin_of_a_body_that_vanishes_is_reported() {
             for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
                 let grid = GridChoice::Voxel { edge_mm: 1.0, margin: 1 };
                 let input = file(folder.path(), "fin.stl", &body.stl());
-                let options = BuildOptions { surface, ..share(8, 2) };
+                let options = BuildOptions { surface: Some(surface), ..share(8, 2) };
                 let model = folder.path().join("m.oct");
                 let report = build_mesh(&[input], &on_grid(grid), &options, &model, &Silent).unwrap();
                 let notes: Vec<_> = report.notes.iter().map(ToString::to_string).collect();
@@ -531,7 +531,7 @@ fn an_open_shell_around_nothing_is_told_of_the_fill_that_keeps_it() {
     let sheet = Body::new(&corners, &[[0, 1, 2], [0, 2, 3]]);
     let input = file(folder.path(), "sheet.stl", &sheet.stl());
     for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let (grid, options) = (exact_grid([24; 3]), BuildOptions { surface, ..share(8, 2) });
+        let (grid, options) = (exact_grid([24; 3]), BuildOptions { surface: Some(surface), ..share(8, 2) });
         let model = folder.path().join("m.oct");
         let build = |mesh| build_mesh(std::slice::from_ref(&input), &mesh, &options, &model, &Silent);
         let sentence = build(on_grid(grid)).unwrap_err().to_string();

@@ -14,7 +14,7 @@ fn all_channels() -> Channels {
 
 fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
     let mesh = on_grid(exact_grid([SIDE; 3]));
-    let options = BuildOptions { channels, ..share(mib, threads) };
+    let options = BuildOptions { channels: Some(channels), ..share(mib, threads) };
     let model = inputs[0].with_extension("oct");
     build_mesh(inputs, &mesh, &options, &model, &Silent).map_err(|e| e.to_string())?;
     Ok(fs::read(&model).unwrap())
@@ -23,7 +23,7 @@ fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Re
 /// The first parts of what is told of a mesh that lacks something.
 fn notes(input: &Path) -> Vec<String> {
     let mesh = on_grid(GridChoice::Side { voxels: 8, margin: 1 });
-    let options = BuildOptions { channels: Channels::default().with(Channel::Color), ..share(8, 1) };
+    let options = BuildOptions { channels: Some(Channels::default().with(Channel::Color)), ..share(8, 1) };
     let model = input.with_extension("oct");
     let report = build_mesh(&[input.to_path_buf()], &mesh, &options, &model, &Silent).unwrap();
     report.notes.iter().map(|note| note.to_string().split(';').next().unwrap().to_owned()).collect()

@@ -6,7 +6,8 @@ use crate::common::models::share as options;
 use crate::prelude::*;
 mod thin;
 
-use infobyte::mesh::{Boundary, Fill, MeshFacts, MeshReport};
+use crate::common::models::MeshReport;
+use infobyte::mesh::{Boundary, Fill, MeshFacts};
 use meshes::{STEPS, skin};
 
 fn exact(dims: [u32; 3]) -> MeshOptions {

@@ -63,12 +63,12 @@ fn stored_codes(
     let path = folder.path().join("model.oct");
     let options = BuildOptions {
         threshold: Threshold::Iso(iso),
-        gradient: ESTIMATOR.get(),
+        gradient: Some(ESTIMATOR.get()),
         normal_bits: NormalBits::default(),
         lod: false,
         memory,
         threads,
-        ..BuildOptions::default()
+        ..skin_options()
     };
     let report = build(volume, &options, &path, &Silent)?;
     let model = Model::open(&path).unwrap();
@@ -423,7 +423,7 @@ fn normals_have_the_errors_of_their_bits_and_24_begin_with_the_16() {
         let options = BuildOptions {
             threshold: Threshold::Iso(0.0),
             normal_bits: bits,
-            surface,
+            surface: Some(surface),
             threads: 1,
             memory: MemoryCap::Process(1 << 30),
             ..BuildOptions::default()

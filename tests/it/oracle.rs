@@ -272,7 +272,7 @@ fn planes_in_cells_are_met_where_the_oracle_meets_them() {
         let path = folder.path().join("cells.oct");
         let options = infobyte::BuildOptions {
             threshold: infobyte::Threshold::Iso(0.5),
-            surface: SurfaceKind::Cells,
+            surface: Some(SurfaceKind::Cells),
             ..Default::default()
         };
         infobyte::build(&volume, &options, &path).unwrap();

@@ -20,7 +20,7 @@ fn shown(body: &Body, how: Scan, smoothing: Smoothing) -> (f64, f64) {
     let path = folder.path().join("m.oct");
     let options = BuildOptions {
         threshold: Threshold::Iso(iso(how)),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         ..BuildOptions::default()
     };
     infobyte::build(&scan(body, SIDE, how), &options, &path).unwrap();

@@ -1,5 +1,6 @@
 //! What most tests name: helpers of `common`, and the types that everything is made of. Names of a file come first.
 
+pub(crate) use crate::common::assembled::{AssembledVoxel, OptionalSections, assemble};
 pub(crate) use crate::common::bodies::Scan;
 pub(crate) use crate::common::command::{
     Run, binary, measured_build, names, oct, shell, smallest_budget, text,
@@ -15,8 +16,11 @@ pub(crate) use crate::common::frames::{
     Collected, JPEG, MEMORY, RLE, Spec, deflated, encapsulated, frames_of, header_of, image, native, rle,
     rle16, words,
 };
+pub(crate) use crate::common::memory_tree::MemoryTree;
 pub(crate) use crate::common::meshes::Body;
-pub(crate) use crate::common::models::{exact_grid, finest, on_grid, put, share};
+pub(crate) use crate::common::models::{
+    build_csg, build_mesh, exact_grid, finest, on_grid, put, share, skin_options,
+};
 pub(crate) use crate::common::oracle::ExactRay;
 pub(crate) use crate::common::random::Random;
 pub(crate) use crate::common::scenes::{
@@ -30,10 +34,9 @@ pub(crate) use crate::common::{
 pub(crate) use infobyte::budget::{Budget, peak_rss_bytes};
 pub(crate) use infobyte::builder::{BuildError, ViewedFrom};
 pub(crate) use infobyte::clean::SizeLimit;
-pub(crate) use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, build_csg, parse_tree};
+pub(crate) use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, parse_tree};
 pub(crate) use infobyte::discovery::Catalogue;
 pub(crate) use infobyte::export::ExportForm;
-pub(crate) use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble};
 pub(crate) use infobyte::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Header, Metadata, SectionKind, SurfaceKind, normal,
     table_bytes,
@@ -41,8 +44,8 @@ pub(crate) use infobyte::format::{
 pub(crate) use infobyte::geom::{BoxIndex, NodeIndex, Octant, Orientation, VoxelIndex, morton};
 pub(crate) use infobyte::jobs::export::{ExportRequest, export};
 pub(crate) use infobyte::jobs::{info, pack};
-pub(crate) use infobyte::load::{Frame, MemoryTree, ModelView, NodeView, verify};
-pub(crate) use infobyte::mesh::{GridChoice, MeshOptions, build_mesh};
+pub(crate) use infobyte::load::{Frame, ModelView, NodeView, verify};
+pub(crate) use infobyte::mesh::{GridChoice, MeshOptions};
 pub(crate) use infobyte::progress::Silent;
 pub(crate) use infobyte::render::cells::Cells;
 pub(crate) use infobyte::render::form::Form;

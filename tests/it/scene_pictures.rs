@@ -25,8 +25,12 @@ fn solid(half: f64, spacing: f64, surface: SurfaceKind, depth: impl Fn([f64; 3])
     let mut affine = Affine::from_spacing([spacing; 3]);
     affine.rows.iter_mut().for_each(|row| row[3] = -middle * spacing);
     let volume = Voxels::from_fn(Dims::new(side, side, side).unwrap(), at).placed(affine);
-    let options =
-        BuildOptions { threshold: Threshold::Iso(0.0), surface, threads: 1, ..BuildOptions::default() };
+    let options = BuildOptions {
+        threshold: Threshold::Iso(0.0),
+        surface: Some(surface),
+        threads: 1,
+        ..BuildOptions::default()
+    };
     let folder = TempDir::new().unwrap();
     let path = folder.path().join("solid.oct");
     infobyte::build(&volume, &options, &path).unwrap();
@@ -124,8 +128,12 @@ fn normals_at_silhouettes_are_not_negated() {
         (0..3).for_each(|a| affine.rows[a][3] = -middle[a] * spacing[a]);
         let [x, y, z] = dims;
         let volume = Voxels::from_fn(Dims::new(x, y, z).unwrap(), depth).placed(affine);
-        let options =
-            BuildOptions { threshold: Threshold::Iso(0.0), surface, threads: 1, ..BuildOptions::default() };
+        let options = BuildOptions {
+            threshold: Threshold::Iso(0.0),
+            surface: Some(surface),
+            threads: 1,
+            ..BuildOptions::default()
+        };
         let folder = TempDir::new().unwrap();
         let path = folder.path().join("ball.oct");
         infobyte::build(&volume, &options, &path).unwrap();

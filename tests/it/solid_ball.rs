@@ -109,7 +109,10 @@ impl SolidWorker for BallWorker<'_> {
 }
 
 fn options(share_mib: u64, threads: usize) -> BuildOptions {
-    BuildOptions { channels: Channels::from([Channel::Normal, Channel::Offset]), ..share(share_mib, threads) }
+    BuildOptions {
+        channels: Some(Channels::from([Channel::Normal, Channel::Offset])),
+        ..share(share_mib, threads)
+    }
 }
 
 fn build(ball: &Ball, options: &BuildOptions, to: &Path) -> BuildReport {
@@ -208,7 +211,7 @@ fn what_cannot_be_built_is_refused_and_leaves_no_file() {
     let away = Ball::new([40, 40, 40], [-500, 20, 20], 100);
     let refused = build_solid(&away, &options(16, 1), &file, &Silent).unwrap_err().to_string();
     assert!(refused.starts_with("ball: no voxel is inside"), "{refused}");
-    let colored = BuildOptions { channels: Channels::from([Channel::Color]), ..options(16, 1) };
+    let colored = BuildOptions { channels: Some(Channels::from([Channel::Color])), ..options(16, 1) };
     let refused = build_solid(&Ball::new([40, 40, 40], [20; 3], 10), &colored, &file, &Silent).unwrap_err();
     assert!(refused.to_string().contains("does not have the channel 'color'"), "{refused}");
     assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);

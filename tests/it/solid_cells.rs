@@ -15,7 +15,7 @@ fn grid(side: u32) -> GridChoice {
 }
 
 fn options(share_mib: u64, threads: usize, surface: SurfaceKind) -> BuildOptions {
-    BuildOptions { surface, lod: false, ..share(share_mib, threads) }
+    BuildOptions { surface: Some(surface), lod: false, ..share(share_mib, threads) }
 }
 
 fn stl(triangles: &Triangles) -> Vec<u8> {

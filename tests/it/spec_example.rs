@@ -35,7 +35,7 @@ fn the_text_the_assembler_and_the_loader_agree_byte_for_byte() {
         voxel([2, 0, 0], [1.0, 0.0, 0.0]),
         voxel([2, 1, 0], [0.0, 1.0, 0.0]),
     ];
-    let file = assemble(&metadata([3, 2, 1], NORMALS), &voxels, NORMALS).unwrap();
+    let file = assemble(&metadata([3, 2, 1], NORMALS), &voxels, NORMALS);
     let text = bytes_of_the_text(0);
     assert!(file == text, "the bytes are\n{}", dump(&file));
 
@@ -83,7 +83,7 @@ fn the_builder_makes_the_second_example() {
     let volume = Voxels::from_fn(Dims::new(2, 2, 2).unwrap(), |_| 255_u8);
     let options = BuildOptions {
         threshold: Threshold::Iso(128.0),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         error: Some(infobyte::builder::Tolerance::Voxels(0.3)),
         lod: false,
         ..BuildOptions::default()

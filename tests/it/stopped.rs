@@ -102,7 +102,7 @@ fn a_build_is_stopped_in_every_stage() {
         let visible_from = from.to_vec();
         let options = BuildOptions {
             threshold: Threshold::Otsu,
-            surface,
+            surface: Some(surface),
             threads,
             visible_from,
             ..BuildOptions::default()
@@ -133,7 +133,7 @@ fn a_build_of_a_mesh_is_stopped() {
     fs::write(&mesh, meshes::Body::tetrahedron(9.0).stl_text()).unwrap();
     fs::write(&path, b"an old model").unwrap();
     let how = on_grid(GridChoice::Side { voxels: 40, margin: 1 });
-    let options = BuildOptions { threads: 1, ..BuildOptions::default() };
+    let options = BuildOptions { threads: 1, ..skin_options() };
     let stages = stop_everywhere(folder.path(), 100, &|progress| {
         build_mesh(std::slice::from_ref(&mesh), &how, &options, &path, progress)?;
         Ok(())
@@ -149,7 +149,7 @@ fn exports_and_packing_are_stopped() {
     let at = |name: &str| folder.path().join(name);
     let options = BuildOptions {
         threshold: Threshold::Iso(0.0),
-        surface: SurfaceKind::Cells,
+        surface: Some(SurfaceKind::Cells),
         ..BuildOptions::default()
     };
     infobyte::build(&Voxels::from_fn(dims(), depth), &options, at("m.oct")).unwrap();

@@ -100,7 +100,7 @@ fn hits_lie_within_half_a_voxel_of_the_true_surface() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("ball.oct");
     let volume = analytic("synthetic:sphere@64").unwrap();
-    let options = BuildOptions { threshold: Threshold::Iso(0.5), ..BuildOptions::default() };
+    let options = BuildOptions { threshold: Threshold::Iso(0.5), ..skin_options() };
     infobyte::build(&volume, &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     let caster = RayCaster::new(&model).unwrap();

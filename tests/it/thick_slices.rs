@@ -90,7 +90,11 @@ impl Samples {
 fn compare(volume: &dyn VolumeSource, threshold: f64, surface: SurfaceKind) -> [f64; 3] {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("head.oct");
-    let options = BuildOptions { threshold: Threshold::Iso(threshold), surface, ..BuildOptions::default() };
+    let options = BuildOptions {
+        threshold: Threshold::Iso(threshold),
+        surface: Some(surface),
+        ..BuildOptions::default()
+    };
     infobyte::build(volume, &options, &path).unwrap();
     let model = Model::open(&path).unwrap();
     let caster = RayCaster::new(&model).unwrap();

@@ -16,7 +16,7 @@ fn times() -> u64 {
 fn options(iso: f64, surface: SurfaceKind, from: &[ViewedFrom]) -> BuildOptions {
     BuildOptions {
         threshold: Threshold::Iso(iso),
-        surface,
+        surface: Some(surface),
         visible_from: from.to_vec(),
         ..BuildOptions::default()
     }

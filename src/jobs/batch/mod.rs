@@ -50,9 +50,8 @@ use crate::builder::{BuildError, BuildFault, BuildOptions};
 use crate::clean::CleanOptions;
 use crate::discovery::Catalogue;
 use crate::error::Error;
-use crate::facts::{CsgFault, Fault, Fill, Instead, Note, SourceFault, sentences};
+use crate::facts::{CsgFault, Fault, Instead, Note, SourceFault, sentences};
 use crate::format::{Channel, Channels, SurfaceKind};
-use crate::mesh::usual_channels;
 use crate::platform::give_back;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
@@ -716,18 +715,17 @@ impl Run<'_> {
         if kind == SubjectKind::Volume {
             return asked;
         }
-        let grid = &self.request.grid;
-        let thin = kind == SubjectKind::Mesh && (grid.keep_thin || grid.fill == Some(Fill::Surface));
+        let thin = kind == SubjectKind::Mesh && self.request.grid.is_thin();
         let surface = if thin { SurfaceKind::Skin } else { asked.volume_surface() };
         let foreign = match kind {
             SubjectKind::Mesh => &[Channel::Value, Channel::Offset][..],
             _ => &[Channel::Value, Channel::Offset, Channel::Color, Channel::Material],
         };
-        let own = asked.channels.iter().filter(|channel| !foreign.contains(channel)).collect();
-        let usual = if kind == SubjectKind::Mesh { usual_channels(surface) } else { Channels::default() };
-        let channels = if surface == SurfaceKind::Skin && own != Channels::default() { own } else { usual };
+        let own = asked.channels().iter().filter(|channel| !foreign.contains(channel)).collect();
+        let channels = (surface == SurfaceKind::Skin && own != Channels::default()).then_some(own);
+        let is_chosen = thin || asked.surface.is_some() || asked.channels.is_some() || asked.error.is_some();
         let error = asked.error.filter(|_| surface == SurfaceKind::Cells);
-        BuildOptions { surface, channels, error, ..asked }
+        BuildOptions { surface: is_chosen.then_some(surface), channels, error, ..asked }
     }
 
     /// What is done to a subject before it is built: to a volume what is asked for.

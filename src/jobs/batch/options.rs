@@ -9,18 +9,18 @@ pub(super) fn options_fingerprint(request: &BatchRequest) -> String {
     // Which volumes are taken changes none of them.
     let how = OpenOptions { all_volumes: false, follow_links: false, ..request.how.clone() };
     let text = format!(
-        "{:?} {} {:?} {:?} {:?} {} {} {} {how:?} {:?} {:?} {}",
+        "{:?} {} {:?} {:?} {:?} {:?} {:?} {} {} {how:?} {:?} {:?}",
         b.threshold,
         request.find_labels,
-        b.volume_surface(),
+        b.surface,
+        b.error,
         b.connectivity,
         b.channels,
         b.gradient,
         b.lod,
         request.thumbnails,
         request.clean,
-        request.grid.stated(),
-        request.grid.keep_colors
+        request.grid.stated()
     );
     format!("{:016x}", fnv(text.as_bytes()))
 }

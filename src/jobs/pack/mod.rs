@@ -182,7 +182,7 @@ fn convert(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+    use crate::assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
     use crate::format::{Encoding, normal};
 
     /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
@@ -196,7 +196,7 @@ mod tests {
                 voxels.push(AssembledVoxel { cell: [x, y, z], normal, value: value.into() });
             }
         }
-        assemble(&plain_metadata(dims, channels), &voxels, channels).unwrap()
+        assemble(&plain_metadata(dims, channels), &voxels, channels)
     }
 
     fn bytes(file: &File) -> Vec<u8> {

@@ -253,7 +253,7 @@ fn coarsen<R: ReadAt + ?Sized>(source: &R, frame: &Frame, out: &File, left: &Fra
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+    use crate::assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
     use crate::format::normal;
     use crate::load::Model;
 
@@ -286,7 +286,7 @@ mod tests {
     #[test]
     fn what_is_left_is_the_model_that_would_have_been_built_so() {
         for dims in [[3, 5, 4], [40, 33, 20], [65, 3, 9], [150, 140, 40]] {
-            let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL).unwrap();
+            let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL);
             for (channels, lod) in [
                 (Channels::NONE, true),
                 (Channels::from([Channel::Normal]), true),
@@ -298,7 +298,7 @@ mod tests {
                     value_bytes: if channels.contains(Channel::Value) { 2 } else { 0 },
                     lod,
                 };
-                let built = assemble(&plain_metadata(dims, how), &voxels(dims), how).unwrap();
+                let built = assemble(&plain_metadata(dims, how), &voxels(dims), how);
                 let request = StripRequest { channels: Some(channels), levels: 0, lod };
                 assert_eq!(stripped(&file, request), Ok(built), "{dims:?} {channels:?} {lod}");
             }
@@ -310,7 +310,7 @@ mod tests {
     #[test]
     fn fine_levels_become_means_that_verify() {
         let dims = [150, 140, 40];
-        let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL).unwrap();
+        let file = assemble(&plain_metadata(dims, ALL), &voxels(dims), ALL);
         let whole = Model::from_bytes(file.clone()).unwrap();
         for levels in 1..8 {
             let request = StripRequest { channels: None, levels, lod: true };

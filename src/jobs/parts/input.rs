@@ -68,7 +68,7 @@ impl PartsInput<'_> {
             (options.labels.is_some(), NotInParts::Labels),
             (!options.visible_from.is_empty(), NotInParts::Sight),
             (options.joins(), NotInParts::Leaves),
-            (wide && options.channels.contains(Channel::Value), NotInParts::WideValues),
+            (wide && options.channels().contains(Channel::Value), NotInParts::WideValues),
         ];
         found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)
     }
@@ -132,7 +132,7 @@ impl PartsInput<'_> {
             memory: MemoryCap::Share(0),
             threads: 0,
             scratch: None,
-            surface: options.volume_surface(),
+            surface: Some(options.volume_surface()),
             ..options.clone()
         };
         let how = OpenOptions { opening_bytes: None, skip: None, ..self.how.clone() };
@@ -198,7 +198,7 @@ impl PartsInput<'_> {
             solid => {
                 self.job
                     .with_solid(solid, &mut |made, options| {
-                        each(&mut |id, path| made.build(options, path, Some(id), progress))
+                        each(&mut |id, path| made.build_part(options, path, Some(id), progress))
                     })?
                     .0
             }

@@ -31,7 +31,7 @@ impl Bench<'_> {
         let mut fine = None;
         for bound in BOUNDS {
             let error = (bound > 0.0).then_some(Tolerance::Voxels(bound));
-            let options = BuildOptions { surface: SurfaceKind::Cells, error, ..options.clone() };
+            let options = BuildOptions { surface: Some(SurfaceKind::Cells), error, ..options.clone() };
             let built = self.build(source, &options)?;
             let (space, lines) = self.lines(&built.model)?;
             // The same rays through every model.

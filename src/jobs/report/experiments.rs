@@ -58,6 +58,7 @@ impl Bench<'_> {
         let iso = if body.is_some() { 0.5 } else { SyntheticHead::BONE_ISO_HU };
         let options = BuildOptions {
             threshold: Threshold::Iso(iso),
+            surface: Some(SurfaceKind::Skin),
             threads: self.threads,
             memory: MemoryCap::Share(256 << 20),
             scratch: Some(self.folder.to_path_buf()),
@@ -167,7 +168,7 @@ impl Bench<'_> {
     ) -> Result<[Experiment; 2], Error> {
         let (mut rows, mut shadings) = (Vec::new(), Vec::new());
         for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-            let built = self.build(source, &BuildOptions { surface, ..options.clone() })?;
+            let built = self.build(source, &BuildOptions { surface: Some(surface), ..options.clone() })?;
             let (space, lines) = self.lines(&built.model)?;
             let met = rays::cast(&built.model, &lines, self.threads)?;
             let (_, times) = rays::cast_boxes(&space, &built.model, &lines, 0);
@@ -208,7 +209,7 @@ impl Bench<'_> {
     ) -> Result<Experiment, Error> {
         let mut rows = Vec::new();
         for gradient in Gradient::ALL {
-            let built = self.build(source, &BuildOptions { gradient, ..options.clone() })?;
+            let built = self.build(source, &BuildOptions { gradient: Some(gradient), ..options.clone() })?;
             let (_, lines) = self.lines(&built.model)?;
             let met = rays::cast(&built.model, &lines, self.threads)?;
             // Where hits lie does not depend on it.
@@ -291,7 +292,8 @@ impl Bench<'_> {
             ("values", Channels::NONE.with(value), true),
             ("normals and values", Channels::NONE.with(normal).with(value), true),
         ] {
-            let built = self.build(source, &BuildOptions { channels, lod, ..options.clone() })?;
+            let built =
+                self.build(source, &BuildOptions { channels: Some(channels), lod, ..options.clone() })?;
             rows.push(Self::row(subject, choice, choice == "normals", built.costs, Errors::default()));
         }
         Ok(Experiment {

@@ -150,30 +150,41 @@ def build(
     if unit not in UNITS:
         raise UsageError(f"unit={unit!r} is not known; choose one of {', '.join(UNITS)}")
     share = memory if isinstance(memory, int) else _infobyte.size(memory)
+    if smooth is not None and labels is None:
+        raise UsageError("smooth is for labels; give labels, too")
     asked = {
-        "iso": _finite("iso", iso), "range": None, "preset": preset,
-        "labels": labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
-        "names": _names(names), "keep_names": bool(keep_names), "smooth": _finite("smooth", smooth),
-        "each": None if each is None else os.fspath(each), "surface": surface,
-        "error": None if error is None else str(error),
-        "channels": None if channels is None else list(channels), "gradient": gradient, "normal_bits": normal_bits,
-        "connectivity": connectivity, "visible_from": [_place(place) for place in visible_from], "lod": bool(lod),
-        "memory": share, "threads": threads, "scratch": None if scratch is None else os.fspath(scratch),
-        "roi": None if roi is None else [[int(a), int(b)] for a, b in _turned(roi, axes)],
-        "downsample": downsample, "close": close, "fill_cavities": bool(fill_cavities), "keep_largest": keep_largest,
-        "drop_below": _limit(drop_below), "component_connectivity": component_connectivity, "grid": grid,
-        "voxel": voxel, "origin": None, "margin": margin, "unit": UNITS[unit], "up": up, "fill": fill,
-        "keep_thin": bool(keep_thin), "volume": volume,
-        "index": [(axis, int(place)) for axis, place in (index or {}).items()], "gaps": gaps, "follow_links": bool(follow_links),
-        "spacing": None, "orientation": orientation, "dims": None if dims is None else [int(side) for side in dims],
-        "dtype": dtype, "skip": skip, "affine": None, "rescale": None,
-    }
-    if range is not None:
-        low, high = (float(end) for end in range)
-        if not low <= high:
-            raise UsageError(f"the range {low}..{high} is empty; give the lower value first")
-        end = sys.float_info.max
-        asked["range"] = [max(low, -end), min(high, end)]
+        "build": _given(
+            threshold=_threshold(iso, range),
+            labels=labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
+            smooth=_finite("smooth", smooth), surface=surface, error=None if error is None else str(error),
+            channels=None if channels is None else list(channels), gradient=gradient, normal_bits=_text(normal_bits),
+            connectivity=_text(connectivity), lod=bool(lod), memory={"share": share}, threads=threads,
+            scratch=None if scratch is None else os.fspath(scratch),
+        ),
+        "clean": _given(
+            roi=_roi(roi, axes), preset=preset, downsample=downsample, close=close, fill_cavities=bool(fill_cavities),
+            keep_largest=keep_largest, drop_below=_text(drop_below), connectivity=_text(component_connectivity),
+        ),
+        "grid": _given(unit_mm=UNITS[unit], up=up, fill=fill, keep_thin=bool(keep_thin), follow_links=bool(follow_links)),
+        "open": _given(
+            gaps=gaps, volume=volume, index=[(axis, int(place)) for axis, place in (index or {}).items()],
+            follow_links=bool(follow_links), keep_names=bool(keep_names), placement=_given(orientation=orientation),
+        ),
+        "raw": None, "visible_from": [_place(place) for place in visible_from], "names": None,
+        "each": None if each is None else os.fspath(each), "affine": None, "rescale": None,
+    }  # fmt: skip
+    if hasattr(names, "items"):
+        asked["build"]["label_names"] = [{"number": int(number), "name": str(name)} for number, name in sorted(names.items())]
+    elif names is not None:
+        asked["names"] = os.fspath(names)
+    if volume is not None and index:
+        raise UsageError("volume and index exclude each other; give one")
+
+    def on_disk() -> dict[str, Any]:
+        """The options of files, with how fine the grid of a mesh is and how headerless samples lie."""
+        asked["grid"] |= _given(grid=_grid(grid, voxel, margin, origin, dims))
+        asked["raw"] = _raw(dims, dtype, skip, origin)
+        return asked
 
     target = os.fspath(output)
     with _bar(progress) as told:
@@ -181,32 +192,77 @@ def build(
         if paths is not None:
             if affine is not None:
                 raise UsageError("files state their place; give spacing and orientation instead of affine")
-            asked["spacing"] = None if spacing is None else _three(spacing)
-            asked["origin"] = None if origin is None else [float(at) for at in origin]
-            report = _infobyte.build_files(paths, target, _json(asked), told)
+            if spacing is not None:
+                asked["open"]["placement"]["spacing_mm"] = _three(spacing)
+            report = _infobyte.build_files(paths, target, _json(on_disk()), told)
         else:
-            report = _build_object(source, target, asked, (spacing, origin, affine, axes), told)
+            report = _build_object(source, target, asked, on_disk, (spacing, origin, affine, axes), told)
     return Model._built(target, report)
 
 
-def _names(names: Path | Mapping[int, str] | None) -> str | list[tuple[int, str]]:
-    """A file of names, or pairs of number and name, in order."""
-    if names is None or hasattr(names, "items"):
-        return sorted((int(number), str(name)) for number, name in (names or {}).items())
-    return os.fspath(names)
+def _given(**options: Any) -> dict[str, Any]:
+    """The options that are not left out."""
+    return {name: value for name, value in options.items() if value is not None}
 
 
-def _build_object(source: Any, target: str, asked: dict[str, Any], place: Any, told: Any) -> str:
+def _text(value: Any) -> str | None:
+    return None if value is None else str(value)
+
+
+def _threshold(iso: float | None, range: tuple[float, float] | None) -> dict[str, Any] | None:
+    if range is None:
+        return None if iso is None else {"iso": _finite("iso", iso)}
+    low, high = (float(end) for end in range)
+    if not low <= high:
+        raise UsageError(f"the range {low}..{high} is empty; give the lower value first")
+    end = sys.float_info.max
+    return {"range": [max(low, -end), min(high, end)]}
+
+
+def _roi(roi: Sequence[tuple[int, int]] | None, axes: str) -> list[dict[str, int]] | None:
+    if roi is None:
+        return None
+    ranges = [{"start": int(start), "end": int(end)} for start, end in _turned(roi, axes)]
+    if any(part["start"] >= part["end"] for part in ranges):
+        raise UsageError("roi is not a box; give (start, end) for each axis, start below end")
+    return ranges
+
+
+def _grid(grid: int | None, voxel: float | None, margin: int, origin: Any, dims: Any) -> dict[str, Any] | None:
+    """How fine the grid of a mesh or a tree is, if that is given."""
+    if grid is not None and voxel is not None:
+        raise UsageError("grid and voxel are both given; choose one")
+    if origin is not None:
+        if voxel is None or dims is None:
+            raise UsageError("origin needs voxel and dims")
+        place = [float(at) for at in origin]
+        return {"exact": {"edge_mm": voxel, "origin_mm": place, "dims": [int(side) for side in dims]}}
+    if grid is not None:
+        if not 1 <= grid <= 16384:
+            raise UsageError(f"grid={grid} is not a number of voxels; choose 1 to 16384")
+        return {"side": {"voxels": grid, "margin": margin}}
+    return None if voxel is None or dims is not None else {"voxel": {"edge_mm": voxel, "margin": margin}}
+
+
+def _raw(dims: Any, dtype: str | None, skip: int | None, origin: Any) -> dict[str, Any] | None:
+    """The layout of headerless files, if it is given."""
+    if dims is not None and dtype is not None:
+        return {"dims": [int(side) for side in dims], "dtype": dtype, "skip": skip or 0}
+    if dtype is None and (skip is None and dims is None or dims is not None and origin is not None):
+        return None
+    raise UsageError("headerless files need dims and dtype")
+
+
+def _build_object(source: Any, target: str, asked: dict[str, Any], on_disk: Callable[[], Any], place: Any, told: Any) -> str:
     known = _sources.recognised(source)
     spacing, origin, affine, axes = place
     if isinstance(known, _sources.Triangles):
         import tempfile
 
-        asked["origin"] = None if origin is None else [float(at) for at in origin]
         with tempfile.NamedTemporaryFile(suffix=".stl", dir=_folder(asked, target)) as file:
             known.write_stl(file)
             file.flush()
-            return _infobyte.build_files([file.name], target, _json(asked), told)
+            return _infobyte.build_files([file.name], target, _json(on_disk()), told)
     samples, stated = source, None
     if known is not None:
         samples, stated, axes = known.samples, known.affine, "zyx"
@@ -229,7 +285,7 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
     import tempfile
 
     if all(hasattr(source, name) for name in ("shape", "dtype", "__getitem__")):
-        shape, dtype, parts = _sources.slabs(source, axes, asked["memory"] // 2)
+        shape, dtype, parts = _sources.slabs(source, axes, asked["build"]["memory"]["share"] // 2)
     elif isinstance(source, Iterable):
         if axes != "zyx":
             raise UsageError("slices come along the first axis; axes='xyz' is for whole arrays")
@@ -238,7 +294,8 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
         raise UsageError(f"{type(source).__name__} is not a source; see the documentation of infobyte.build")
     with contextlib.ExitStack() as stack:
         # Pages that are not filled are not held. A build needs some MiB besides.
-        share = max(asked["memory"] // 4, min(asked["memory"] // 2, asked["memory"] - (6 << 20)))
+        memory = asked["build"]["memory"]["share"]
+        share = max(memory // 4, min(memory // 2, memory - (6 << 20)))
         whole = 1 << 30 if shape is None else math.prod(shape) * _sources.kept_type(dtype).itemsize
         room, used = np.empty(min(share, whole), np.uint8), 0
         side, depth, file = None, 0, None
@@ -266,7 +323,7 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
         layout = [side[1], side[0], depth], _sources.NATIVE[dtype.str[1:]]
         if file is None:
             array = room[:used].view(dtype).reshape(depth, *side)
-            asked["memory"] -= used
+            asked["build"]["memory"]["share"] -= used
             return _infobyte.build_array(*_sources.flat(array), layout, target, _json(asked), told)
         file.flush()
         # Read through the descriptor: the file has no name.
@@ -282,7 +339,7 @@ def _slices(source: Iterable[Any]) -> Iterator[np.ndarray]:
 
 
 def _folder(asked: dict[str, Any], target: str) -> str:
-    return asked["scratch"] or os.path.dirname(os.path.abspath(target))
+    return asked["build"].get("scratch") or os.path.dirname(os.path.abspath(target))
 
 
 def _json(asked: dict[str, Any]) -> str:
@@ -334,19 +391,8 @@ def _placement(spacing: Any, origin: Any, affine: Any, stated: Any, axes: str) -
     return placed
 
 
-def _limit(value: int | str | None) -> int | float | None:
-    """Voxels as a whole number, a percentage as a float."""
-    if isinstance(value, str):
-        number = value.strip().removesuffix("%")
-        try:
-            return float(number) if value.strip().endswith("%") else int(number)
-        except ValueError:
-            raise UsageError(f"drop_below={value!r} is not a size; give voxels, or a percentage such as '5%'") from None
-    return None if value is None else int(value)
-
-
-def _place(value: Any) -> Any:
-    return value if isinstance(value, str) else [float(at) for at in value]
+def _place(value: Any) -> str:
+    return value if isinstance(value, str) else ",".join(repr(float(at)) for at in value)
 
 
 @contextlib.contextmanager

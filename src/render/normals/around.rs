@@ -248,7 +248,7 @@ const WINDOW_ROWS: u64 = 0x1f_1f1f_1f1f;
 mod tests {
     use super::*;
     use crate::geom::{Dims, morton};
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::random::Random;
 
     /// Every window of small grids of every depth, in an order that goes to and fro.

@@ -100,7 +100,7 @@ pub(crate) fn blended(view: &ModelView<'_>, at: [f64; 3], own: [f64; 3]) -> [f64
 mod tests {
     use super::*;
     use crate::geom::Dims;
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::random::Random;
 
     /// Corners that go down together are what walks alone find.

@@ -227,7 +227,7 @@ pub(crate) fn row_of(origins: &[[f64; 3]], directions: &[[f64; 3]]) -> Option<us
 mod tests {
     use super::*;
     use crate::geom::{Affine, Dims};
-    use crate::load::MemoryTree;
+    use crate::memory_tree::MemoryTree;
     use crate::render::form::Form;
     use crate::render::surface::Skin;
     use crate::render::tile::Tracer;

@@ -1,6 +1,7 @@
 //! What several tests need: small models in memory here, the rest in files by subject.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
+pub(crate) mod assembled;
 pub(crate) mod bodies;
 pub(crate) mod command;
 pub(crate) mod compress;
@@ -10,6 +11,7 @@ pub(crate) mod data;
 pub(crate) mod dicom;
 pub(crate) mod formats;
 pub(crate) mod frames;
+pub(crate) mod memory_tree;
 pub(crate) mod meshes;
 pub(crate) mod models;
 pub(crate) mod oracle;
@@ -21,7 +23,7 @@ pub(crate) mod volume;
 
 use random::Random;
 
-use infobyte::format::assemble::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
+use assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
 use infobyte::format::{Metadata, SourceMeta, normal};
 
 /// How many times as much is tried as in a usual run, where random rays, volumes and bytes are: `INFOBYTE_LONG`, or 1.
@@ -74,7 +76,7 @@ pub(crate) fn shell_of(
             }
         }
     }
-    assemble(&metadata(dims, channels), &voxels, channels).unwrap()
+    assemble(&metadata(dims, channels), &voxels, channels)
 }
 
 /// The two opposite corners of a small box, or its only voxel.
@@ -84,5 +86,5 @@ pub(crate) fn corner(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
     if dims != [1, 1, 1] {
         voxels.push(voxel(dims.map(|n| n - 1), [0.0, 0.5, -1.0], 200));
     }
-    assemble(&metadata(dims, channels), &voxels, channels).unwrap()
+    assemble(&metadata(dims, channels), &voxels, channels)
 }

@@ -7,7 +7,9 @@
 
 use infobyte::format::normal;
 use infobyte::geom::{Dims, morton};
-use infobyte::load::{MemoryTree, ModelView};
+use infobyte::load::ModelView;
+
+use super::memory_tree::MemoryTree;
 use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::Random;
 

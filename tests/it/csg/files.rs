@@ -315,7 +315,7 @@ fn a_turned_volume_is_where_its_values_between_samples_are() {
     for surface in [infobyte::format::SurfaceKind::Skin, infobyte::format::SurfaceKind::Cells] {
         let mut first = None;
         for (share, threads) in [(6, 1), (64, 5), (16, 2)] {
-            let how = BuildOptions { surface, ..options(share, threads) };
+            let how = BuildOptions { surface: Some(surface), ..options(share, threads) };
             let file = convert(folder, text, &around_samples(sides), &how).unwrap();
             verify(&Model::open(&file).unwrap()).unwrap();
             let bytes = std::fs::read(file).unwrap();
@@ -334,7 +334,7 @@ fn cells_of_a_cut_volume_have_its_surface() {
     let _ = put_volume(folder, [60, 60, 60], [1.0; 3]);
     let text = "difference() { volume(\"ct.raw\", iso = 120); multmatrix([[1,0,0,0],[0,1,0,0],[0,0,1,33.3],[0,0,0,1]]) \
                 halfspace([0, 0, -1], 0); }";
-    let how = BuildOptions { surface: infobyte::format::SurfaceKind::Cells, ..options(16, 2) };
+    let how = BuildOptions { surface: Some(infobyte::format::SurfaceKind::Cells), ..options(16, 2) };
     let model = Model::open(convert(folder, text, &OWN, &how).unwrap()).unwrap();
     verify(&model).unwrap();
     let caster = infobyte::RayCaster::new(&model).unwrap();

@@ -50,7 +50,7 @@ fn true_measures_lie_within_the_errors() {
         let row = |k: usize| format!("[{},{},{},{}]", turn[k][0], turn[k][1], turn[k][2], middle[k]);
         let text = format!("multmatrix([{},{},{},[0,0,0,1]]) {{ {text} }}", row(0), row(1), row(2));
         for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-            let options = infobyte::BuildOptions { surface, ..options(16, 2) };
+            let options = infobyte::BuildOptions { surface: Some(surface), ..options(16, 2) };
             build_to(parsed(&text), &exact([side; 3]), &options, &path).unwrap();
             let model = Model::open(&path).unwrap();
             let found = measure(&model.view(), model.dims(), &model.affine(), false).unwrap();

@@ -28,7 +28,7 @@ fn build_to(
     to: &Path,
 ) -> Result<BuildReport, BuildError> {
     let input = CsgInput { tree, root, name: PathBuf::from("test"), volumes: Vec::new() };
-    build_csg(input, csg, options, to, &Silent).map(|report| report.build)
+    build_csg(input, csg, options, to, &Silent)
 }
 
 /// The bytes of the model of a tree.

@@ -89,7 +89,7 @@ impl Built {
 pub(crate) fn build(volume: &dyn VolumeSource, threshold: Threshold) -> Result<Built, BuildError> {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("model.oct");
-    let options = BuildOptions { threshold, threads: 2, ..BuildOptions::default() };
+    let options = BuildOptions { threshold, threads: 2, ..skin_options() };
     match infobyte::build(volume, &options, &path) {
         Ok(report) => {
             let bytes = std::fs::read(&path).unwrap();

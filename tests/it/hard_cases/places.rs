@@ -138,7 +138,7 @@ hard_cases! {
                 // Built or refused, never a panic; and what was built says so when it is shown.
                 let folder = tempfile::tempdir().unwrap();
                 let path = folder.path().join("flat.oct");
-                if infobyte::build(&ball, &super::BuildOptions::default(), &path).is_ok() {
+                if infobyte::build(&ball, &skin_options(), &path).is_ok() {
                     let model = infobyte::Model::open(&path).unwrap();
                     assert!(infobyte::render(&model, &RenderRequest::default()).is_err());
                 }

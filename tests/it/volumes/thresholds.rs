@@ -2,11 +2,12 @@
 
 use std::ops::Range;
 
-use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume, choose_selection};
+use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume};
 use infobyte::format::{Selection, SelectionKind};
 use infobyte::volume::{SourceError, VolumeInfo};
-use infobyte::{BuildOptions, Dims, MemoryCap, Threshold, VolumeSource, Voxels};
+use infobyte::{BuildOptions, Dims, Threshold, VolumeSource, Voxels};
 
+use crate::common::models::skin_options;
 use crate::common::random::Random;
 
 const SIDE: u32 = 64;
@@ -16,12 +17,12 @@ fn dims() -> Dims {
 }
 
 fn chosen(volume: &dyn VolumeSource) -> Selection {
-    choose_selection(volume, Threshold::Otsu, MemoryCap::Share(16 << 20), 2, &Silent).unwrap()
+    report(volume).selection
 }
 
 fn report(volume: &dyn VolumeSource) -> BuildReport {
     let folder = tempfile::tempdir().unwrap();
-    let options = BuildOptions { threshold: Threshold::Otsu, threads: 2, ..BuildOptions::default() };
+    let options = BuildOptions { threshold: Threshold::Otsu, threads: 2, ..skin_options() };
     build_volume(volume, &options, &folder.path().join("m.oct"), &Silent).unwrap()
 }
 

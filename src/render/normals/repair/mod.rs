@@ -241,7 +241,8 @@ fn ramp(value: f64, all: f64, none: f64) -> f64 {
 mod tests {
     use super::*;
     use crate::geom::{BoxIndex, Dims, Octant};
-    use crate::load::{MemoryTree, NodeView};
+    use crate::load::NodeView;
+    use crate::memory_tree::MemoryTree;
 
     const UP: Face = Face { axis: 2, high: true };
 

@@ -1,17 +1,17 @@
 //! An octree held in plain vectors: the slow, obvious oracle that faster views are tested against.
 
-use crate::format::rank;
-use crate::geom::{BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
+#![allow(dead_code, reason = "unit tests and tests of the whole use their own parts")]
 
-use super::{ModelView, NodeView};
+use infobyte::format::rank;
+use infobyte::geom::{BoxIndex, Dims, NodeIndex, VoxelIndex, morton};
+use infobyte::load::{ModelView, NodeView};
 
 /// Octree in memory, built level by level from its skin voxels.
 ///
-/// Memory: 9 bytes per node and 2 per normal. Built by plain scans over sorted lists, so that it can be
-/// read and believed; models that come from files are mapped instead. The oracle walks it as it is; [`MemoryTree::view`]
-/// shows it to the kernels.
+/// Built by plain scans over sorted lists, so that it can be read and believed. The oracle walks it as it is;
+/// [`MemoryTree::view`] shows it to the kernels.
 #[derive(Clone, Debug)]
-pub struct MemoryTree {
+pub(crate) struct MemoryTree {
     dims: Dims,
     voxels: Vec<u64>,
     infobytes: Vec<u8>,
@@ -25,7 +25,7 @@ impl MemoryTree {
     /// Builds the tree of these skin voxels: Morton codes in any order, repeats ignored.
     ///
     /// Returns `None` when a voxel lies outside the volume. No voxels at all give an empty tree.
-    pub fn new(dims: Dims, voxels: &[u64]) -> Option<Self> {
+    pub(crate) fn new(dims: Dims, voxels: &[u64]) -> Option<Self> {
         let mut voxels = voxels.to_vec();
         voxels.sort_unstable();
         voxels.dedup();
@@ -61,15 +61,14 @@ impl MemoryTree {
     }
 
     /// The tree of these cells.
-    #[cfg(test)]
     pub(crate) fn of_cells(dims: Dims, cells: impl IntoIterator<Item = [u32; 3]>) -> Self {
         let codes: Vec<u64> = cells.into_iter().map(|[x, y, z]| morton::encode(x, y, z)).collect();
         Self::new(dims, &codes).expect("cells of the volume")
     }
 
-    /// The same tree with one normal code (SPEC 4.6) per voxel in Morton order; `None` when the number of
+    /// This tree with one normal code (SPEC 4.6) per voxel in Morton order; `None` when the number of
     /// codes is not the number of voxels.
-    pub fn with_normals(mut self, codes: Vec<u16>) -> Option<Self> {
+    pub(crate) fn with_normals(mut self, codes: Vec<u16>) -> Option<Self> {
         if codes.len() != self.voxels.len() {
             return None;
         }
@@ -77,14 +76,14 @@ impl MemoryTree {
         Some(self)
     }
 
-    /// The same tree with one mean normal per node of depth 0 ..= L-2, in breadth-first order.
-    pub fn with_node_normals(mut self, codes: Vec<u16>) -> Self {
+    /// This tree with one mean normal per node of depth 0 ..= L-2, in breadth-first order.
+    pub(crate) fn with_node_normals(mut self, codes: Vec<u16>) -> Self {
         self.node_normals = codes.into_iter().map(u16::to_le_bytes).collect();
         self
     }
 
-    /// The same tree as the kernels see models.
-    pub fn view(&self) -> ModelView<'_> {
+    /// This tree as the kernels see models.
+    pub(crate) fn view(&self) -> ModelView<'_> {
         let normals = (!self.normals.is_empty()).then_some(&*self.normals);
         let node_normals = (!self.node_normals.is_empty()).then_some(&*self.node_normals);
         ModelView::over(self.dims.depth(), self.voxel_count(), &self.infobytes, &self.directory)
@@ -92,17 +91,17 @@ impl MemoryTree {
     }
 
     /// Size of the volume.
-    pub fn dims(&self) -> Dims {
+    pub(crate) fn dims(&self) -> Dims {
         self.dims
     }
 
     /// Morton codes of the voxels, in order.
-    pub fn voxels(&self) -> &[u64] {
+    pub(crate) fn voxels(&self) -> &[u64] {
         &self.voxels
     }
 
     /// Infobytes of all nodes, in breadth-first order.
-    pub fn infobytes(&self) -> &[u8] {
+    pub(crate) fn infobytes(&self) -> &[u8] {
         &self.infobytes
     }
 }
@@ -145,7 +144,7 @@ impl NodeView for MemoryTree {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::geom::Octant;
+    use infobyte::geom::Octant;
 
     /// Voxels found by walking the tree from its root.
     fn walk(tree: &MemoryTree) -> Vec<u64> {

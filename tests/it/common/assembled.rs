@@ -2,38 +2,38 @@
 //!
 //! Written for clarity, from SPEC.md alone; tests compare faster code with it.
 
-use super::error::FormatError;
-use super::header::{Encoding, HEADER_BYTES, Header};
-use super::kind::{Channel, SectionKind, SurfaceKind};
-use super::metadata::{Metadata, Selection, SelectionKind, SourceMeta};
-use super::section::{ENTRY_BYTES, SectionEntry, align_up, least_minor, table_bytes};
-use super::{normal, rank};
-use crate::geom::{Dims, morton};
+#![allow(dead_code, reason = "unit tests and tests of the whole use their own parts")]
+
+use infobyte::format::{
+    Channel, ENTRY_BYTES, Encoding, HEADER_BYTES, Header, Metadata, SectionEntry, SectionKind, Selection,
+    SelectionKind, SourceMeta, SurfaceKind, align_up, normal, rank, table_bytes,
+};
+use infobyte::geom::{Dims, morton};
 
 /// One skin voxel.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct AssembledVoxel {
+pub(crate) struct AssembledVoxel {
     /// Index (x, y, z).
-    pub cell: [u32; 3],
+    pub(crate) cell: [u32; 3],
     /// Normal code (SPEC 4.6); not used in a model without normals.
-    pub normal: u16,
+    pub(crate) normal: u16,
     /// Stored value (SPEC 4.7); not used in a model without values.
-    pub value: u16,
+    pub(crate) value: u16,
 }
 
 /// Which optional sections an assembled file has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct OptionalSections {
+pub(crate) struct OptionalSections {
     /// `NORM`.
-    pub normal: bool,
+    pub(crate) normal: bool,
     /// `VALU` with this many bytes per item (1 or 2), or none with 0.
-    pub value_bytes: u8,
+    pub(crate) value_bytes: u8,
     /// `NLOD` and `VLOD` of the channels that are there.
-    pub lod: bool,
+    pub(crate) lod: bool,
 }
 
 /// Metadata of a unnamed volume of unit spacing, inside from 1 on: all that a file to be compared needs.
-pub fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
+pub(crate) fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
     Metadata {
         program: "example".into(),
         source: SourceMeta::default(),
@@ -54,7 +54,7 @@ pub fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Metadata {
 ///
 /// Each section comes with its entry, of which kind, codec, item size, items, content size and
 /// content CRC must be set; offset, stored size and stored CRC are filled in here.
-pub fn join_sections(
+pub(crate) fn join_sections(
     encoding: Encoding,
     dims: Dims,
     nodes: u64,
@@ -77,7 +77,7 @@ pub fn join_sections(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: least_minor(SurfaceKind::Skin, &entries),
+        minor: 0,
         encoding,
         surface: SurfaceKind::Skin,
         leaves: false,
@@ -96,27 +96,22 @@ pub fn join_sections(
 
 /// Assembles a mapped file of `voxels` (any order, no cell twice); dims come from the metadata.
 ///
-/// # Errors
-/// No voxel, a cell twice or outside the dims, impossible dims, a value that does not fit, or metadata that is too long.
-pub fn assemble(
+/// # Panics
+/// No voxel, a cell twice or outside the dims, impossible dims, or a value that does not fit.
+pub(crate) fn assemble(
     metadata: &Metadata,
     voxels: &[AssembledVoxel],
     channels: OptionalSections,
-) -> Result<Vec<u8>, FormatError> {
+) -> Vec<u8> {
     let [nx, ny, nz] = metadata.dims;
-    let dims = Dims::new(nx, ny, nz).ok_or(FormatError::DimsRange { dims: metadata.dims })?;
+    let dims = Dims::new(nx, ny, nz).expect("possible dims");
     let depth = dims.depth();
     let mut sorted: Vec<(u64, AssembledVoxel)> =
         voxels.iter().map(|v| (morton::encode(v.cell[0], v.cell[1], v.cell[2]), *v)).collect();
     sorted.sort_by_key(|v| v.0);
-    let outside = voxels.iter().any(|v| !dims.contains(v.cell[0], v.cell[1], v.cell[2]));
-    let too_large = voxels.iter().find(|v| channels.value_bytes == 1 && v.value > 255);
-    if let Some(voxel) = too_large {
-        return Err(FormatError::ValueTooLarge { value: voxel.value });
-    }
-    if sorted.is_empty() || outside || sorted.windows(2).any(|w| w[0].0 == w[1].0) {
-        return Err(FormatError::VoxelSet { voxels: voxels.len() as u64 });
-    }
+    assert!(voxels.iter().all(|v| dims.contains(v.cell[0], v.cell[1], v.cell[2])));
+    assert!(channels.value_bytes != 1 || voxels.iter().all(|v| v.value < 256));
+    assert!(!sorted.is_empty() && sorted.windows(2).all(|w| w[0].0 != w[1].0));
 
     // A depth's nodes are the distinct prefixes of the voxels' Morton codes.
     let (mut levels, mut nodes) = (vec![0_u64], Vec::new());
@@ -136,14 +131,7 @@ pub fn assemble(
         levels.push(nodes.len() as u64);
     }
 
-    let (mut supers, mut blocks) = (Vec::new(), Vec::new());
-    rank::RankBuilder::default().feed(
-        &nodes,
-        |s| supers.extend(s.to_le_bytes()),
-        |b| blocks.extend(b.to_le_bytes()),
-    );
-    supers.extend(blocks);
-
+    let directory = rank::directory(&nodes);
     let n = nodes.len() as u64;
     let mut sections = Vec::new();
     let mut push = |kind, item: u8, bytes: Vec<u8>| {
@@ -151,10 +139,10 @@ pub fn assemble(
         entry.content_crc = crc32c::crc32c(&bytes);
         sections.push((entry, bytes));
     };
-    push(SectionKind::Meta, 1, metadata.to_bytes()?);
+    push(SectionKind::Meta, 1, metadata.to_bytes().unwrap());
     push(SectionKind::Levels, 8, levels.iter().flat_map(|l| l.to_le_bytes()).collect());
     push(SectionKind::Nodes, 1, nodes);
-    push(SectionKind::Rank, 1, supers);
+    push(SectionKind::Rank, 1, directory);
     if channels.normal && channels.lod {
         push(SectionKind::Means(Channel::Normal), 2, normal_lod);
     }
@@ -173,7 +161,7 @@ pub fn assemble(
         let values = sorted.iter().flat_map(|v| v.1.value.to_le_bytes().into_iter().take(item)).collect();
         push(SectionKind::Voxels(Channel::Value), channels.value_bytes, values);
     }
-    Ok(join_sections(Encoding::Mapped, dims, n, sorted.len() as u64, &sections))
+    join_sections(Encoding::Mapped, dims, n, sorted.len() as u64, &sections)
 }
 
 fn mean_normal(voxels: &[(u64, AssembledVoxel)]) -> u16 {
