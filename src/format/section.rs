@@ -179,7 +179,7 @@ impl SectionEntry {
 }
 
 /// The lowest minor version of the format that has this surface and these sections.
-pub(crate) fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
+pub fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
     sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
         Some(SectionKind::LabelTable) => minor.max(WALLS_MINOR),
         Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),

@@ -142,7 +142,8 @@ impl Affine {
 
 /// Where the three index axes of a headerless volume run, as three letters: `LPS` means x increases
 /// to the patient's Left, y to the Posterior, z to the Superior; `RAI` is the opposite of each.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(try_from = "String")]
 pub struct Orientation {
     /// World axis (0 = L/R, 1 = P/A, 2 = S/I) of each index axis, and whether it runs backwards.
     axes: [(usize, bool); 3],
@@ -188,6 +189,14 @@ impl FromStr for Orientation {
                 "'{text}' is not an orientation; write three letters, one each of L/R, P/A and S/I, such as LPS"
             )
         })
+    }
+}
+
+impl TryFrom<String> for Orientation {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
     }
 }
 

@@ -6,7 +6,6 @@
 use super::{InfoOverride, Note, Result, Treatment, VolumeInfo, VolumeSource};
 use crate::facts::{Misuse, SourceFault, StatedBy};
 use crate::geom::Orientation;
-use crate::text::some_text;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
@@ -15,7 +14,6 @@ pub struct Placement {
     /// Distance in mm between neighbours along x, y, z; finite and positive.
     pub spacing_mm: Option<[f64; 3]>,
     /// Directions of the index axes in the patient.
-    #[serde(deserialize_with = "some_text")]
     pub orientation: Option<Orientation>,
 }
 
