@@ -27,7 +27,7 @@ opaque_error! {
 pub(crate) enum BuildFault {
     #[error(transparent)]
     Source(SourceError),
-    #[error("{name}: {MEMORY} {} is too small; the smallest that works is {MEMORY} {}", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
+    #[error("{name}: {MEMORY} {} is too small; {MEMORY} {} works", ExactSize(*.limit_bytes), SizeArgument(*.minimum_bytes))]
     BudgetTooSmall { name: String, limit_bytes: u64, minimum_bytes: u64 },
     #[error("{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose {ISO} or {RANGE} within them", Short(*.min), Short(*.max))]
     EmptyResult { name: String, sought: Criterion, min: f64, max: f64 },
@@ -109,7 +109,7 @@ fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
 }
 
 impl BuildError {
-    /// The smallest cap that works, in bytes, if the memory was too small.
+    /// A cap that works, in bytes, if the memory was too small: for a volume the smallest.
     pub fn minimum_bytes(&self) -> Option<u64> {
         match self.fault() {
             BuildFault::BudgetTooSmall { minimum_bytes, .. } => Some(*minimum_bytes),
@@ -148,10 +148,10 @@ impl BuildError {
         }
     }
 
-    /// The same error with the smallest cap that was found for the whole job, if it was.
-    pub(crate) fn with_minimum(mut self, bytes: Option<u64>) -> Self {
-        if let (Some(bytes), BuildFault::BudgetTooSmall { minimum_bytes, .. }) = (bytes, self.fault_mut()) {
-            *minimum_bytes = bytes;
+    /// The same error with a larger cap, that of the whole job.
+    pub(crate) fn with_minimum(mut self, bytes: u64) -> Self {
+        if let BuildFault::BudgetTooSmall { minimum_bytes, .. } = self.fault_mut() {
+            *minimum_bytes = bytes.max(*minimum_bytes);
         }
         self
     }

@@ -70,19 +70,6 @@ pub(super) fn build_part(
     job.run(files, solid)
 }
 
-/// Reserves what a model of a solid cannot be built without.
-///
-/// # Errors
-/// The solid does not have one of the channels.
-pub(crate) fn reserve_least_of(
-    solid: &dyn Solid,
-    options: &BuildOptions,
-    budget: &Budget,
-) -> Result<Option<Reservation>, BuildError> {
-    let request = request_of(solid, &options.for_surface(solid.surface()))?;
-    Ok(ColumnPlan::smallest(&request, budget).ok())
-}
-
 fn request_of<'a>(solid: &'a dyn Solid, options: &BuildOptions) -> Result<PlanRequest<'a>, BuildError> {
     Ok(PlanRequest {
         dims: solid.dims(),

@@ -84,7 +84,6 @@ pub use estimator::Gradient;
 pub use file_solid::FileSolid;
 pub use item::ItemForm;
 pub use job::build_solid;
-pub(crate) use job::reserve_least_of;
 pub use labels::{LabelChoice, MAX_SMOOTH};
 pub use options::{BuildOptions, Threshold, Tolerance};
 pub use report::{BuildNote, BuildReport, StageSeconds};

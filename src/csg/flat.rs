@@ -84,8 +84,6 @@ pub(super) struct Flat<T> {
     pub(super) joins: Vec<Kind>,
     /// Join and part, in the order of the tree.
     pub(super) parts: Vec<(u32, Part)>,
-    /// The most that making it has taken at a time.
-    pub(super) peak_bytes: u64,
 }
 
 struct Visit {
@@ -118,8 +116,7 @@ impl<T> Flat<T> {
         most_bytes: u64,
         make: &mut Make<'a, '_, T>,
     ) -> Result<Self, Stop> {
-        let mut flat =
-            Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new(), peak_bytes: 0 };
+        let mut flat = Self { leaves: Vec::new(), held: 0, joins: vec![Kind::Or], parts: Vec::new() };
         // Depth first: affines behind the current one are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
@@ -173,9 +170,8 @@ impl<T> Flat<T> {
     }
 
     /// Is there room for what is held, and so much more?
-    fn hold(&mut self, more_bytes: u64, most_bytes: u64) -> Result<(), Stop> {
+    fn hold(&self, more_bytes: u64, most_bytes: u64) -> Result<(), Stop> {
         let bytes = self.bytes() + more_bytes;
-        self.peak_bytes = self.peak_bytes.max(bytes);
         if bytes > most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
     }
 

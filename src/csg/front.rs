@@ -1,6 +1,5 @@
 //! From a tree to a solid: the grid, the leaves placed on it, and what they are read from.
 
-use std::cell::{Cell, RefCell};
 use std::path::{Path, PathBuf};
 
 use super::CsgOptions;
@@ -13,13 +12,13 @@ use super::read::{too_small, unusable};
 use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
-use super::tree::{Faces, NodeId, Shape, Tree, room};
-use crate::budget::{Budget, MemoryCap, Reservation};
+use super::tree::{Faces, NodeId, Shape, Tree};
+use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
-use crate::mesh::{Bounds, GridChoice, STEPS, least_part, mesh_bounds, mesh_part};
+use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::platform::give_back;
 use crate::volume::VolumeSource;
 
@@ -59,10 +58,6 @@ pub(super) struct Front<'a, 't> {
     pub(super) options: &'a BuildOptions,
     pub(super) scratch: PathBuf,
     pub(super) progress: &'a dyn Progress,
-    /// The most that flat trees and the making of a leaf have taken at a time, without the tree.
-    pub(super) peak: Cell<u64>,
-    /// Where only the smallest cap is sought, what is reserved of it, and what meshes hold of that.
-    pub(super) dry: Option<(&'a Budget, RefCell<Vec<Reservation>>)>,
 }
 
 impl<'a, 't> Front<'a, 't> {
@@ -96,7 +91,7 @@ impl<'a, 't> Front<'a, 't> {
         PlacedTree { place, of_volume, meshes, resampled }: &'a PlacedTree<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
-        let (mut number, mut made) = (0, 0);
+        let mut number = 0;
         let mut sampled = Vec::new();
         let flat = self.flat(self.unit(), &mut |met| {
             let to_lattice = place.to_lattice.after(met.affine);
@@ -105,9 +100,7 @@ impl<'a, 't> Front<'a, 't> {
             let leaf = match met.shape {
                 None => Leaf::Nothing,
                 Some(Shape::Mesh { path }) => {
-                    // It is read while the leaves before it are held.
-                    let held = made + room(number as u64) * (size_of::<Leaf>() + 8) as u64;
-                    sampled.push(self.mesh(path, &to_lattice, &place, (meshes, held))?);
+                    sampled.push(self.mesh(path, &to_lattice, &place, meshes)?);
                     Leaf::Sampled(u32::try_from(sampled.len() - 1).unwrap_or(u32::MAX))
                 }
                 Some(Shape::Volume { path, iso }) => {
@@ -122,13 +115,12 @@ impl<'a, 't> Front<'a, 't> {
                 }
                 Some(shape) => {
                     if let Shape::Faces(faces) = shape {
-                        self.check_room(faces, made)?;
+                        self.check_room(faces)?;
                     }
                     leaf::place(shape, &to_lattice, met.line)?
                 }
             };
             let held = leaf.bytes();
-            made += held;
             Ok((leaf, held))
         })?;
         let [x, y, z] = [0, 1, 2].map(|k| place.affine.rows[k][3]);
@@ -162,20 +154,11 @@ impl<'a, 't> Front<'a, 't> {
         path: &Path,
         to_lattice: &Affine,
         place: &LatticeGrid,
-        (meshes, held): (usize, u64),
+        meshes: usize,
     ) -> Result<SampledLeaf<'a>, BuildError> {
         let rows = to_lattice.rows.map(|row| row.map(|c| c / f64::from(STEPS)));
         let (to_voxels, scratch) = ((Affine { rows }, place.dims), &self.scratch);
-        let solid = match &self.dry {
-            None => mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?.0,
-            Some((dry, parts)) => {
-                let _before = dry.reserve(held);
-                let least = least_part(path, to_voxels, self.options, scratch, (self.progress, dry))?;
-                let (solid, part) = least.ok_or_else(|| too_small(self.name, self.options.memory, 0))?;
-                parts.borrow_mut().extend(part);
-                solid
-            }
-        };
+        let (solid, _) = mesh_part(path, to_voxels, meshes, self.options, scratch, self.progress)?;
         Ok(SampledLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
@@ -186,15 +169,13 @@ impl<'a, 't> Front<'a, 't> {
             give_back();
         }
         let flat = Flat::new((self.tree, self.root), first, self.left_bytes(), make);
-        let flat = flat.map_err(|stop| match stop {
+        flat.map_err(|stop| match stop {
             flat::Stop::Fault(fault) => self.wrong(fault),
             flat::Stop::Memory { bytes } => {
                 too_small(self.name, self.options.memory, bytes + self.tree.bytes())
             }
             flat::Stop::Build(error) => error,
-        })?;
-        self.peak.set(self.peak.get().max(flat.peak_bytes));
-        Ok(flat)
+        })
     }
 
     /// What is left next to the tree.
@@ -205,10 +186,9 @@ impl<'a, 't> Front<'a, 't> {
         left.saturating_sub(if let MemoryCap::Share(_) = memory { self.tree.bytes() } else { 0 })
     }
 
-    /// Is there room for the triangles of a leaf, and the corners of which they are made, in addition to the leaves before?
-    fn check_room(&self, faces: &Faces, made: u64) -> Result<(), BuildError> {
+    /// Refuses a leaf whose triangles, and the corners of which they are made, have no room.
+    fn check_room(&self, faces: &Faces) -> Result<(), BuildError> {
         let bytes = 36 * (faces.points.len() + faces.triangles.len()) as u64;
-        self.peak.set(self.peak.get().max(made + bytes));
         if bytes > FEW_BYTES && bytes > self.left_bytes() {
             return Err(too_small(self.name, self.options.memory, bytes));
         }

@@ -15,7 +15,6 @@
 //! | [`Tree`] | shapes, where they lie, and how they are joined |
 //! | `text`, `read` | trees from OpenSCAD's evaluated text, and from files of it |
 //! | `front` | from a tree to a solid |
-//! | `least` | the smallest memory cap |
 //! | `offset` | solids grown and shrunk by a distance |
 //! | `flat`, `program` | complements pushed down to leaves; steps on a stack, pruned box by box |
 //! | `place`, `bounds` | the grid and the lattice; the box that a grid is put around |
@@ -34,7 +33,6 @@ mod facets;
 mod flat;
 mod front;
 mod leaf;
-mod least;
 mod offset;
 mod place;
 mod program;
@@ -46,12 +44,10 @@ mod text;
 mod tree;
 mod wide;
 
-pub(crate) use least::least_cap;
-pub(crate) use read::{check_links, is_tree, named_files};
+pub(crate) use read::{check_links, is_tree, memory_bound, named_files};
 pub use read::{parse_tree, read_tree};
 pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 
-use std::cell::Cell;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -103,8 +99,7 @@ pub fn with_tree<T>(
     let started = Instant::now();
     let CsgInput { tree, root, name, volumes } = input;
     let (name, volumes) = (&name, &volumes);
-    let peak = Cell::new(0);
-    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress, peak, dry: None };
+    let front = Front { tree: &tree, root, volumes, name, csg, options, scratch, progress };
     let placed = front.placed()?;
     let (tree_solid, facts) = front.solid(&placed)?;
     drop(tree);

@@ -3,7 +3,7 @@
 use std::io::BufReader;
 use std::path::{Path, PathBuf};
 
-use super::text::{self, ParsedTree, Stop, TextCounts};
+use super::text::{self, Stop};
 use super::tree::{NodeId, Shape, Tree};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
@@ -45,7 +45,7 @@ pub fn read_tree(path: &Path, memory: MemoryCap) -> Result<(Tree, NodeId), Build
     let least = MIN_WORKER + WORKER_OVERHEAD;
     let most = Budget::of_job(memory).left_bytes().saturating_sub(least);
     let parsed = parse_file(path, most)?;
-    parsed.map(|of| (of.tree, of.root)).map_err(|bytes| too_small(path, memory, bytes + least))
+    parsed.map_err(|bytes| too_small(path, memory, bytes + least))
 }
 
 /// The files that a tree names, its text not among them; of the tree, so many bytes are held meanwhile.
@@ -60,7 +60,7 @@ pub(crate) fn named_files(
     let needed = |needed_bytes| {
         SourceError::from(SourceFault::Memory { path: path.to_path_buf(), needed_bytes, allowed_bytes })
     };
-    let ParsedTree { tree, .. } = parse_file(path, allowed_bytes)?.map_err(needed)?;
+    let (tree, _) = parse_file(path, allowed_bytes)?.map_err(needed)?;
     if !follow_links {
         check_links(&tree, path)?;
     }
@@ -70,8 +70,8 @@ pub(crate) fn named_files(
     Ok(files)
 }
 
-/// A tree that takes `most` bytes, or the bytes that it would take.
-pub(super) fn parse_file(path: &Path, most: u64) -> Result<Result<ParsedTree, u64>, SourceError> {
+/// A tree that takes at most `most` bytes, or the bytes that it took when it was given up.
+fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_file(path).map_err(|cause| {
         if is_not_regular(&cause) {
@@ -89,9 +89,10 @@ pub(super) fn parse_file(path: &Path, most: u64) -> Result<Result<ParsedTree, u6
     }
 }
 
-/// What a text holds, if it can be read.
-pub(super) fn count_file(path: &Path) -> Option<TextCounts> {
-    text::count(&mut BufReader::with_capacity(READ_BYTES, open_file(path).ok()?)).ok()
+/// Bytes in which the tree of a file fits in every stage, and the number of files that it names; `None` if the file
+/// cannot be read.
+pub(crate) fn memory_bound(path: &Path) -> Option<(u64, u64)> {
+    text::memory_bound(&mut BufReader::with_capacity(READ_BYTES, open_file(path).ok()?)).ok()
 }
 
 /// Reads a tree from text in memory; files that it names lie in `folder`.
@@ -99,7 +100,7 @@ pub(super) fn count_file(path: &Path) -> Option<TextCounts> {
 /// # Errors
 /// A fault of the text, with its line.
 pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault> {
-    text::parse(&mut { text }, folder, u64::MAX).map(|of| (of.tree, of.root)).map_err(|stop| match stop {
+    text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
         Stop::Text(fault) => fault,
         // Memory can be read, and nothing was said of how much the tree may take.
         Stop::Read(_) | Stop::Memory { .. } => CsgFault::Nothing,

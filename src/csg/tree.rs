@@ -228,7 +228,7 @@ pub(super) const fn boxed<T>() -> usize {
 }
 
 /// What it adds to the two lists of faces.
-pub(super) const LISTS: usize = 32;
+const LISTS: usize = 32;
 
 /// Adds to a list that grows by an eighth, not to twice its size: trees are the largest thing in memory while they are
 /// read.
@@ -240,22 +240,8 @@ pub(super) fn push<T>(list: &mut Vec<T>, item: T) {
 }
 
 /// By how much a full list grows.
-pub(super) fn grown(len: usize) -> usize {
+fn grown(len: usize) -> usize {
     (len / 8).max(64)
-}
-
-/// The room of a list that grew to a length.
-pub(super) fn room(len: u64) -> u64 {
-    let (mut room, len) = (0, usize::try_from(len).unwrap_or(usize::MAX / 2));
-    while room < len {
-        room += grown(room);
-    }
-    room as u64
-}
-
-/// The room that a list keeps which has become shorter; `None` where that is what it has.
-pub(super) fn shrunk(len: usize, capacity: usize) -> Option<usize> {
-    (len + len / 7 + 64 < capacity).then_some(len + len / 16)
 }
 
 /// A line as it is kept.

@@ -29,13 +29,14 @@ use crate::builder::{
     self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold, ViewedFrom,
 };
 use crate::clean::{CleanOptions, CleanReport};
-use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, least_cap, read_tree, with_tree};
+use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, memory_bound, read_tree, with_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
 use crate::facts::{Fill, Misuse, SourceFault, sentences};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
-    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, usual_channels, with_mesh,
+    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, sufficient_share, usual_channels,
+    with_mesh,
 };
 use crate::platform::{give_back, open_file};
 use crate::render::NamedView;
@@ -462,9 +463,10 @@ impl BuildJob<'_> {
         let dry = Budget::dry(self.options.memory);
         self.tree_within(path, then).map_err(|error| match error {
             Error::Build(error) if error.minimum_bytes().is_some() => {
-                let scratch = self.options.scratch_folder(self.output);
-                let least = least_cap(path, (&self.grid.tree(), self.options), scratch, self.progress, &dry);
-                Error::Build(error.with_minimum(least))
+                let share = sufficient_share(&self.grid.mesh_or_usual(&[], self.options), self.options);
+                // Every file may be a mesh.
+                let sum = memory_bound(path).map_or(0, |(bytes, files)| bytes + (1 + files) * share);
+                Error::Build(error.with_minimum(dry.smallest_limit_with(sum)))
             }
             other => other,
         })

@@ -17,12 +17,11 @@ use super::read::{Limits, Look, MeshFile, READER_BYTES};
 use super::resident::Resident;
 use super::solid::{MeshSolid, fixed_bytes};
 use super::thin::{self, Thin, ThinSolid};
-use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, too_small};
+use super::{COLUMN_BYTES, MIN_RESIDENT, MeshOptions, sufficient_share, too_small};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, Reservation};
 use crate::builder::{
     BuildError, BuildFault, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims,
-    reserve_least_of,
 };
 use crate::facts::SourceFault;
 use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshLack, MeshNote, SourceError};
@@ -72,7 +71,7 @@ impl Counts {
     }
 }
 
-/// Descriptions of files that are held where the smallest cap is sought.
+/// Memory for the descriptions of files whose build was refused.
 const DESCRIPTIONS: u64 = 512 << 10;
 
 /// What a file's description would take, where it has no room.
@@ -155,68 +154,33 @@ impl Front<'_> {
     pub(super) fn solid(&self) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
         // Made before anything is opened, so that nothing counts twice.
         let dry = Budget::dry(self.options.memory);
-        self.solid_within(&Budget::of_job(self.options.memory)).or_else(|error| {
-            // A description says itself what it takes.
-            if error.minimum_bytes().is_none() {
-                return Err(error);
+        self.solid_within(&Budget::of_job(self.options.memory)).map_err(|error| {
+            let named = error.minimum_bytes();
+            // The size of a description is named by its reader.
+            match named.and_then(|_| self.sufficient_bytes().ok()) {
+                Some(bytes) => error.with_minimum(dry.smallest_limit_with(bytes)),
+                None => error,
             }
-            let (name, limit_bytes) = (self.name(), self.options.memory.bytes());
-            let minimum_bytes = self.least(&dry)?;
-            Err(BuildFault::BudgetTooSmall { name, limit_bytes, minimum_bytes }.into())
         })
     }
 
-    /// The smallest cap that works: what every stage takes, of the files as they are.
-    fn least(&self, dry: &Budget) -> Result<u64, BuildError> {
-        if let Some((mesh, _held)) = self.least_solid(dry)? {
-            let colored = self.is_of_cells() || mesh.wanted.is_some_and(|wanted| wanted.colors);
-            let channels = self.options.channels().iter().filter(|c| *c != Channel::Color || colored);
-            let options = BuildOptions { channels: Some(channels.collect()), ..self.options.clone() };
-            drop(reserve_least_of(&*self.built(mesh), &options, dry)?);
-        }
-        Ok(dry.smallest_limit(1))
-    }
-
-    /// A solid without triangles that takes the least memory, and what is held of it while it is built; `None` where
-    /// the description of a file is all that was read. Every stage before has reserved what it takes. The triangles are
-    /// read once for it, as only their sums tell whether the mesh is closed.
-    pub(super) fn least_solid(
-        &self,
-        dry: &Budget,
-    ) -> Result<Option<(MeshSolid, Vec<Reservation>)>, BuildError> {
-        let reading = dry.reserve(READER_BYTES);
-        let files = match self.open(DESCRIPTIONS) {
-            Ok(files) => files,
+    /// Memory in which every stage has room: the sum of the stages, for the files as they are.
+    fn sufficient_bytes(&self) -> Result<u64, BuildError> {
+        let mut mesh = *self.mesh;
+        let described = match self.open(DESCRIPTIONS) {
+            Ok(files) => {
+                let Grid { voxel_mm, origin_mm, dims, .. } = self.grid(&files)?.0;
+                mesh.grid = GridChoice::Exact { edge_mm: voxel_mm, origin_mm, dims };
+                let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
+                2 * held + image_bytes(&files, self.wanted(&files))
+            }
             Err(error) => {
                 let error = BuildError::from(error);
-                let Some(bytes) = described_bytes(&error) else { return Err(error) };
-                // More than that is not held to find out how much it is.
-                drop(dry.reserve(2 * bytes + BINNING_BYTES));
-                return Ok(None);
+                // Descriptions that are larger are not read to find out how large they are.
+                described_bytes(&error).map(|bytes| 4 * bytes).ok_or(error)?
             }
         };
-        let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
-        drop(dry.reserve(2 * held));
-        let described = dry.reserve(held);
-        let (grid, _) = self.grid(&files)?;
-        let bins = Binner::new(self.boxes(&grid), &self.scratch)?.finish()?;
-        let held_bins = dry.reserve(Bins::memory_bytes(self.boxes(&grid)));
-        let counted = self.count(&files, &grid, &mut |_| Ok(()))?;
-        let wanted = self.wanted(&files);
-        let painted = if wanted.anything() { COLLECTING_BYTES + image_bytes(&files, wanted) } else { 0 };
-        drop(dry.reserve(BINNING_BYTES + painted));
-        if counted.census.closed() == Closed::No && self.mesh.fill != Some(Fill::Surface) {
-            drop(dry.reserve(BOUNDARY_BYTES));
-        }
-        drop((files, reading));
-        let (name, resident, inputs) = (self.name(), MIN_RESIDENT, Vec::new());
-        let rule = Rule::NonZero;
-        let wanted = wanted.anything().then_some(wanted);
-        let (closed, open, paint) = (true, false, None);
-        let reach = Arc::clone(&self.reach);
-        let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, reach, inputs, wanted, paint };
-        // A part of what the description took stays with the allocator.
-        Ok(Some((mesh, [described, held_bins].into_iter().flatten().collect())))
+        Ok(described + sufficient_share(&mesh, self.options))
     }
 
     fn solid_within(&self, budget: &Budget) -> Result<(MeshSolid, MeshFacts, Vec<MeshNote>), BuildError> {
@@ -357,7 +321,7 @@ impl Front<'_> {
         files.iter().zip(self.inputs).flat_map(of).collect()
     }
 
-    /// Takes memory for a part of the work; [`Front::least`] takes the same.
+    /// Takes memory for a part of the work; [`super::least_share`] counts it.
     fn reserve(&self, budget: &Budget, bytes: u64) -> Result<Reservation, BuildError> {
         budget.reserve(bytes).map_err(|_| too_small(self.name(), self.options.memory, bytes))
     }

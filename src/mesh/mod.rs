@@ -58,7 +58,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
-use crate::budget::{Budget, MemoryCap, Reservation};
+use crate::budget::{Budget, MemoryCap};
 use crate::builder::FileSolid;
 use crate::builder::{BuildError, BuildFault, BuildOptions, CellEdges, Progress, Tile};
 use crate::facts::SourceError;
@@ -131,6 +131,8 @@ impl MeshOptions {
 const MIN_RESIDENT: usize = 2048;
 /// Bytes of a worker of the builder without its part of the solid, about.
 const COLUMN_BYTES: u64 = 768 << 10;
+/// Bytes that joining cells takes in addition, about.
+const JOINING_BYTES: u64 = 1 << 20;
 
 /// The default channels of a mesh: normals, and for skin colours if it has them.
 pub(crate) fn usual_channels(surface: SurfaceKind) -> Channels {
@@ -193,45 +195,18 @@ pub(crate) fn mesh_part(
     scratch: &Path,
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
-    as_part(path, (placed, dims), options, scratch, progress, |front| {
-        let (mut solid, facts, _) = front.solid()?;
-        solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
-        Ok((solid, facts))
-    })
-}
-
-/// A part that takes the least memory, without triangles; what all of it takes until it is made is reserved from `dry`,
-/// and what it holds then stays so. `None` where its description alone is larger than what is looked at.
-///
-/// # Errors
-/// As [`with_mesh`].
-pub(crate) fn least_part(
-    path: &Path,
-    placed: (Affine, Dims),
-    options: &BuildOptions,
-    scratch: &Path,
-    (progress, dry): (&dyn Progress, &Budget),
-) -> Result<Option<(MeshSolid, Vec<Reservation>)>, BuildError> {
-    as_part(path, placed, options, scratch, progress, |front| front.least_solid(dry))
-}
-
-fn as_part<T>(
-    path: &Path,
-    (placed, dims): (Affine, Dims),
-    options: &BuildOptions,
-    scratch: &Path,
-    progress: &dyn Progress,
-    then: impl FnOnce(&Front<'_>) -> Result<T, BuildError>,
-) -> Result<T, BuildError> {
     let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
     let mesh =
         MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false };
     let (inputs, scratch) = ([path.to_path_buf()], scratch.to_path_buf());
     let (placed, reach) = (Some(placed), Arc::default());
-    then(&Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach })
+    let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach };
+    let (mut solid, facts, _) = front.solid()?;
+    solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
+    Ok((solid, facts))
 }
 
-/// Least memory of a share in which a mesh of nearly any kind is built.
+/// Memory in which a mesh of nearly any kind is built.
 pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
     let side = match mesh.grid {
         GridChoice::Side { voxels, .. } => voxels,
@@ -253,7 +228,12 @@ pub(crate) fn least_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
         .max(column.max(MIN_WORKER) + WORKER_OVERHEAD)
 }
 
-/// The refusal of a memory cap in which so many bytes have no room.
+/// Memory in which a mesh of nearly any kind is built with any options.
+pub(crate) fn sufficient_share(mesh: &MeshOptions, options: &BuildOptions) -> u64 {
+    least_share(mesh, options) + if options.joins() { JOINING_BYTES } else { 0 }
+}
+
+/// The refusal of a memory cap in which these bytes have no room.
 pub(crate) fn too_small(name: String, memory: MemoryCap, bytes: u64) -> BuildError {
     let dry = Budget::dry(memory);
     let _most = dry.reserve(bytes);

@@ -199,7 +199,7 @@ fn long_series_that_are_opened_by_several_jobs_stay_within_the_cap() {
         }
     }
     let refused = oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "2MiB"]);
-    refused.refused(4, &["smallest that works"]);
+    refused.refused(4, &["is too small"]);
     let least = smallest_budget(&refused.stderr);
     // With the least memory one job at a time, with more of it several.
     for (cap, jobs) in [(least, 1), ("20MiB", 2)] {
@@ -371,8 +371,7 @@ fn a_folder_without_volumes_is_refused_and_a_missing_one_too() {
     assert!(names(&out).is_empty());
     oct(&["scan", &text(&top.join("x"))]).refused(3, &["x"]);
     write_ball(&top, "1.2.3.1", 8.0);
-    oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "3MiB"])
-        .refused(4, &["smallest that works"]);
+    oct(&["batch", &text(&top), "--out", &text(&out), "--memory", "3MiB"]).refused(4, &["is too small"]);
     // A picture that does not fit is left out, and made when there is room.
     let big = ["--thumbnails", "2000", "--quiet"];
     let (code, report) = batch(&top, &out, &[&big[..], &["--memory", "16MiB"]].concat());

@@ -371,7 +371,7 @@ fn a_budget_too_small_is_refused_and_the_smallest_that_works_is_named() {
         let stage = Stage::new();
         let file = stage.zeros(name, len);
         let raw = ["--dims", dims, "--dtype", dtype, "--iso", "0", "--channels", channels];
-        stage.refused(&file, &[&raw[..], &["--memory", "1MiB"]].concat(), 4, &[name, "smallest that works"]);
+        stage.refused(&file, &[&raw[..], &["--memory", "1MiB"]].concat(), 4, &[name, "is too small"]);
         for _ in 0..3 {
             let refusal = stage.build(&file, &[&raw[..], &["--memory", "64KiB"]].concat()).stderr;
             let smallest = smallest_budget(&refusal);

@@ -28,7 +28,7 @@ use crate::mesh::Crossings;
 pub(super) use body::Body;
 pub(super) use curved::{Curved, Round};
 pub(super) use extent::Extent;
-pub(super) use make::{along_axes, place, round};
+pub(super) use make::place;
 pub(super) use nested::Nested;
 pub(super) use plain::{Ball, Block, Half};
 

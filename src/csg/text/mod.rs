@@ -10,15 +10,15 @@
 //! The text has neither loops nor expressions, so what it takes is bounded by its size. It is read once, as a stream;
 //! blocks that are open wait on a list, so that their depth does not matter.
 
-mod count;
+mod bound;
 mod lexer;
 mod modules;
 mod parser;
 mod values;
 
-pub(super) use count::{TextCounts, count};
+pub(super) use bound::memory_bound;
 pub(super) use modules::is_module;
-pub(super) use parser::{ParsedTree, parse};
+pub(super) use parser::parse;
 
 use crate::facts::CsgFault;
 

@@ -75,12 +75,6 @@ pub(super) fn meaning(
     }
 }
 
-/// Has a module children?
-pub(super) fn is_block(name: &str) -> bool {
-    let joining = matches!(name, "group" | "union" | "difference" | "intersection" | "complement");
-    joining || matches!(name, "render" | "color" | "multmatrix" | "linear_extrude" | "offset3d")
-}
-
 pub(in crate::csg) fn is_module(name: &str) -> bool {
     taken(name).is_some() || name == "offset3d"
 }

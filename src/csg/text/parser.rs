@@ -7,7 +7,7 @@ use super::Stop;
 use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, made_bytes, meaning};
 use super::values::Arguments;
-use crate::csg::tree::{NodeId, Operation, Tree, boxed, push, shrunk};
+use crate::csg::tree::{NodeId, Operation, Tree, boxed, push};
 use crate::facts::{CsgFault, CsgToken};
 use crate::geom::Affine;
 
@@ -24,13 +24,11 @@ struct OpenBlock {
     single: bool,
 }
 
-/// What an open block takes.
-pub(super) const OPEN_BYTES: u64 = size_of::<OpenBlock>() as u64;
-
 /// Gives room back that a list has no more use for, as the tree grows while the blocks of a deep one are closed.
 fn shrink<T>(list: &mut Vec<T>) {
-    if let Some(capacity) = shrunk(list.len(), list.capacity()) {
-        list.shrink_to(capacity);
+    let len = list.len();
+    if len + len / 7 + 64 < list.capacity() {
+        list.shrink_to(len + len / 16);
     }
 }
 
@@ -47,8 +45,6 @@ struct Parser<'a> {
     waiting: Vec<NodeId>,
     /// Bytes of the boxes of open blocks.
     boxed_bytes: u64,
-    /// The most that was held at a time.
-    peak_bytes: u64,
     /// The beginning of a module, read ahead.
     pending: Option<Token>,
 }
@@ -61,7 +57,7 @@ pub(in crate::csg) fn parse(
     input: &mut dyn BufRead,
     folder: &Path,
     most_bytes: u64,
-) -> Result<ParsedTree, Stop> {
+) -> Result<(Tree, NodeId), Stop> {
     let top = Block::Joined(Operation::Union);
     let mut parser = Parser {
         lexer: Lexer::new(input),
@@ -79,22 +75,13 @@ pub(in crate::csg) fn parse(
         places: Vec::new(),
         waiting: Vec::new(),
         boxed_bytes: 0,
-        peak_bytes: 0,
         pending: None,
     };
     while parser.step()? {
         parser.hold(0)?;
     }
     let root = parser.tree.join(Operation::Union, &parser.waiting);
-    Ok(ParsedTree { tree: parser.tree, root, peak_bytes: parser.peak_bytes })
-}
-
-/// A tree that was read, and the most that was held for it at a time.
-#[derive(Debug)]
-pub(in crate::csg) struct ParsedTree {
-    pub(in crate::csg) tree: Tree,
-    pub(in crate::csg) root: NodeId,
-    pub(in crate::csg) peak_bytes: u64,
+    Ok((parser.tree, root))
 }
 
 /// Bytes of a block's box.
@@ -110,10 +97,9 @@ impl Parser<'_> {
         self.tree.bytes() + lists as u64 + self.boxed_bytes
     }
 
-    /// Holds so many bytes besides.
-    fn hold(&mut self, more_bytes: u64) -> Result<(), Stop> {
+    /// Refuses more bytes in addition to those held, where they have no room.
+    fn hold(&self, more_bytes: u64) -> Result<(), Stop> {
         let bytes = self.bytes() + more_bytes;
-        self.peak_bytes = self.peak_bytes.max(bytes);
         if bytes > self.most_bytes { Err(Stop::Memory { bytes }) } else { Ok(()) }
     }
 

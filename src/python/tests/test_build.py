@@ -258,7 +258,7 @@ def test_errors(bumps, tmp_path):
 
 
 def test_too_little_memory(bumps):
-    with pytest.raises(infobyte.BudgetError, match="the smallest that works is memory") as caught:
+    with pytest.raises(infobyte.BudgetError, match="is too small; memory") as caught:
         built(bumps, memory="10KiB")
     assert isinstance(caught.value, MemoryError) and caught.value.minimum_bytes > 10 << 10
     assert len(built(bumps, memory=caught.value.minimum_bytes)) > 0

@@ -100,7 +100,8 @@ pub(crate) fn names(folder: &Path) -> Vec<String> {
 
 /// The smallest budget that a refusal names, as it would be typed.
 pub(crate) fn smallest_budget(refusal: &str) -> &str {
-    let (_, after) = refusal.split_once("smallest that works is --memory ").expect(refusal);
+    let (_, after) = refusal.split_once(" is too small").expect(refusal);
+    let (_, after) = after.split_once("--memory ").expect(refusal);
     after.split([',', ';', ' ', '\n']).next().unwrap()
 }
 

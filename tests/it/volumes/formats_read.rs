@@ -493,7 +493,7 @@ fn the_smallest_budget_of_a_packed_input_is_told_before_it_is_unrolled_and_works
                 oct(&[&args[..], cleaning].concat())
             };
             let refusal = build("64KiB");
-            refusal.refused(4, &["smallest that works"]);
+            refusal.refused(4, &["is too small"]);
             let report = build(smallest_budget(&refusal.stderr)).json();
             let number = |key: &str| report[key].as_u64().unwrap();
             assert!(number("peak_rss_bytes") <= number("memory_budget_bytes"), "{report}");
