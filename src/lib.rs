@@ -137,6 +137,7 @@ pub mod error;
 mod exit;
 pub mod export;
 mod facts;
+mod fault;
 pub mod format;
 pub mod geom;
 mod identity;

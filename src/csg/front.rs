@@ -15,7 +15,8 @@ use super::solid::CsgSolid;
 use super::tree::{Faces, NodeId, Shape, Tree};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
-use crate::facts::{CsgFacts, CsgFault, Fault, Misuse, SourceError, SourceFault};
+use crate::facts::{CsgFacts, CsgFault, MeshFault, SourceError};
+use crate::fault::Fault;
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
@@ -143,10 +144,7 @@ impl<'a, 't> Front<'a, 't> {
 
     fn volume(&self, path: &Path) -> Result<&'a dyn VolumeSource, BuildError> {
         let known = self.volumes.iter().find(|(own, _)| own == path).map(|(_, source)| *source);
-        known.ok_or_else(|| {
-            SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse: Misuse::NoneFound })
-                .into()
-        })
+        known.ok_or_else(|| SourceError::from(Fault::no_volume().at(&path)).into())
     }
 
     fn mesh(
@@ -238,12 +236,7 @@ impl<'a, 't> Front<'a, 't> {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
                     _ => self.bounds()?,
                 };
-                let refused = |fault| {
-                    SourceError::from(SourceFault::Unusable {
-                        path: self.name.to_path_buf(),
-                        fault: Fault::MeshFile(fault),
-                    })
-                };
+                let refused = |fault: MeshFault| fault.at(self.name);
                 Ok(LatticeGrid::around(choice, &bounds).map_err(refused)?)
             }
         }

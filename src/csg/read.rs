@@ -8,7 +8,8 @@ use super::tree::{NodeId, Shape, Tree};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
-use crate::facts::{CsgFault, Fault, SourceError, SourceFault};
+use crate::facts::{CsgFault, SourceError, SourceFault};
+use crate::fault::{Fault, bad};
 use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
 
@@ -75,7 +76,7 @@ fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, Sou
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_file(path).map_err(|cause| {
         if is_not_regular(&cause) {
-            return SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::NotAFile }.into();
+            return bad!("is neither a file nor a folder; name one of these").at(&path).into();
         }
         unreadable(cause)
     })?;
@@ -128,7 +129,7 @@ pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
 }
 
 pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
-    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::Csg(fault) })
+    SourceError::from(Fault::from(fault).at(&path))
 }
 
 pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {

@@ -19,7 +19,8 @@ use crate::builder::BuildFault;
 use crate::builder::{
     BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::{Fault, SourceError, SourceFault};
+use crate::facts::SourceError;
+use crate::fault::Fault;
 use crate::format::{Channel, Metadata, SourceMeta};
 use crate::geom::Dims;
 use crate::identity::file_identity;
@@ -164,7 +165,7 @@ impl Solid for CsgSolid<'_> {
         if let Some((path, then)) = &self.text
             && file_identity(path) != *then
         {
-            return Err(SourceFault::Unusable { path: path.clone(), fault: Fault::ChangedInUse }.into());
+            return Err(Fault::changed().at(&path).into());
         }
         self.sampled.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
     }

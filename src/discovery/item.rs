@@ -14,8 +14,9 @@ use super::sidecar;
 use super::walk::changed;
 use crate::budget::costs;
 use crate::csg;
+use crate::facts::SourceFault;
 use crate::facts::dicom::DicomFault;
-use crate::facts::{Fault, SourceFault};
+use crate::fault::bad;
 use crate::mesh;
 use crate::source::dicom::{Recognition, open_series, recognise};
 use crate::source::{
@@ -336,7 +337,7 @@ fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
 
 /// The error of a file that is not what it was when its folder was searched.
 pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
-    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: Fault::Changed })
+    SourceError::from(bad!("was changed while the folders were searched; start again").at(&path))
 }
 
 /// A subject of one file or folder, of which no more is known than that.

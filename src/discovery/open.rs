@@ -9,11 +9,8 @@ use std::sync::Arc;
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
-use crate::facts::zarr::IndexFault;
-use crate::facts::{
-    Candidate, Choice, Fault, Instead, Misuse, NotVolume, Note, OtherVolume, Refusal, SourceFault, StatedBy,
-    SyntheticFault,
-};
+use crate::facts::{Candidate, Choice, Known, NotVolume, Note, OtherVolume, Refusal, SourceFault, StatedBy};
+use crate::fault::{Fault, bad, unfit, usage};
 use crate::mesh;
 use crate::platform::open_file;
 use crate::progress::Silent;
@@ -21,6 +18,7 @@ use crate::source::dicom::{FRACTIONAL, Recognition, SEGMENTATION, recognise};
 use crate::source::{HEAD_BYTES, Subject, SubjectKind, known, known_folder};
 use crate::source::{RawVolume, header_of_samples};
 use crate::synthetic;
+use crate::text::names::{DIMS, DTYPE, GRID, ISO, RANGE, SCAN, VOXEL};
 use crate::volume::InfoOverride;
 use crate::volume::place;
 use crate::volume::{
@@ -84,8 +82,7 @@ pub(crate) fn open_unprepared_in(
     }
     if !options.index.is_empty() && volume.info().description.format != "zarr" {
         let path = inputs.first().cloned().unwrap_or_default();
-        let misuse = Misuse::Index(IndexFault { axes: Vec::new() });
-        return Err(SourceFault::Usage { path, misuse }.into());
+        return Err(crate::source::unchosen(&[]).at(path).into());
     }
     Ok(volume)
 }
@@ -94,22 +91,22 @@ pub(crate) fn open_unprepared_in(
 fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Box<dyn VolumeSource>> {
     if let Some(raw) = &options.raw {
         if let Some(described) = inputs.iter().find(|input| synthetic::is_synthetic(input)) {
-            return Err(synthetic::usage(described, SyntheticFault::Described));
+            return Err(synthetic::usage(described, synthetic::described()));
         }
         if let Some(wanted) = options.volume.filter(|wanted| *wanted != 1) {
             let path = inputs.first().cloned().unwrap_or_default();
-            return Err(SourceFault::Usage { path, misuse: Misuse::SingleVolume { wanted } }.into());
+            return Err(usage!("there is no volume {wanted}: the input has only one").at(path).into());
         }
         return Ok(FileWatch::files(Box::new(RawVolume::open(inputs, raw)?), None));
     }
     let Some(first) = inputs.first() else {
-        return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoInput }.into());
+        return Err(usage!("no input file is given").into());
     };
     // A file that was given by name is not left out in silence.
     let is_empty =
         |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
     if let Some(path) = inputs.iter().find(is_empty) {
-        return Err(SourceFault::Unusable { path: path.clone(), fault: Fault::Empty }.into());
+        return Err(bad!("is empty; give a DICOM series or headerless voxels").at(&path).into());
     }
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
@@ -131,8 +128,7 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
             return match options.volume {
                 None | Some(1) => Ok(volume),
                 Some(wanted) => {
-                    Err(SourceFault::Usage { path: data.clone(), misuse: Misuse::SingleVolume { wanted } }
-                        .into())
+                    Err(usage!("there is no volume {wanted}: the input has only one").at(&data).into())
                 }
             };
         }
@@ -161,8 +157,8 @@ fn masks(found: &Catalogue, overlap: Overlap) -> Result<Option<Box<dyn VolumeSou
     }
     if count > MAX_MASKS {
         let path = findings[0].path.clone();
-        let misuse = Misuse::ManyMasks { found: count, most: MAX_MASKS };
-        return Err(SourceFault::Usage { path, misuse }.into());
+        let misuse = usage!("{count} masks are more than the {MAX_MASKS} that one map can be made of");
+        return Err(misuse.at(path).into());
     }
     joined(findings, overlap).map(Some)
 }
@@ -224,7 +220,7 @@ fn with_names(
     if let ImageKind::Series { object, .. } = &description.kind {
         if object == FRACTIONAL {
             let path = PathBuf::from(&description.name);
-            return Err(SourceFault::Usage { path, misuse: Misuse::Fractional }.into());
+            return Err(usage!("is a FRACTIONAL segmentation: its values are parts of voxels, not labels; choose a part with {ISO} V or {RANGE} LO..HI").at(path).into());
         }
         // The values of a segment are 0 and 1, whatever its number.
         if let [label] = description.labels.as_slice()
@@ -275,7 +271,7 @@ impl Subject {
             (SubjectKind::Tree, [only]) => Ok(Self::Tree(only.clone())),
             (SubjectKind::Tree, _) => {
                 let path = inputs.first().cloned().unwrap_or_default();
-                Err(SourceFault::Usage { path, misuse: Misuse::SeveralTrees }.into())
+                Err(usage!("a tree of solids (.csg) is built by itself; join several by union() {{ ... }} in one file, and meshes by import()").at(path).into())
             }
             (SubjectKind::Volume, _) => open_unprepared_in(inputs, options, scratch).map(Self::Volume),
         }
@@ -390,10 +386,12 @@ impl Chooser {
         };
         let Some((used, source)) = taken else {
             let misuse = match wanted {
-                Some(wanted) => Misuse::NoSuchVolume { wanted, found: seen },
-                None => Misuse::NoneFound,
+                Some(wanted) => {
+                    usage!("there is no volume {wanted} among the {seen} that were found; {SCAN} lists them")
+                }
+                None => Fault::no_volume(),
             };
-            let none = || SourceError::from(SourceFault::Usage { path: first.to_path_buf(), misuse });
+            let none = || SourceError::from(misuse.at(&first));
             return Err(errors.remove(&number).unwrap_or_else(none));
         };
         let mut notes = Vec::new();
@@ -427,6 +425,12 @@ impl Chooser {
     }
 }
 
+fn known_otherwise(what: Known) -> Fault {
+    bad!(
+        "is {what}; DICOM, NRRD, NIfTI, MetaImage, .npy, MRC, VTK, VGStudio, Amira, Zarr, TIFF and PNG are read, and headerless voxels with {DIMS} NXxNYxNZ and {DTYPE}"
+    )
+}
+
 /// The refusal of inputs among which there is nothing like a volume.
 fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
     if let [path] = inputs
@@ -440,51 +444,64 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
         return error;
     }
     if let Some(what) = known_folder(first) {
-        return SourceFault::Unusable { path: first.to_path_buf(), fault: Fault::Known(what) }.into();
+        return known_otherwise(what).at(&first).into();
     }
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
-        [] => Instead::EmptyFolder,
+        [] => unfit!("the folder holds no file"),
         [only] if !matches!(only.why, NotVolume::Unknown | NotVolume::Headerless) => {
-            Instead::Only { files, kind: only.why.clone() }
+            unfit!("none of the {files} file(s) is a volume: {}", only.why)
         }
         several => match several.iter().find(|left| matches!(left.why, NotVolume::SideCar(_))) {
             // It may be why nothing else is a volume.
-            Some(left) => Instead::Only { files, kind: left.why.clone() },
-            None => Instead::Unknown { files },
+            Some(left) => unfit!("none of the {files} file(s) is a volume: {}", left.why),
+            None => unfit!(
+                "no volume is among the {files} file(s); for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}"
+            ),
         },
     };
-    SourceError::from(SourceFault::NoVolume { path: first.to_path_buf(), found })
+    found.at(first).into()
 }
 
 /// The refusal of a single file that is not a volume.
 fn refuse_file(path: &Path) -> SourceError {
-    let unusable = |fault| SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault });
+    let unusable = |fault: Fault| SourceError::from(fault.at(path));
     let opened = open_file(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let (length, file) = match opened {
         Ok(opened) => opened,
         Err(cause) => return SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
     };
     if length == 0 {
-        return unusable(Fault::Empty);
+        return unusable(bad!("is empty; give a DICOM series or headerless voxels"));
     }
     if let Recognition::NoImage(kind) = recognise(&file) {
-        let found = Instead::File(NotVolume::Dicom(kind));
-        return SourceError::from(SourceFault::NoVolume { path: path.to_path_buf(), found });
+        return unfit!("{kind}").at(path).into();
     }
     if let Some(what) = known(&head_of(&file)) {
-        return unusable(Fault::Known(what));
+        return unusable(known_otherwise(what));
     }
     // A name that promises DICOM makes the file wrong; any other may be raw voxels that lack options.
     let promises = |e: &str| path.extension().is_some_and(|x| x.eq_ignore_ascii_case(e));
     if ["dcm", "dicom", "ima"].iter().any(|e| promises(e)) {
-        return unusable(Fault::NotDicom);
+        return unusable(bad!(
+            "is not DICOM, in spite of its name; for headerless voxels add {DIMS} and {DTYPE}"
+        ));
     }
     if mesh::is_named(path) {
-        return unusable(Fault::Mesh);
+        return unusable(bad!(
+            "is a mesh by its name, and is not read as a volume; meshes (STL, PLY, OBJ, OFF, glTF, 3MF) are built by themselves, with {GRID} N or {VOXEL} MM"
+        ));
     }
-    let misuse = if promises("vol") { Misuse::SamplesOnly } else { Misuse::Undescribed };
-    let undescribed = || SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse });
+    let misuse = if promises("vol") {
+        usage!(
+            "contains headerless voxels, judging by its name (.vol); put the .vgi that describes it into its folder, or add {DIMS} NXxNYxNZ and {DTYPE}"
+        )
+    } else {
+        usage!(
+            "is not a file of a known kind; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}, or put a side-car with dims and dtype beside it, as NAME.json"
+        )
+    };
+    let undescribed = || SourceError::from(misuse.at(&path));
     sidecar::wrong_beside(path).unwrap_or_else(undescribed)
 }
 

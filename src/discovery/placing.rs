@@ -8,8 +8,8 @@ use std::path::{Path, PathBuf};
 use super::InputFiles;
 use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
-use crate::facts::sidecar::SideCarFault;
-use crate::facts::{SourceFault, StatedBy};
+use crate::facts::StatedBy;
+use crate::fault::{Fault, bad};
 use crate::volume::{FileWatch, Result, SourceError, VolumeSource};
 use crate::volume::{Placement, place};
 
@@ -19,7 +19,7 @@ pub(super) struct PlacementSidecar {
     /// The side-car.
     path: PathBuf,
     /// Its contents, or its fault.
-    said: Result<(Placement, Vec<String>), SideCarFault>,
+    said: Result<(Placement, Vec<String>), Fault>,
 }
 
 /// Keys that mean something where data only has to be placed.
@@ -55,7 +55,7 @@ pub(super) fn placing_of(data: &[&Path]) -> Option<PlacementSidecar> {
         candidates(data).chain(inside).find_map(|path| {
             // What is named like the data, and cannot be read, would have said where it lies.
             if let Some(unparsed) = unparsed(&path) {
-                return Some(PlacementSidecar { path, said: Err(SideCarFault::Unparsed(unparsed)) });
+                return Some(PlacementSidecar { path, said: Err(bad!("{unparsed}")) });
             }
             let (placing, file) = read_placing(&path)?;
             // Inside, the data is the folder, even if a file is stated.
@@ -114,9 +114,7 @@ impl PlacementSidecar {
     /// # Errors
     /// The side-car is faulty.
     pub(super) fn place(&self, volume: Box<dyn VolumeSource>) -> Result<Box<dyn VolumeSource>> {
-        let unusable = |fault: &SideCarFault| {
-            SourceError::from(SourceFault::Unusable { path: self.path.clone(), fault: fault.clone().into() })
-        };
+        let unusable = |fault: &Fault| SourceError::from(fault.clone().at(&self.path));
         let (placement, unknown) = self.said.as_ref().map_err(unusable)?;
         let by = StatedBy::SideCar;
         let volume = FileWatch::description(place(volume, *placement, by)?, &self.path);

@@ -30,11 +30,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::placing;
-use crate::facts::sidecar::{ParseFault, SideCarFault, Unparsed};
-use crate::facts::{Fault, Misuse, SourceFault};
+use crate::facts::sidecar::{ParseFault, Unparsed};
+use crate::fault::{Fault, bad};
 use crate::geom::Orientation;
 use crate::platform::open_file;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
+use crate::text::names::FOLLOW_LINKS;
 use crate::volume::Placement;
 use crate::volume::{InfoOverride, Note, Result, SourceError, VolumeSource};
 pub(super) use keys::Keys;
@@ -70,8 +71,8 @@ pub(super) fn read(path: &Path) -> Option<Result<Sidecar>> {
     keys.describe_raw().then(|| Sidecar::of(&keys).map_err(|fault| unusable(path, fault)))
 }
 
-fn unusable(path: &Path, fault: SideCarFault) -> SourceError {
-    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: fault.into() })
+fn unusable(path: &Path, fault: Fault) -> SourceError {
+    fault.at(path).into()
 }
 
 /// The keys of a text, if it can be parsed.
@@ -132,13 +133,13 @@ pub(super) fn wrong_beside(data: &Path) -> Option<SourceError> {
         Some(Ok(_)) => None,
         None => {
             let at = unparsed(&path).or_else(|| incomplete(&path))?;
-            Some(unusable(&path, SideCarFault::Unparsed(at)))
+            Some(unusable(&path, bad!("{at}")))
         }
     })
 }
 
 impl Sidecar {
-    fn of(keys: &Keys) -> Result<Self, SideCarFault> {
+    fn of(keys: &Keys) -> Result<Self, Fault> {
         let dims = keys.dims()?;
         let (scalar, endian) = keys.dtype()?;
         let stated = keys.placement()?;
@@ -206,14 +207,21 @@ pub(super) fn describes(data: &Path) -> bool {
 /// # Errors
 /// The side-car is faulty, or its data is missing or of another length.
 pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
-    let sidecar = read(path).ok_or_else(|| unusable(path, SideCarFault::Changed))??;
+    let sidecar =
+        read(path).ok_or_else(|| unusable(path, bad!("is not a description of a raw volume any more")))??;
     let data = match &sidecar.file {
         Some(name) => path.with_file_name(name),
-        None => data_of(path).ok_or_else(|| unusable(path, SideCarFault::NoData))?,
+        None => data_of(path).ok_or_else(|| unusable(path, bad!("describes a raw volume, but no data file with the same stem is in its folder; name it with the key file")))?,
     };
     if !how.follow_links && !stays(path, &data) {
         let data = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-        return Err(unusable(path, SideCarFault::Linked { data }));
+        return Err(unusable(
+            path,
+            bad!(
+                "its data `{}` is a link that leads out of the folder of the side-car; put the data there, or add {FOLLOW_LINKS}",
+                data.escape_debug()
+            ),
+        ));
     }
     let placement = sidecar.stated.or(how.placement);
     let options = &RawOptions {
@@ -221,34 +229,8 @@ pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSourc
         orientation: placement.orientation.unwrap_or(sidecar.options.orientation),
         ..sidecar.options
     };
-    let volume = RawVolume::open(&[data], options).map_err(|error| in_terms_of_keys(path, options, error))?;
+    let volume = RawVolume::described(&[data], options, Some(path))?;
     Ok(with_unknown(Box::new(volume), &sidecar.unknown, &KEYS))
-}
-
-/// A refusal of raw data that speaks of the side-car instead of options of the command line.
-fn in_terms_of_keys(path: &Path, options: &RawOptions, error: SourceError) -> SourceError {
-    let name = |data: &Path| data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-    match error.fault() {
-        SourceFault::SizeMismatch { path: data, expected, got, layout } => {
-            let (expected, got, layout) = (*expected, *got, layout.clone());
-            let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
-            let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
-            let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
-            let key = if [1, 2, 4, 8].into_iter().any(|size| sizes(size) == Some(got)) {
-                "dtype"
-            } else if got.checked_sub(expected).is_some_and(|more| more < slice) {
-                "skip"
-            } else {
-                "dims"
-            };
-            unusable(path, SideCarFault::Size { data: name(data), layout, expected, got, key })
-        }
-        SourceFault::Unusable { path: data, fault: Fault::Raw(fault) }
-        | SourceFault::Usage { path: data, misuse: Misuse::Raw(fault) } => {
-            unusable(path, SideCarFault::Raw { data: name(data), fault: fault.clone() })
-        }
-        _ => error,
-    }
 }
 
 /// The file or folder of the same stem; of several the first by name.

@@ -15,7 +15,7 @@ use super::log::{Log, NONE, Record};
 use super::order::{full_path, precedes};
 use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
-use crate::facts::{NotVolume, SourceFault, SyntheticFault};
+use crate::facts::{NotVolume, SourceFault};
 use crate::mark::is_own_picture;
 use crate::source::StableHash;
 use crate::source::dicom::{Recognition, recognise};
@@ -209,7 +209,7 @@ impl Visitor for Surveyor<'_> {
         let record = Record { before: NONE, size: 0, changed: 0, input, path: PathBuf::new() };
         let text = self.path(input, Path::new(""));
         if self.options.raw.is_some() {
-            return Err(synthetic::usage(&text, SyntheticFault::Described));
+            return Err(synthetic::usage(&text, synthetic::described()));
         }
         // Reported at once, like a file that is not there.
         synthetic::open(&text)?;

@@ -5,7 +5,8 @@ use std::fs::{self, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::facts::{Fault, NotVolume, SourceFault};
+use crate::facts::{NotVolume, SourceFault};
+use crate::fault::bad;
 use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
 use crate::volume::{Result, SourceError};
@@ -64,7 +65,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
             visitor.file(at, Path::new(""), &meta)?;
         } else {
             // Opening a pipe could wait forever.
-            return Err(SourceFault::Unusable { path: input.clone(), fault: Fault::NotAFile }.into());
+            return Err(bad!("is neither a file nor a folder; name one of these").at(&input).into());
         }
     }
     Ok(())

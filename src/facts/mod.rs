@@ -15,38 +15,27 @@
 //! | [`samples`] | faults of samples in files, with a header and without |
 //! | [`numbered`] | slices numbered by the names of their files |
 //! | [`sidecar`] | faults of side-cars |
-//! | [`SyntheticFault`] | why a text describes no synthetic volume |
+//! | [`Fault`] | why a text describes no synthetic volume |
 
 mod csg;
 pub(crate) mod dicom;
 mod error;
 mod found;
-pub(crate) mod headed;
-pub(crate) mod header;
 mod left_out;
 mod mesh;
-pub(crate) mod metaimage;
-pub(crate) mod nifti;
 mod note;
-pub(crate) mod npy;
-pub(crate) mod nrrd;
 pub(crate) mod numbered;
-pub(crate) mod png;
-mod raw;
 pub(crate) mod samples;
 pub(crate) mod sidecar;
 mod stated;
-mod synthetic;
 mod system;
-pub(crate) mod tiff;
-pub(crate) mod zarr;
 
 pub use csg::CsgFacts;
 pub(crate) use csg::{CsgFault, CsgToken, OffsetFault, SurplusArgument};
 pub(crate) use dicom::DicomNote;
+pub(crate) use error::OtherVolume;
 pub use error::SourceError;
 pub(crate) use error::SourceFault;
-pub(crate) use error::{Fault, Instead, Misuse, OtherVolume};
 pub(crate) use found::{Candidate, Choice, Refusal};
 pub(crate) use left_out::{Known, NotVolume};
 pub use mesh::{Boundary, Fill, MeshFacts, MeshNote};
@@ -54,5 +43,4 @@ pub(crate) use mesh::{Feature, ImageFault, MeshFault, MeshLack, Part};
 pub(crate) use note::Note;
 pub use note::sentences;
 pub(crate) use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};
-pub(crate) use synthetic::{SyntheticFault, SyntheticValue};
 pub(crate) use system::SystemError;

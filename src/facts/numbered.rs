@@ -3,9 +3,6 @@
 use std::fmt::{self, Display, Formatter};
 use std::path::PathBuf;
 
-use thiserror::Error;
-
-use crate::text::names::GAPS;
 use crate::text::shown;
 
 /// Numbers of slices that lack some.
@@ -23,12 +20,6 @@ pub struct NumberGaps {
     pub can_fill: bool,
 }
 
-impl NumberGaps {
-    fn choice(&self) -> String {
-        if self.can_fill { format!("{GAPS} fill or {GAPS} keep") } else { format!("{GAPS} keep") }
-    }
-}
-
 impl Display for NumberGaps {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
         let Self { files, missing, places, first: [a, b], .. } = self;
@@ -41,20 +32,6 @@ impl Display for NumberGaps {
         }
         write!(f, ", first between {} and {}", shown(a), shown(b))
     }
-}
-
-/// Why numbered slices are refused.
-#[non_exhaustive]
-#[derive(Clone, Debug, PartialEq, Error)]
-pub(crate) enum NumberFault {
-    #[error("{}; add the missing slices, or choose {}", .0, .0.choice())]
-    Gaps(Box<NumberGaps>),
-    #[error("{} and {} have the same number; rename one of them, or move it away", shown(&.files[0]), shown(&.files[1]))]
-    Repeated { files: Box<[PathBuf; 2]> },
-    #[error(
-        "the numbers of {files} files span {slices} slices, so that most would be made; add the missing slices"
-    )]
-    TooFar { slices: u64, files: usize },
 }
 
 /// What was done about numbers that are missing.

@@ -33,7 +33,7 @@ pub enum StatedBy {
 
 impl StatedBy {
     /// What was stated: an option of the caller, or a key of the side-car.
-    pub(super) fn named(self, option: Name, key: &str) -> String {
+    pub(crate) fn named(self, option: Name, key: &str) -> String {
         match self {
             Self::Caller => option.to_string(),
             Self::SideCar => format!("{key} of the side-car"),

@@ -32,7 +32,8 @@ use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, memory_bound, read_tree, with_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
-use crate::facts::{Fill, Misuse, SourceFault, sentences};
+use crate::facts::{Fill, SourceFault, sentences};
+use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
     GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, sufficient_share, usual_channels,
@@ -197,10 +198,11 @@ fn in_full(mut error: Error, inputs: &[PathBuf], pseudonym: &str) -> Error {
     };
     let named = match &mut error {
         Error::Source(inner) => {
-            if let SourceFault::Usage { path: own, .. } = inner.fault_mut()
-                && is_it(own)
+            if let SourceFault::Said(fault) = inner.fault_mut()
+                && fault.kind == FaultKind::Usage
+                && is_it(&fault.path)
             {
-                own.clone_from(path);
+                fault.path.clone_from(path);
             }
             None
         }
@@ -428,7 +430,7 @@ impl BuildJob<'_> {
             Subject::Tree(path) => self.tree(path, then),
             Subject::Volume(volume) => {
                 let path = PathBuf::from(&volume.info().description.name);
-                Err(SourceError::from(SourceFault::Usage { path, misuse: Misuse::OwnGrid }).into())
+                Err(SourceError::from(usage!("is a volume, which has a grid of its own").at(path)).into())
             }
         }
     }

@@ -24,7 +24,7 @@ use crate::builder::{
     BuildError, BuildFault, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims,
 };
 use crate::facts::SourceFault;
-use crate::facts::{Boundary, Fault, Fill, MeshFacts, MeshFault, MeshLack, MeshNote, SourceError};
+use crate::facts::{Boundary, Fill, MeshFacts, MeshFault, MeshLack, MeshNote, SourceError};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
@@ -78,9 +78,7 @@ const DESCRIPTIONS: u64 = 512 << 10;
 fn described_bytes(error: &BuildError) -> Option<u64> {
     let BuildFault::Source(error) = error.fault() else { return None };
     match error.fault() {
-        SourceFault::Unusable {
-            fault: Fault::MeshFile(MeshFault::Description { needed_bytes, .. }), ..
-        } => Some(*needed_bytes),
+        SourceFault::Description { needed_bytes, .. } => Some(*needed_bytes),
         _ => None,
     }
 }
@@ -110,7 +108,7 @@ impl Front<'_> {
 
     fn unusable(&self, fault: MeshFault) -> SourceError {
         let path = self.inputs.first().cloned().unwrap_or_default();
-        SourceError::from(SourceFault::Unusable { path, fault: Fault::MeshFile(fault) })
+        fault.at(path)
     }
 
     /// The solid that is built, and the channels that it has of those that are asked for.
@@ -363,10 +361,7 @@ impl Front<'_> {
 
     fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
         match fault {
-            paint::Fault::Mesh(fault) => SourceError::from(SourceFault::Unusable {
-                path: self.inputs.get(file).cloned().unwrap_or_default(),
-                fault: Fault::MeshFile(fault),
-            }),
+            paint::Fault::Mesh(fault) => fault.at(self.inputs.get(file).cloned().unwrap_or_default()),
             paint::Fault::Source(error) => error,
         }
     }

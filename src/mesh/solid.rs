@@ -35,7 +35,8 @@ use crate::builder::{
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Isa, Kernel, dispatch};
-use crate::facts::{Fault, SourceError, SourceFault};
+use crate::facts::SourceError;
+use crate::fault::Fault;
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
 use crate::identity::file_identity;
@@ -127,9 +128,7 @@ impl Solid for MeshSolid {
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
-            Some((path, _)) => {
-                Err(SourceFault::Unusable { path: path.clone(), fault: Fault::ChangedInUse }.into())
-            }
+            Some((path, _)) => Err(Fault::changed().at(&path).into()),
             None => Ok(()),
         }
     }

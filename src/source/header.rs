@@ -6,8 +6,10 @@ use std::path::{Component, Path, PathBuf};
 
 use super::files::FileList;
 use super::stored::{Section, section};
-use crate::facts::header::HeaderFault;
-use crate::facts::{Fault, SourceFault};
+use crate::budget::Bytes;
+use crate::facts::SourceFault;
+use crate::fault::{Fault, bad};
+use crate::text::names::FOLLOW_LINKS;
 use crate::volume::{Result, SourceError};
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
@@ -37,10 +39,14 @@ impl<'a> Lines<'a> {
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;
         if read == 0 && self.offset >= MAX_HEADER {
-            return Err(Fault::from(HeaderFault::TooLong { most_bytes: MAX_HEADER }).in_stream());
+            return Err(bad!(
+                "its header does not end within {}; is it damaged, or full of comments?",
+                Bytes(MAX_HEADER)
+            )
+            .in_stream());
         }
         if read as u64 == MAX_LINE && !line.ends_with(b"\n") {
-            return Err(Fault::from(HeaderFault::EndlessLine).in_stream());
+            return Err(bad!("a line of the header has no end").in_stream());
         }
         if line.pop_if(|last| *last == b'\n').is_some() {
             line.pop_if(|last| *last == b'\r');
@@ -63,11 +69,11 @@ impl Once {
     }
 
     /// Refuses a field that was stated before.
-    pub(super) fn check(&mut self, field: &str) -> Result<(), HeaderFault> {
+    pub(super) fn check(&mut self, field: &str) -> Result<(), Fault> {
         let Some(at) = self.fields.iter().position(|known| *known == field) else { return Ok(()) };
         let bit = 1 << at;
         if self.seen & bit != 0 {
-            return Err(HeaderFault::Twice { field: self.fields[at] });
+            return Err(bad!("its header states `{}` twice; remove the wrong line", self.fields[at]));
         }
         self.seen |= bit;
         Ok(())
@@ -116,14 +122,28 @@ pub(super) fn normal_of(a: [f64; 3], b: [f64; 3], length: f64) -> [f64; 3] {
 pub(super) fn unreadable(path: &Path, cause: io::Error) -> SourceError {
     match cause.downcast::<Fault>() {
         Ok(fault) => unusable(path, fault),
-        Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => unusable(path, Fault::EndsEarly),
+        Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {
+            unusable(path, bad!("ends early; it was cut short, copy it again"))
+        }
         Err(cause) => SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
     }
 }
 
 /// A file is damaged, or of a kind that is not read.
-pub(super) fn unusable(path: &Path, fault: impl Into<Fault>) -> SourceError {
-    SourceError::from(SourceFault::Unusable { path: path.to_path_buf(), fault: fault.into() })
+pub(super) fn unusable(path: &Path, fault: Fault) -> SourceError {
+    fault.at(path).into()
+}
+
+/// A header of pictures that are no slices.
+pub(super) fn sweep() -> Fault {
+    bad!(
+        "is a list of pictures, each with a place of its own (a free-hand sweep), and these are not slices; reconstruct a volume from it first, and give that"
+    )
+}
+
+/// A line of a header without a name and a value.
+pub(super) fn not_a_field(line: &str) -> Fault {
+    bad!("the line `{}` of its header is not a field", line.escape_debug())
 }
 
 /// An empty list of files that lie in the folder of a header.
@@ -134,11 +154,14 @@ pub(super) fn files_beside(header: &Path) -> FileList {
 /// Name of a data file as a header has it, if it lies in the header's folder or below.
 ///
 /// A header that came from elsewhere must not make the program read any file it names.
-fn data_name(name: &str) -> Result<PathBuf, HeaderFault> {
+fn data_name(name: &str) -> Result<PathBuf, Fault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || path.as_os_str().is_empty() {
-        return Err(HeaderFault::Outside { name: name.to_owned() });
+        return Err(bad!(
+            "its data file `{}` is not in the folder of the header; put both into one folder and name it without a path",
+            name.escape_debug()
+        ));
     }
     Ok(path.to_path_buf())
 }
@@ -155,7 +178,13 @@ pub(super) fn check_links(header: &Path, files: &FileList, follow: bool) -> Resu
         None => Ok(()),
         Some(at) => {
             let name = files.name(at).to_string_lossy().into_owned();
-            Err(unusable(header, HeaderFault::Linked { name }))
+            Err(unusable(
+                header,
+                bad!(
+                    "its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}",
+                    name.escape_debug()
+                ),
+            ))
         }
     }
 }
@@ -177,9 +206,9 @@ pub(crate) fn stays(header: &Path, data: &Path) -> bool {
 }
 
 /// Adds a data file that a header names.
-pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), HeaderFault> {
+pub(super) fn listed(list: &mut FileList, name: &str) -> Result<(), Fault> {
     if list.len() as u64 >= MAX_FILES {
-        return Err(HeaderFault::TooManyFiles { most: MAX_FILES });
+        return Err(bad!("it names more than {MAX_FILES} data files"));
     }
     list.push(&data_name(name)?);
     Ok(())
@@ -191,18 +220,18 @@ pub(super) fn numbered(
     pattern: &str,
     [first, last, step]: [i64; 3],
     most: u64,
-) -> Result<(), HeaderFault> {
+) -> Result<(), Fault> {
     let towards = if first <= last { step > 0 } else { step < 0 };
     if !towards {
-        return Err(HeaderFault::EndlessNumbers { range: [first, last, step] });
+        return Err(bad!("its data files from {first} to {last} in steps of {step} have no end"));
     }
     let mut number = first;
     while if step > 0 { number <= last } else { number >= last } {
         if list.len() as u64 >= most {
-            return Err(HeaderFault::MoreFilesThanSlices { slices: most });
+            return Err(bad!("it names more data files than its {most} slices"));
         }
         let name = with_number(pattern, number)
-            .ok_or_else(|| HeaderFault::Pattern { pattern: pattern.to_owned() })?;
+            .ok_or_else(|| bad!("`{}` is not a pattern with one number", pattern.escape_debug()))?;
         listed(list, &name)?;
         let Some(next) = number.checked_add(step) else { break };
         number = next;
@@ -270,7 +299,13 @@ mod tests {
     fn data_files_stay_below_the_header() {
         assert_eq!(data_name(" sub/./a.raw ").unwrap(), Path::new("sub/./a.raw"));
         for name in ["/etc/passwd", "../a.raw", "a/../../b", ""] {
-            assert_eq!(data_name(name), Err(HeaderFault::Outside { name: name.into() }));
+            assert_eq!(
+                data_name(name),
+                Err(bad!(
+                    "its data file `{}` is not in the folder of the header; put both into one folder and name it without a path",
+                    name.escape_debug()
+                ))
+            );
         }
     }
 

@@ -9,13 +9,12 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
-    Lines, Once, check_links, counts, files_beside, listed, numbered, numbers, text, unit_mm, unreadable,
-    unusable,
+    Lines, Once, check_links, counts, files_beside, listed, not_a_field, numbered, numbers, sweep, text,
+    unit_mm, unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
-use crate::facts::header::HeaderFault;
-use crate::facts::metaimage::MetaImageFault;
 use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
@@ -109,7 +108,7 @@ impl Header {
                 continue;
             }
             let Some((key, value)) = line.split_once('=') else {
-                return Err(unusable(path, HeaderFault::NotAField { line }));
+                return Err(unusable(path, not_a_field(&line)));
             };
             let (key, value) = (key.trim().to_lowercase(), value.trim());
             if key == "elementdatafile" {
@@ -128,9 +127,9 @@ impl Header {
             once.check(&key).map_err(|fault| unusable(path, fault))?;
             header
                 .field(&key, value)
-                .ok_or_else(|| unusable(path, MetaImageFault::Field { line: line.clone() }))?;
+                .ok_or_else(|| unusable(path, bad!("its field `{}` makes no sense", line.escape_debug())))?;
         }
-        Err(unusable(path, MetaImageFault::NoDataFile))
+        Err(unusable(path, bad!("its header ends without ElementDataFile, which names the samples")))
     }
 
     /// Takes one field; `None` if it makes no sense.
@@ -160,25 +159,34 @@ impl Header {
     }
 
     fn stored(mut self, path: &Path, follow: bool) -> Result<StoredLayout> {
-        let refuse = |fault: MetaImageFault| unusable(path, fault);
+        let refuse = |fault: Fault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
-            return Err(refuse(MetaImageFault::Dimensions { count: self.axes, sizes: self.size.len() }));
+            return Err(refuse(bad!(
+                "its header states NDims = {} and {} sizes; volumes of 2 to 4 dimensions are read",
+                self.axes,
+                self.size.len()
+            )));
         }
         if self.channels != 1 {
-            return Err(refuse(MetaImageFault::Channels { count: self.channels }));
+            return Err(refuse(bad!(
+                "has {} channels a voxel; extract one into a file of its own",
+                self.channels
+            )));
         }
         // A list of volumes is read as volumes; a list of pictures is not. A kind of axes says neither: volumes that were
         // reconstructed of pictures keep it.
         let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
         if pictures && self.is_sequence {
-            return Err(unusable(path, HeaderFault::Sweep));
+            return Err(unusable(path, sweep()));
         }
-        let samples =
-            samples(&self.kind).ok_or_else(|| refuse(MetaImageFault::Type { name: self.kind.clone() }))?;
+        let samples = samples(&self.kind)
+            .ok_or_else(|| refuse(bad!("its ElementType `{}` is not read", self.kind.escape_debug())))?;
         let at = |i: usize| self.size.get(i).copied().unwrap_or(1);
         let (size, volumes) = ([at(0), at(1), at(2)], at(3));
         let mut notes = Vec::new();
-        let affine = self.affine(&mut notes).ok_or_else(|| refuse(MetaImageFault::FewNumbers))?;
+        let affine = self.affine(&mut notes).ok_or_else(|| {
+            refuse(bad!("its spacing, offset or matrix has fewer numbers than the volume has dimensions"))
+        })?;
         let local = self.data.eq_ignore_ascii_case("local");
         let mut files = std::mem::take(&mut self.list);
         let mut skip = 0;
@@ -193,14 +201,14 @@ impl Header {
         check_links(path, &files, follow)?;
         let encoding = match (self.compressed, self.binary) {
             (true, true) => stream_kind(&files, skip)?,
-            (true, false) => return Err(refuse(MetaImageFault::CompressedText)),
+            (true, false) => return Err(refuse(bad!("compressed text is not read"))),
             (false, true) => Encoding::Raw,
             (false, false) => Encoding::Text,
         };
         let skip = match u64::try_from(self.header_size) {
             Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
-            Err(_) => return Err(refuse(MetaImageFault::SkipAllButSamples)),
+            Err(_) => return Err(refuse(bad!("HeaderSize = -1 is for uncompressed samples only"))),
         };
         Ok(StoredLayout {
             header: path.to_path_buf(),
@@ -221,7 +229,7 @@ impl Header {
     }
 
     /// Files of a single name, or of a pattern with its numbers.
-    fn name_files(&self, files: &mut FileList, slices: u64) -> Result<(), HeaderFault> {
+    fn name_files(&self, files: &mut FileList, slices: u64) -> Result<(), Fault> {
         let parts: Vec<&str> = self.data.split_whitespace().collect();
         if let [pattern, range @ ..] = parts.as_slice()
             && pattern.contains('%')

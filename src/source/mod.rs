@@ -50,4 +50,4 @@ pub use options::{GapPolicy, OpenOptions};
 pub use raw::{RawOptions, RawVolume};
 pub(crate) use stable_hash::StableHash;
 pub use subject::{Subject, SubjectKind};
-pub(crate) use zarr::{head_of as zarr_head, is_of_group as is_of_zarr_group};
+pub(crate) use zarr::{head_of as zarr_head, is_of_group as is_of_zarr_group, unchosen};

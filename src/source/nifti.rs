@@ -13,12 +13,12 @@ use std::path::{Path, PathBuf};
 use super::OpenOptions;
 use super::header::{check_links, files_beside, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::nifti::NiftiFault;
-use crate::facts::samples::StoredFault;
 use crate::facts::{Note, StatedNumber};
+use crate::fault::{Fault, bad};
 use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
+use std::borrow::Cow;
 
 /// Bytes of a NIfTI-1 header, and of an ANALYZE 7.5 one.
 const NIFTI1_BYTES: usize = 348;
@@ -92,11 +92,13 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         // Some writers leave the offset 0 and mean the end of the header.
         let offset = if header.offset == 0 { least + 4 } else { header.offset };
         if offset < least {
-            return Err(unusable(path, NiftiFault::WithinHeader { offset }));
+            return Err(unusable(path, bad!("its samples begin at byte {offset}, within its header")));
         }
         (path.to_path_buf(), encoding, offset)
     } else {
-        let data = samples_of_header(path).ok_or_else(|| unusable(path, NiftiFault::NoImage))?;
+        let data = samples_of_header(path).ok_or_else(|| {
+            unusable(path, bad!("is the header of a pair, and no .img file lies beside it; copy both"))
+        })?;
         let mut beside = files_beside(path);
         beside.push(Path::new(data.file_name().unwrap_or_default()));
         check_links(path, &beside, options.follow_links)?;
@@ -200,13 +202,13 @@ impl Fields<'_> {
 }
 
 impl Header {
-    fn parse(bytes: &[u8]) -> Result<Self, NiftiFault> {
-        let short = NiftiFault::Short { bytes: bytes.len() };
+    fn parse(bytes: &[u8]) -> Result<Self, Fault> {
+        let short = bad!("ends after {} bytes, within its NIfTI header; copy the file again", bytes.len());
         let Some(size) = bytes.first_chunk::<4>() else { return Err(short) };
         let (endian, size) = match (u32::from_le_bytes(*size), u32::from_be_bytes(*size)) {
             (n @ (348 | 540), _) => (Endian::Little, n),
             (_, n @ (348 | 540)) => (Endian::Big, n),
-            _ => return Err(NiftiFault::Length),
+            _ => return Err(bad!("its NIfTI header is damaged: it states another length than 348 or 540")),
         };
         if bytes.len() < size as usize {
             return Err(short);
@@ -214,16 +216,20 @@ impl Header {
         let fields = Fields { bytes, endian };
         let header = if size == 348 { Self::first(&fields)? } else { Self::second(&fields)? };
         if !(1..=7).contains(&header.dim[0]) {
-            return Err(NiftiFault::Dimensions { count: header.dim[0] });
+            return Err(bad!("its NIfTI header is damaged: it has {} dimensions", header.dim[0]));
         }
         Ok(header)
     }
 
-    fn first(fields: &Fields<'_>) -> Result<Self, NiftiFault> {
+    fn first(fields: &Fields<'_>) -> Result<Self, Fault> {
         let single = match fields.bytes.get(344..348) {
             Some(b"n+1\0") => true,
             Some(b"ni1\0") => false,
-            _ => return Err(NiftiFault::Analyze),
+            _ => {
+                return Err(bad!(
+                    "is ANALYZE 7.5, or has a damaged NIfTI header: left and right cannot be distinguished, so it is not read; convert it to NIfTI"
+                ));
+            }
         };
         let offset = fields.f32(108);
         #[expect(
@@ -239,7 +245,7 @@ impl Header {
             single,
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| i64::from(fields.i16(40 + 2 * i))),
             datatype: fields.i16(70),
-            offset: offset.ok_or(NiftiFault::Nowhere)?,
+            offset: offset.ok_or_else(|| bad!("its NIfTI header is damaged: its samples begin nowhere"))?,
             slope: fields.f32(112),
             intercept: fields.f32(116),
             placement: Placement {
@@ -254,14 +260,16 @@ impl Header {
         })
     }
 
-    fn second(fields: &Fields<'_>) -> Result<Self, NiftiFault> {
+    fn second(fields: &Fields<'_>) -> Result<Self, Fault> {
         let single = match fields.bytes.get(4..7) {
             Some(b"n+2") => true,
             Some(b"ni2") => false,
-            _ => return Err(NiftiFault::NoMagic),
+            _ => return Err(bad!("its NIfTI-2 header is damaged: it has no magic")),
         };
         if fields.bytes.get(7..12) != Some(NIFTI2_TAIL) {
-            return Err(NiftiFault::TextTransfer);
+            return Err(bad!(
+                "its NIfTI-2 header was changed by a transfer as text; copy the file as binary"
+            ));
         }
         let row = |at: usize| [0, 8, 16, 24].map(|i| fields.f64(at + i));
         Ok(Self {
@@ -270,7 +278,8 @@ impl Header {
             single,
             dim: [0, 1, 2, 3, 4, 5, 6, 7].map(|i| fields.i64(16 + 8 * i)),
             datatype: fields.i16(12),
-            offset: u64::try_from(fields.i64(168)).map_err(|_| NiftiFault::Nowhere)?,
+            offset: u64::try_from(fields.i64(168))
+                .map_err(|_| bad!("its NIfTI header is damaged: its samples begin nowhere"))?,
             slope: fields.f64(176),
             intercept: fields.f64(184),
             placement: Placement {
@@ -286,7 +295,7 @@ impl Header {
     }
 
     /// Voxels along the axes, and volumes.
-    fn size(&self) -> Result<([u64; 3], u64), NiftiFault> {
+    fn size(&self) -> Result<([u64; 3], u64), Fault> {
         let count = usize::try_from(self.dim[0]).unwrap_or(0);
         let at = |i: usize| {
             if i > count {
@@ -296,13 +305,16 @@ impl Header {
         };
         let more: Vec<u64> = (5..8).map(at).filter(|n| *n > 1).collect();
         if !more.is_empty() {
-            return Err(NiftiFault::SeveralValues { dimensions: self.dim[0] });
+            return Err(bad!(
+                "has {} dimensions, so a voxel has several values; extract one component into a file of its own",
+                self.dim[0]
+            ));
         }
         // Some writers state four dimensions and leave the fourth 0.
         Ok(([at(1), at(2).max(u64::from(count < 2)), at(3)], at(4).max(1)))
     }
 
-    fn samples(&self) -> Result<Samples, NiftiFault> {
+    fn samples(&self) -> Result<Samples, Fault> {
         let plain = |scalar| Ok(Samples::Plain(scalar));
         match self.datatype {
             2 => plain(ScalarType::U8),
@@ -315,12 +327,12 @@ impl Header {
             768 => plain(ScalarType::U32),
             1024 => Ok(Samples::I64),
             1280 => Ok(Samples::U64),
-            code => Err(NiftiFault::Type { code }),
+            code => Err(bad!("its samples are {}, which is not read", type_name(code))),
         }
     }
 
     /// A slope of 0 means none, and so does NaN as some programs write it; an infinite one gives no values.
-    fn rescale(&self, notes: &mut Vec<Note>) -> Result<Rescale, StoredFault> {
+    fn rescale(&self, notes: &mut Vec<Note>) -> Result<Rescale, Fault> {
         let Self { slope, intercept, .. } = *self;
         if slope == 0.0 {
             return Ok(Rescale::IDENTITY);
@@ -332,7 +344,17 @@ impl Header {
         if slope.is_finite() && intercept.is_finite() {
             return Ok(Rescale { slope, intercept });
         }
-        Err(StoredFault::Rescale { slope, intercept })
+        Err(bad!("slope {slope} and intercept {intercept} give no values"))
+    }
+}
+
+fn type_name(code: i16) -> Cow<'static, str> {
+    match code {
+        1 => "single bits".into(),
+        32 | 1792 | 2048 => "complex numbers".into(),
+        128 | 2304 => "colours (RGB)".into(),
+        1536 => "128-bit floats".into(),
+        other => format!("of the unknown type {other}").into(),
     }
 }
 

@@ -11,8 +11,8 @@ use super::axis_reversal::AxisReversal;
 use super::files::FileList;
 use super::header::{unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::npy::NpyFault;
 use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
 use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
@@ -31,7 +31,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
-    let short = || unusable(path, NpyFault::Short);
+    let short = || unusable(path, bad!("ends within its header; copy the file again"));
     let mut start = [0; 12];
     let most = start.len().min(usize::try_from(length).unwrap_or(usize::MAX));
     let head = start.get_mut(..most).unwrap_or_default();
@@ -42,10 +42,10 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let (header_at, header_bytes) = match start[6] {
         1 => (10_u64, u64::from(u16::from_le_bytes([start[8], start[9]]))),
         2 | 3 => (12, u64::from(u32::from_le_bytes([start[8], start[9], start[10], start[11]]))),
-        version => return Err(unusable(path, NpyFault::Version { version })),
+        version => return Err(unusable(path, bad!("is .npy of version {version}; 1 to 3 are read"))),
     };
     if header_bytes > MAX_HEADER {
-        return Err(unusable(path, NpyFault::LongHeader { bytes: header_bytes }));
+        return Err(unusable(path, bad!("its header of {header_bytes} bytes is not an array of numbers")));
     }
     if header_at + header_bytes > length {
         return Err(short());
@@ -57,7 +57,12 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     let mut size = match array.shape.as_slice() {
         [a, b] => [1, *a, *b],
         [a, b, c] => [*a, *b, *c],
-        other => return Err(unusable(path, NpyFault::Dimensions { count: other.len() })),
+        other => {
+            return Err(unusable(
+                path,
+                bad!("has {} dimensions; arrays of 2 or 3 are read, save one volume", other.len()),
+            ));
+        }
     };
     // The fastest axis first.
     if !array.fortran {
@@ -102,8 +107,8 @@ struct Array {
 
 impl Array {
     /// Parses `{'descr': '<i2', 'fortran_order': False, 'shape': (3, 4), }`.
-    fn parse(text: &str) -> Result<Self, NpyFault> {
-        let wrong = || NpyFault::NoArray;
+    fn parse(text: &str) -> Result<Self, Fault> {
+        let wrong = || bad!("its header is not a description of an array");
         let mut rest = text.trim().strip_prefix('{').ok_or_else(wrong)?.trim_start();
         let (mut descr, mut fortran, mut shape) = (None, None, None);
         while !rest.starts_with('}') {
@@ -112,7 +117,7 @@ impl Array {
             match key {
                 "descr" => {
                     if rest.starts_with('[') {
-                        return Err(NpyFault::Structured);
+                        return Err(bad!("is a structured array, whose elements are not numbers"));
                     }
                     let (value, after) = quoted(rest).ok_or_else(wrong)?;
                     descr = Some(value.to_owned());
@@ -153,7 +158,7 @@ impl Array {
     }
 
     /// Type and byte order, by NumPy's names of them.
-    fn samples(&self) -> Result<(Samples, Endian), NpyFault> {
+    fn samples(&self) -> Result<(Samples, Endian), Fault> {
         let order = self.descr.chars().next().filter(|c| "<>|=".contains(*c));
         let name = order.map_or(self.descr.as_str(), |_| self.descr.get(1..).unwrap_or(""));
         let endian = if order == Some('>') { Endian::Big } else { Endian::Little };
@@ -170,7 +175,12 @@ impl Array {
             "i8" => Samples::I64,
             "u8" => Samples::U64,
             "f2" => Samples::F16,
-            _ => return Err(NpyFault::Type { descr: self.descr.clone() }),
+            _ => {
+                return Err(bad!(
+                    "its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits",
+                    self.descr.escape_debug()
+                ));
+            }
         };
         Ok((samples, endian))
     }
@@ -208,7 +218,7 @@ mod tests {
             assert!(Array::parse(text).is_err(), "{text}");
         }
         let records = "{'descr': [('x', '<f4')], 'fortran_order': False, 'shape': (2,)}";
-        assert_eq!(Array::parse(records), Err(NpyFault::Structured));
+        assert_eq!(Array::parse(records), Err(bad!("is a structured array, whose elements are not numbers")));
     }
 
     #[test]
@@ -219,7 +229,13 @@ mod tests {
         assert_eq!(of("|b1").unwrap(), (Samples::Plain(ScalarType::U8), Endian::Little));
         assert_eq!(of("=f2").unwrap().0, Samples::F16);
         for descr in ["<c8", "|O", "<U4", "", "<M8[ns]", "\u{e4}1"] {
-            assert_eq!(of(descr), Err(NpyFault::Type { descr: descr.into() }));
+            assert_eq!(
+                of(descr),
+                Err(bad!(
+                    "its elements are of the type `{}`, which is not read; save real numbers of up to 64 bits",
+                    descr.escape_debug()
+                ))
+            );
         }
     }
 }

@@ -17,12 +17,12 @@ use super::OpenOptions;
 use super::files::FileList;
 use super::files::base_name;
 use super::header::{
-    Lines, Once, check_links, counts, files_beside, listed, numbered, text, unreadable, unusable,
+    Lines, Once, check_links, counts, files_beside, listed, not_a_field, numbered, sweep, text, unreadable,
+    unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
-use crate::facts::header::HeaderFault;
-use crate::facts::nrrd::NrrdFault;
-use crate::facts::{Fault, Note};
+use crate::facts::Note;
+use crate::fault::{Fault, bad};
 use crate::geom::Dims;
 use crate::platform::open_file;
 use crate::volume::{Endian, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
@@ -124,7 +124,10 @@ impl Header {
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let magic = next(&mut lines)?.unwrap_or_default();
         if !matches!(magic.as_slice(), [b'N', b'R', b'R', b'D', b'0', b'0', b'0', b'1'..=b'5']) {
-            return Err(unusable(path, NrrdFault::Version { magic: text(&magic) }));
+            return Err(unusable(
+                path,
+                bad!("`{}` is not a version of NRRD that is read (1 to 5)", text(&magic).escape_debug()),
+            ));
         }
         let mut header = Self::default();
         let mut wrong: Option<Fault> = None;
@@ -139,7 +142,7 @@ impl Header {
                 continue;
             }
             let Some((field, value)) = line.split_once(':') else {
-                wrong.get_or_insert(HeaderFault::NotAField { line }.into());
+                wrong.get_or_insert_with(|| not_a_field(&line).into());
                 continue;
             };
             let (field, value) = (field.trim().to_lowercase(), value.trim());
@@ -175,8 +178,8 @@ impl Header {
     }
 
     /// Takes one field; those that say nothing of voxels or space are passed over.
-    fn field(&mut self, field: &str, value: &str) -> Result<(), NrrdFault> {
-        let bad = || NrrdFault::Field { field: field.to_owned(), value: value.to_owned() };
+    fn field(&mut self, field: &str, value: &str) -> Result<(), Fault> {
+        let bad = || bad!("its field `{field}: {}` makes no sense", value.escape_debug());
         match field {
             "type" => self.kind = value.to_lowercase(),
             "encoding" => self.encoding = value.to_lowercase(),
@@ -194,7 +197,7 @@ impl Header {
         Ok(())
     }
 
-    fn samples(&self) -> Result<Samples, NrrdFault> {
+    fn samples(&self) -> Result<Samples, Fault> {
         let words: Vec<&str> = self.kind.split_whitespace().filter(|w| *w != "signed").collect();
         let kind = words.join(" ");
         let plain = |scalar| Ok(Samples::Plain(scalar));
@@ -214,8 +217,8 @@ impl Header {
             }
             "float" => plain(ScalarType::F32),
             "double" => plain(ScalarType::F64),
-            "" => Err(NrrdFault::NoType),
-            _ => Err(NrrdFault::Type { name: self.kind.clone() }),
+            "" => Err(bad!("its header states no sample type")),
+            _ => Err(bad!("its sample type `{}` is not read", self.kind.escape_debug())),
         }
     }
 
@@ -227,8 +230,8 @@ impl Header {
             "bz2" | "bzip2" => Encoding::Bzip2(9),
             "txt" | "text" | "ascii" => Encoding::Text,
             "hex" => Encoding::Hex,
-            "" => return Err(NrrdFault::NoEncoding.into()),
-            other => return Err(NrrdFault::Encoding { name: other.to_owned() }.into()),
+            "" => return Err(bad!("its header states no encoding").into()),
+            other => return Err(bad!("its encoding `{}` is not read", other.escape_debug()).into()),
         })
     }
 
@@ -242,7 +245,7 @@ impl Header {
         let encoding = self.encoding()?;
         if self.dimension == 0 || self.sizes.len() != self.dimension {
             let (sizes, dimensions) = (self.sizes.len(), self.dimension);
-            return Err(NrrdFault::Sizes { sizes, dimensions }.into());
+            return Err(bad!("its header states {sizes} sizes for {dimensions} dimensions").into());
         }
         let mut notes = Vec::new();
         let endian = match self.endian.as_str() {
@@ -254,13 +257,13 @@ impl Header {
                 }
                 Endian::Little
             }
-            other => return Err(NrrdFault::ByteOrder { name: other.to_owned() }.into()),
+            other => return Err(bad!("its byte order `{}` is unknown", other.escape_debug()).into()),
         };
         let axes = self.geometry.axes(&self.sizes)?;
         let order = if self.segments.is_stated() { layers_of(&axes) } else { None };
         let mut layout = Layout::of(&axes, order == Some(Order::Together))?;
         if self.segments.is_stated() && layout.size == [1; 3] {
-            return Err(NrrdFault::EmptySegmentation.into());
+            return Err(bad!("is an empty segmentation: 3D Slicer writes a single voxel where no segment has any; there is nothing to build").into());
         }
         // A list of volumes is read as volumes; a list of pictures is not a volume.
         let listed = axes.iter().any(|axis| axis.kind == "list" && axis.size > 1);
@@ -268,7 +271,7 @@ impl Header {
             && layout.size[2] == 1
             && (listed || (self.placed_one_by_one && layout.volumes > 1))
         {
-            return Err(HeaderFault::Sweep.into());
+            return Err(sweep().into());
         }
         let affine = self.geometry.affine(&axes, &layout.space, &mut notes)?;
         let segments = std::mem::take(&mut self.segments);
@@ -285,7 +288,7 @@ impl Header {
         let mut skip = start;
         if self.line_skip > 0 {
             if files.len() != 1 {
-                return Err(NrrdFault::LinesOfSeveral.into());
+                return Err(bad!("lines are to be skipped in several data files, which is not read").into());
             }
             let data_path = files.path(0);
             let opened;
@@ -299,7 +302,7 @@ impl Header {
             };
             skip = skip_lines(data, start, self.line_skip)
                 .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?
-                .ok_or(NrrdFault::FewLines { skip: self.line_skip })?;
+                .ok_or_else(|| bad!("there are fewer than the {} lines to skip", self.line_skip))?;
         }
         let encoding = match encoding {
             Encoding::Bzip2(_) => Encoding::bzip2(&files, skip),
@@ -313,7 +316,7 @@ impl Header {
             }
             Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
-            Err(_) => return Err(NrrdFault::SkipAllButSamples.into()),
+            Err(_) => return Err(bad!("a byte skip of -1 is for raw samples only").into()),
         };
         let stored = StoredLayout {
             header: path.to_path_buf(),
@@ -348,7 +351,7 @@ fn files_of(data: Option<DataFiles>, path: &Path, slices: u64) -> Result<(FileLi
             numbered(&mut files, &pattern, range, slices)?;
             Ok((files, 0))
         }
-        None => Err(NrrdFault::NoBlankLine { name: base_name(path) }.into()),
+        None => Err(bad!("{} ends within its header, before the blank line", base_name(path)).into()),
     }
 }
 
@@ -358,8 +361,9 @@ fn data_file(path: &Path, value: &str) -> Result<DataFiles, Fault> {
     if let [pattern, first, last, step, ..] = parts.as_slice()
         && pattern.contains('%')
     {
-        let number =
-            |text: &str| text.parse::<i64>().map_err(|_| NrrdFault::DataFiles { value: value.to_owned() });
+        let number = |text: &str| {
+            text.parse::<i64>().map_err(|_| bad!("its data files `{}` make no sense", value.escape_debug()))
+        };
         return Ok(DataFiles::Pattern((*pattern).into(), [number(first)?, number(last)?, number(step)?]));
     }
     let mut list = files_beside(path);
@@ -413,7 +417,7 @@ fn layers_of(axes: &[Axis]) -> Option<Order> {
 
 impl Layout {
     /// A first axis of `layers` makes several volumes, as a last one does.
-    fn of(axes: &[Axis], layers: bool) -> Result<Self, NrrdFault> {
+    fn of(axes: &[Axis], layers: bool) -> Result<Self, Fault> {
         let mut space = Vec::new();
         let mut volumes = 1_u64;
         let mut list: Option<usize> = None;
@@ -425,7 +429,11 @@ impl Layout {
             if axis.spatial && space.len() < 3 {
                 if let Some(at) = list.filter(|at| *at > 0 || !layers) {
                     let kind = axes.get(at).map_or_else(String::new, |a| a.kind.clone());
-                    return Err(NrrdFault::Components { axis: at, axes: axes.len(), kind });
+                    return Err(bad!(
+                        "axis {at} of its {} is {} and runs faster than space, so a voxel has several values; extract one component into a file of its own",
+                        axes.len(),
+                        quoted(&kind)
+                    ));
                 }
                 space.push(index);
             } else {
@@ -435,7 +443,7 @@ impl Layout {
         }
         let size_of = |i: usize| space.get(i).and_then(|at| axes.get(*at)).map_or(1, |a| a.size);
         if space.len() < 2 {
-            return Err(NrrdFault::SpatialAxes { count: space.len() });
+            return Err(bad!("it has {} axes in space, and a volume needs two or three", space.len()));
         }
         Ok(Self { size: [size_of(0), size_of(1), size_of(2)], volumes, space })
     }
@@ -450,6 +458,10 @@ impl Layout {
         let (labels, segments) = segments.layered();
         Layers { count, order, labels, segments, overlap }
     }
+}
+
+fn quoted(kind: &str) -> String {
+    if kind.is_empty() { "no direction in space".to_owned() } else { format!("`{kind}`") }
 }
 
 #[cfg(test)]

@@ -10,8 +10,11 @@ use super::GapPolicy;
 use super::files::FileList;
 use super::stable_hash::StableHash;
 use crate::facts::Note;
-use crate::facts::numbered::{NumberFault, NumberGaps, NumberNote};
+use crate::facts::numbered::{NumberGaps, NumberNote};
+use crate::fault::{Fault, FaultKind, bad};
 use crate::platform::OsStrExt;
+use crate::text::names::GAPS;
+use crate::text::shown;
 use crate::volume::{GapFill, InfoOverride, VolumeSource};
 
 /// Numbers of a name that are looked at; names have few.
@@ -108,7 +111,7 @@ fn sets(list: &FileList) -> Vec<Set> {
 ///
 /// # Errors
 /// Numbers are missing and the policy is to refuse that, or the gaps cannot be filled.
-pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, NumberFault> {
+pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, Fault> {
     let sets = sets(list);
     let mut found = None;
     for set in sets.iter().filter(|set| set.files > 2) {
@@ -119,11 +122,16 @@ pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, NumberF
     }
     let Some((set, gaps)) = found else { return Ok(Order::AsTheyAre(None)) };
     match policy {
-        GapPolicy::Error => Err(NumberFault::Gaps(Box::new(gaps))),
+        GapPolicy::Error => Err(refusal(&gaps)),
         GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::Numbers(NumberNote::Kept(gaps))))),
         GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
-        GapPolicy::Fill => Err(NumberFault::Gaps(Box::new(gaps))),
+        GapPolicy::Fill => Err(refusal(&gaps)),
     }
+}
+
+fn refusal(gaps: &NumberGaps) -> Fault {
+    let keep = if gaps.can_fill { format!("{GAPS} fill or {GAPS} keep") } else { format!("{GAPS} keep") };
+    Fault::new(FaultKind::Gaps, format!("{gaps}; add the missing slices, or choose {keep}"))
 }
 
 /// The step that occurs most often between sorted numbers, of several the smallest; and how often it does.
@@ -158,7 +166,7 @@ impl Set {
     }
 
     /// The gaps, if there are any.
-    fn gaps(&self, list: &FileList, alone: bool) -> Result<Option<NumberGaps>, NumberFault> {
+    fn gaps(&self, list: &FileList, alone: bool) -> Result<Option<NumberGaps>, Fault> {
         let Some(numbers) = self.numbers(list) else { return Ok(None) };
         let single = self.varies.iter().filter(|varies| **varies).count() == 1;
         let files = |at: usize| {
@@ -168,7 +176,15 @@ impl Set {
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         if let Some(at) = steps.iter().position(|step| *step == 0) {
             // With several numbers in a name, another one may distinguish the files.
-            return if single { Err(NumberFault::Repeated { files: Box::new(files(at)) }) } else { Ok(None) };
+            if !single {
+                return Ok(None);
+            }
+            let [a, b] = files(at);
+            return Err(bad!(
+                "{} and {} have the same number; rename one of them, or move it away",
+                shown(&a),
+                shown(&b)
+            ));
         }
         let (step, times) = usual(&steps);
         let span: u64 = steps.iter().sum();
@@ -190,13 +206,16 @@ impl Set {
     }
 
     /// A slice for each number from the first to the last.
-    fn fill(&self, list: &FileList, gaps: NumberGaps) -> Result<Order, NumberFault> {
+    fn fill(&self, list: &FileList, gaps: NumberGaps) -> Result<Order, Fault> {
         let numbers = self.numbers(list).unwrap_or_default();
         let steps: Vec<u64> = numbers.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
         let (step, _) = usual(&steps);
         let slices = steps.iter().map(|own| own / step).sum::<u64>() + 1;
         if slices > MAX_MADE * numbers.len() as u64 {
-            return Err(NumberFault::TooFar { slices, files: numbers.len() });
+            return Err(bad!(
+                "the numbers of {} files span {slices} slices, so that most would be made; add the missing slices",
+                numbers.len()
+            ));
         }
         let mut places = Vec::new();
         for (at, own) in steps.iter().enumerate() {
@@ -225,14 +244,15 @@ mod tests {
     }
 
     fn missing(names: &[&str]) -> Option<Option<u64>> {
-        match judge(&list(names), GapPolicy::Error) {
-            Ok(order) => {
-                assert_eq!(order, Order::AsTheyAre(None));
-                None
-            }
-            Err(NumberFault::Gaps(gaps)) => Some(gaps.missing),
-            Err(other) => panic!("{other:?}"),
+        let list = list(names);
+        let sets = sets(&list);
+        let gaps =
+            sets.iter().filter(|set| set.files > 2).find_map(|set| set.gaps(&list, sets.len() == 1).unwrap());
+        match judge(&list, GapPolicy::Error) {
+            Ok(order) => assert!(order == Order::AsTheyAre(None) && gaps.is_none()),
+            Err(fault) => assert_eq!(fault.kind, FaultKind::Gaps),
         }
+        gaps.map(|gaps| gaps.missing)
     }
 
     #[test]
@@ -262,7 +282,8 @@ mod tests {
         let placed = ["s1_0.5mm", "s2_1.0mm", "s3_1.5mm", "s5_2.5mm", "s6_3.0mm", "s7_3.5mm"];
         assert_eq!(missing(&placed), Some(Some(1)));
         let repeated = judge(&list(&["s1", "s01", "s2"]), GapPolicy::Keep);
-        assert!(matches!(repeated, Err(NumberFault::Repeated { .. })), "{repeated:?}");
+        let fault = repeated.unwrap_err();
+        assert!(fault.kind == FaultKind::Damage && fault.text.contains("same number"), "{fault}");
     }
 
     #[test]

@@ -18,8 +18,8 @@ use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use crate::facts::png::{PngFault, PngHead};
-use crate::facts::{Carrier, Fault, Note};
+use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
@@ -61,18 +61,26 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
         let expected = *first.get_or_insert(head);
         if (head.size, head.scalar()) != (expected.size, expected.scalar()) {
             let (picture, first) = (head.facts(), expected.facts());
-            return Err(unusable(&path, PngFault::Unlike { picture, first }));
+            return Err(unusable(
+                &path,
+                bad!(
+                    "is {picture} where the first slice is {first}; slices of a volume are alike in size and type, move the other away"
+                ),
+            ));
         }
     }
     let path = list.path(0);
-    let head = first.ok_or_else(|| unusable(&path, PngFault::NoPicture))?;
+    let head = first.ok_or_else(|| unusable(&path, bad!("holds no picture")))?;
     let count = u32::try_from(list.len()).unwrap_or(u32::MAX);
     let dims = Dims::new(head.size[0], head.size[1], count)
-        .ok_or_else(|| unusable(&path, PngFault::OutOfRange { picture: head.facts(), slices: count }))?;
+        .ok_or_else(|| unusable(&path, bad!("{} in {count} slices are out of range", head.facts())))?;
     let bytes = dims.voxels() * head.scalar().bytes() as u64;
     // Smaller samples than a byte grow by 8 at most.
     if bytes > file_bytes.saturating_mul(8 * MAX_EXPANSION) {
-        return Err(unusable(&path, PngFault::Promise { bytes, file_bytes }));
+        return Err(unusable(
+            &path,
+            bad!("its header promises {bytes} bytes, more than {file_bytes} bytes of PNG can hold"),
+        ));
     }
     let name = if count == 1 {
         base_name(&path)
@@ -120,7 +128,7 @@ impl Head {
             bytes.get(at..).and_then(|b| b.first_chunk::<4>()).map_or(0, |b| u32::from_be_bytes(*b))
         };
         if !bytes.starts_with(MAGIC) || bytes.get(12..16) != Some(b"IHDR") {
-            return Err(Fault::from(PngFault::Header).in_stream());
+            return Err(bad!("its PNG header is damaged").in_stream());
         }
         Ok(Self {
             size: [number(16), number(20)],
@@ -131,22 +139,23 @@ impl Head {
     }
 
     /// Is it of a kind that is read?
-    fn check(&self) -> Result<(), PngFault> {
+    fn check(&self) -> Result<(), Fault> {
         if self.color != 0 {
-            return Err(PngFault::Colour { code: self.color });
+            return Err(bad!("has {}, and grey values are needed; convert it to grey", colour(self.color)));
         }
         if ![1, 2, 4, 8, 16].contains(&self.depth) {
-            return Err(PngFault::Depth { bits: self.depth });
+            return Err(bad!("its PNG header is damaged: samples of {} bits", self.depth));
         }
         if self.interlaced {
-            return Err(PngFault::Interlaced);
+            return Err(bad!("is interlaced, which is not read; save it without"));
         }
         Ok(())
     }
 
     /// Size and type, which all pictures of a stack share.
-    fn facts(&self) -> PngHead {
-        PngHead { size: self.size, bits: self.depth }
+    fn facts(&self) -> String {
+        let [x, y] = self.size;
+        format!("{x}x{y} of {} bits", self.depth)
     }
 
     fn scalar(&self) -> ScalarType {
@@ -199,9 +208,9 @@ fn picture(
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => unreadable(&path(), cause),
         DecodingError::IoError(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => {
-            unusable(&path(), PngFault::Short)
+            unusable(&path(), bad!("the PNG picture ends early; the file was cut short, copy it again"))
         }
-        other => unusable(&path(), PngFault::Damaged { decoder: other.to_string() }),
+        other => unusable(&path(), bad!("the PNG picture is damaged ({other}); copy the file again")),
     };
     let mut decoder = png::Decoder::new_with_limits(
         Forward(section(file, 0, u64::MAX)),
@@ -217,14 +226,14 @@ fn picture(
         && (head.bit_depth as usize).div_ceil(8) == info.scalar.bytes()
         && [head.width, head.height] == [info.dims.nx(), info.dims.ny()];
     if !same {
-        return Err(unusable(&path(), PngFault::Changed));
+        return Err(unusable(&path(), bad!("is not the picture that it was a moment ago")));
     }
     let depth = head.bit_depth as usize;
     let mut reader = decoder.read_info().map_err(failed)?;
     let mut samples = vec![0; info.dims.nx() as usize * info.scalar.bytes()];
     for y in 0..info.dims.ny() {
         let row = reader.next_row().map_err(failed)?;
-        let row = row.ok_or_else(|| unusable(&path(), PngFault::FewRows))?;
+        let row = row.ok_or_else(|| unusable(&path(), bad!("the PNG picture has too few rows")))?;
         if depth < 8 {
             expand(row.data(), depth, &mut samples);
         } else {
@@ -277,6 +286,16 @@ impl<R> io::Seek for Forward<R> {
     }
 }
 
+fn colour(code: u8) -> &'static str {
+    match code {
+        2 => "RGB colours",
+        3 => "colours of a palette",
+        4 => "grey values with transparency",
+        6 => "RGB colours with transparency",
+        _ => "an unknown kind of colour",
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -297,9 +316,12 @@ mod tests {
         let head = Head { size: [3, 2], depth: 8, color: 0, interlaced: false };
         assert!(head.check().is_ok());
         for (head, fault) in [
-            (Head { color: 2, ..head }, PngFault::Colour { code: 2 }),
-            (Head { depth: 3, ..head }, PngFault::Depth { bits: 3 }),
-            (Head { interlaced: true, ..head }, PngFault::Interlaced),
+            (
+                Head { color: 2, ..head },
+                bad!("has {}, and grey values are needed; convert it to grey", colour(2)),
+            ),
+            (Head { depth: 3, ..head }, bad!("its PNG header is damaged: samples of {} bits", 3)),
+            (Head { interlaced: true, ..head }, bad!("is interlaced, which is not read; save it without")),
         ] {
             assert_eq!(head.check(), Err(fault));
         }

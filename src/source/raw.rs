@@ -9,11 +9,13 @@ use std::sync::Arc;
 use super::files::{FileList, FileSet, base_name};
 use super::known::{HEAD_BYTES, known};
 use super::stored::{DirectSamples, Samples, SliceOffsets};
-use crate::facts::samples::{RawFault, RawLayout};
-use crate::facts::{Fault, Instead, Known, Misuse, SourceFault};
+use crate::facts::{Known, SourceFault};
+use crate::fault::{Fault, bad, unfit, usage};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
 use crate::platform::open_file;
+use crate::text::Name;
+use crate::text::names::{DIMS, DTYPE, SKIP, SPACING};
 use crate::volume::{
     Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
@@ -52,24 +54,47 @@ impl RawVolume {
     /// [`SourceError`] when a file is not exactly `skip` plus its share of the dims, or the number of files is not the
     /// number of slices; for an empty folder, for impossible options, and when the system refuses.
     pub fn open(inputs: &[PathBuf], options: &RawOptions) -> Result<Self> {
+        Self::described(inputs, options, None)
+    }
+
+    /// As [`Self::open`]; faults of what is described name the side-car, and its keys instead of options.
+    pub(crate) fn described(
+        inputs: &[PathBuf],
+        options: &RawOptions,
+        sidecar: Option<&Path>,
+    ) -> Result<Self> {
         let (list, name) = list_files(inputs)?;
-        let first = || inputs.first().cloned().unwrap_or_default();
+        let first = inputs.first().map_or(Path::new(""), PathBuf::as_path);
+        let named = |option: Name, key: &str| match sidecar {
+            None => option.to_string(),
+            Some(_) => format!("the key {key}"),
+        };
+        let refused = |fault: Fault| {
+            SourceError::from(match sidecar {
+                None => fault.at(first),
+                Some(path) => bad!("describes {}, but {fault}", base_name(first)).at(path),
+            })
+        };
         let affine = options.orientation.affine(options.spacing_mm);
         if !options.spacing_mm.iter().all(|s| s.is_finite() && *s > 0.0) || affine.inverse().is_none() {
-            let misuse = Misuse::Raw(RawFault::Spacing);
-            return Err(SourceFault::Usage { path: first(), misuse }.into());
+            let spacing = named(SPACING, "spacing");
+            return Err(refused(usage!("spacing must be three positive numbers of mm; check {spacing}")));
         }
         let dims = options.dims;
         let is_folder = list.len() != 1 || inputs.first().is_some_and(|p| p.is_dir());
         let slices_per_file = if is_folder { 1 } else { dims.nz() };
         if u64::from(dims.nz()) != list.len() as u64 * u64::from(slices_per_file) {
-            let fault = Fault::Raw(RawFault::Files { files: list.len(), dims });
-            return Err(SourceFault::Unusable { path: first(), fault }.into());
+            return Err(refused(bad!(
+                "{} slice files are given, but {dims} needs {}; check {} and which files are given",
+                list.len(),
+                dims.nz(),
+                named(DIMS, "dims")
+            )));
         }
         let voxel_bytes = options.scalar.bytes() as u64;
         let share = u64::from(dims.nx()) * u64::from(dims.ny()) * u64::from(slices_per_file) * voxel_bytes;
         let Some(expected) = share.checked_add(options.skip) else {
-            return Err(SourceFault::Usage { path: first(), misuse: Misuse::Raw(RawFault::Length) }.into());
+            return Err(refused(usage!("no file can be that long; check {}", named(SKIP, "skip"))));
         };
         for index in 0..list.len() {
             let path = list.path(index);
@@ -78,8 +103,12 @@ impl RawVolume {
                 Err(cause) => return Err(SourceFault::Unreadable { path, cause }.into()),
             };
             if got != expected {
-                let layout = Box::new(layout_of(options, index, list.len()));
-                return Err(SourceFault::SizeMismatch { path, expected, got, layout }.into());
+                let layout = layout_of(options, index, list.len());
+                let Some(sidecar) = sidecar else {
+                    return Err(bad!("has {got} bytes, but {expected} are needed for {layout}; check {DIMS}, {DTYPE} and {SKIP}").at(path).into());
+                };
+                let (data, key) = (base_name(&path), wrong_key(options, expected, got));
+                return Err(bad!("describes {data} as {layout}, which takes {expected} bytes, but it has {got}; correct the key {key}, or copy {data} again").at(sidecar).into());
             }
         }
         // Opened now, so that a missing permission shows before a long build and not in it.
@@ -141,15 +170,35 @@ impl VolumeSource for RawVolume {
     }
 }
 
-fn layout_of(options: &RawOptions, index: usize, files: usize) -> RawLayout {
+/// The described content of one of the files.
+fn layout_of(options: &RawOptions, index: usize, files: usize) -> String {
     let RawOptions { dims, scalar, skip, .. } = *options;
-    RawLayout { dims, dtype: scalar.name(), slice: (files > 1).then_some([index, files]), skip }
+    let dtype = scalar.name();
+    let layout = match files {
+        1 => format!("{dims} {dtype}"),
+        _ => format!("slice file {} of {files}, {}x{} {dtype}", index + 1, dims.nx(), dims.ny()),
+    };
+    if skip > 0 { format!("{layout} after {skip} skipped bytes") } else { layout }
+}
+
+/// The key of a side-car that is probably wrong where a file has `got` bytes instead of `expected`.
+fn wrong_key(options: &RawOptions, expected: u64, got: u64) -> &'static str {
+    let voxels = expected.saturating_sub(options.skip) / (options.scalar.bytes() as u64).max(1);
+    let sizes = |size: u64| voxels.checked_mul(size).and_then(|n| n.checked_add(options.skip));
+    let slice = u64::from(options.dims.nx()) * u64::from(options.dims.ny());
+    if [1, 2, 4, 8].into_iter().any(|size| sizes(size) == Some(got)) {
+        "dtype"
+    } else if got.checked_sub(expected).is_some_and(|more| more < slice) {
+        "skip"
+    } else {
+        "dims"
+    }
 }
 
 /// The files to read, in slice order, and the base name to remember.
 fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let Some(first) = inputs.first() else {
-        return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoInput }.into());
+        return Err(usage!("no input file is given").into());
     };
     let is_dir = |path: &Path| match fs::metadata(path) {
         Ok(meta) => Ok(meta.is_dir()),
@@ -161,7 +210,9 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     let mut list = FileList::new(Path::new(""));
     for path in inputs {
         if is_dir(path)? {
-            return Err(SourceFault::Usage { path: path.clone(), misuse: Misuse::FolderAmongFiles }.into());
+            return Err(usage!("is a folder among several inputs; give one folder, or files only")
+                .at(&path)
+                .into());
         }
         list.push(path);
     }
@@ -191,7 +242,7 @@ fn list_folder(folder: &Path) -> Result<FileList> {
         }
     }
     if list.len() == 0 {
-        return Err(SourceFault::NoVolume { path: folder.to_path_buf(), found: Instead::NoSlices }.into());
+        return Err(unfit!("the folder holds no file; give the folder of the slice files").at(folder).into());
     }
     let order = list.natural_order();
     Ok(list.select(order.into_iter()))

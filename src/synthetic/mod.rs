@@ -58,7 +58,8 @@ pub use body::{Body, TrueSurface};
 pub use head::SyntheticHead;
 pub use volume::AnalyticVolume;
 
-use crate::facts::{Misuse, SourceFault, SyntheticFault};
+use crate::fault::{Fault, usage};
+use crate::text::names::{DIMS, DTYPE, SKIP};
 use crate::volume::{SourceError, VolumeSource};
 use spec::{PREFIX, Request};
 
@@ -78,7 +79,7 @@ pub fn open(input: &Path) -> Result<Box<dyn VolumeSource>, SourceError> {
         Request::Body(spec) => Ok(Box::new(AnalyticVolume::new(*spec))),
         Request::Head(side) => match SyntheticHead::new(side) {
             Some(head) => Ok(Box::new(head)),
-            None => Err(wrong(SyntheticFault::Size { given: side.to_string() })),
+            None => Err(wrong(spec::wrong_size(&side.to_string()))),
         },
     }
 }
@@ -91,17 +92,20 @@ pub fn analytic(text: &str) -> Result<AnalyticVolume, SourceError> {
     let wrong = |fault| usage(Path::new(text), fault);
     match parse(text).map_err(wrong)? {
         Request::Body(spec) => Ok(AnalyticVolume::new(*spec)),
-        Request::Head(_) => {
-            Err(wrong(SyntheticFault::Body { name: spec::HEAD.into(), known: spec::BODIES.to_vec() }))
-        }
+        Request::Head(_) => Err(wrong(spec::no_body(spec::HEAD, &spec::BODIES))),
     }
 }
 
 /// The error for a synthetic input.
-pub(crate) fn usage(input: &Path, fault: SyntheticFault) -> SourceError {
-    SourceError::from(SourceFault::Usage { path: input.to_path_buf(), misuse: Misuse::Synthetic(fault) })
+pub(crate) fn usage(input: &Path, fault: Fault) -> SourceError {
+    fault.at(input).into()
 }
 
-fn parse(text: &str) -> Result<Request, SyntheticFault> {
+/// The refusal of a size from the caller.
+pub(crate) fn described() -> Fault {
+    usage!("says itself how large it is; {DIMS}, {DTYPE} and {SKIP} are for raw volumes")
+}
+
+fn parse(text: &str) -> Result<Request, Fault> {
     spec::parse(text.strip_prefix(PREFIX).unwrap_or(text))
 }

@@ -5,8 +5,9 @@ use super::lattice::{Lattice, Pattern};
 use super::math::Vector;
 use super::smooth::{Smooth, Turn};
 use super::wave::Wave;
-use crate::facts::{SyntheticFault, SyntheticValue};
+use crate::fault::{Fault, usage};
 use crate::geom::Dims;
+use std::fmt::Display;
 
 /// The prefix of the name.
 pub(super) const PREFIX: &str = "synthetic:";
@@ -91,20 +92,18 @@ struct Keys<'a> {
 
 impl<'a> Keys<'a> {
     /// Reads `key=value` pairs apart by `,` or `&`.
-    fn new(
-        body: &'static str,
-        text: Option<&'a str>,
-        known: &[&'static str],
-    ) -> Result<Self, SyntheticFault> {
+    fn new(body: &'static str, text: Option<&'a str>, known: &[&'static str]) -> Result<Self, Fault> {
         let mut given: Vec<(&str, &str)> = Vec::new();
         for part in text.into_iter().flat_map(|t| t.split([',', '&'])) {
             let (key, value) = part.split_once('=').unwrap_or((part, ""));
             if !known.contains(&key) {
-                let known = known.to_vec();
-                return Err(SyntheticFault::Key { key: key.to_owned(), body, known });
+                return Err(match known {
+                    [] => usage!("the {body} has no parameters, so '{key}' has no meaning there"),
+                    _ => usage!("the {body} has no parameter '{key}'; it has {}", known.join(", ")),
+                });
             }
             if given.iter().any(|(other, _)| *other == key) {
-                return Err(SyntheticFault::Twice { key: key.to_owned() });
+                return Err(usage!("the parameter '{key}' is given twice"));
             }
             given.push((key, value));
         }
@@ -115,34 +114,36 @@ impl<'a> Keys<'a> {
         self.given.iter().find(|(given, _)| *given == key).map(|(_, value)| *value)
     }
 
-    fn wrong(key: &str, given: &str, wanted: SyntheticValue) -> SyntheticFault {
-        SyntheticFault::Value { key: key.to_owned(), given: given.to_owned(), wanted }
+    fn wrong(key: &str, given: &str, wanted: impl Display) -> Fault {
+        usage!("'{given}' is not a value of the parameter '{key}'; give {wanted}")
     }
 
-    fn number(&self, key: &str, usual: f64, [low, high]: [f64; 2]) -> Result<f64, SyntheticFault> {
+    fn number(&self, key: &str, usual: f64, [low, high]: [f64; 2]) -> Result<f64, Fault> {
         let Some(text) = self.text(key) else { return Ok(usual) };
         let value = text.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
-        value.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Number(low, high)))
+        value.ok_or_else(|| Self::wrong(key, text, format_args!("a number from {low} to {high}")))
     }
 
-    fn whole(&self, key: &str, usual: u64, [low, high]: [u64; 2]) -> Result<u64, SyntheticFault> {
+    fn whole(&self, key: &str, usual: u64, [low, high]: [u64; 2]) -> Result<u64, Fault> {
         let Some(text) = self.text(key) else { return Ok(usual) };
         let value = text.parse::<u64>().ok().filter(|v| (low..=high).contains(v));
-        value.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Whole(low, high)))
+        value.ok_or_else(|| Self::wrong(key, text, format_args!("a whole number from {low} to {high}")))
     }
 
-    fn three(&self, key: &str, usual: Vector, [low, high]: [f64; 2]) -> Result<Vector, SyntheticFault> {
+    fn three(&self, key: &str, usual: Vector, [low, high]: [f64; 2]) -> Result<Vector, Fault> {
         let Some(text) = self.text(key) else { return Ok(usual) };
         let number = |part: &str| part.parse::<f64>().ok().filter(|v| (low..=high).contains(v));
         let all: Option<Vec<f64>> = text.split('x').map(number).collect();
         let all = all.and_then(|all| Vector::try_from(all).ok());
-        all.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Three(low, high)))
+        all.ok_or_else(|| {
+            Self::wrong(key, text, format_args!("three numbers from {low} to {high}, as in 1x1x6"))
+        })
     }
 
-    fn word(&self, key: &str, words: &'static [&'static str]) -> Result<usize, SyntheticFault> {
+    fn word(&self, key: &str, words: &'static [&'static str]) -> Result<usize, Fault> {
         let Some(text) = self.text(key) else { return Ok(0) };
         let at = words.iter().position(|w| *w == text);
-        at.ok_or_else(|| Self::wrong(key, text, SyntheticValue::Word(words)))
+        at.ok_or_else(|| Self::wrong(key, text, format_args!("one of {}", words.join(", "))))
     }
 }
 
@@ -150,8 +151,21 @@ impl<'a> Keys<'a> {
 const LENGTHS: [f64; 2] = [0.01, 65536.0];
 const ANGLES: [f64; 2] = [-360.0, 360.0];
 
+pub(super) fn wrong_size(given: &str) -> Fault {
+    usage!(
+        "'{given}' is not the size of a volume; write N or NXxNYxNZ with sides of 1 to 65536 (the head: 1 to 65536, all alike)"
+    )
+}
+
+pub(super) fn no_body(name: &str, known: &[&str]) -> Fault {
+    usage!(
+        "there is no synthetic body '{name}'; choose {}, for example synthetic:sphere@256",
+        known.join(", ")
+    )
+}
+
 /// Reads the text behind [`PREFIX`].
-pub(super) fn parse(text: &str) -> Result<Request, SyntheticFault> {
+pub(super) fn parse(text: &str) -> Result<Request, Fault> {
     let (front, keys) = match text.split_once('?') {
         Some((front, keys)) => (front, Some(keys)),
         None => (text, None),
@@ -162,13 +176,17 @@ pub(super) fn parse(text: &str) -> Result<Request, SyntheticFault> {
     };
     let all = || std::iter::once(HEAD).chain(BODIES);
     let Some(name) = all().find(|known| *known == name) else {
-        return Err(SyntheticFault::Body { name: name.to_owned(), known: all().collect() });
+        return Err(no_body(name, &all().collect::<Vec<_>>()));
     };
-    let size = size.ok_or(SyntheticFault::NoSize)?;
+    let size = size.ok_or_else(|| {
+        usage!(
+            "a synthetic volume needs its size in voxels: write synthetic:NAME@N or synthetic:NAME@NXxNYxNZ"
+        )
+    })?;
     if name == HEAD {
         Keys::new(HEAD, keys, &[])?;
         let side = size.parse::<u32>().ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
-        return side.map(Request::Head).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() });
+        return side.map(Request::Head).ok_or_else(|| wrong_size(size));
     }
     let known: Vec<&str> = own_keys(name)
         .iter()
@@ -179,24 +197,26 @@ pub(super) fn parse(text: &str) -> Result<Request, SyntheticFault> {
         .collect();
     let keys = Keys::new(name, keys, &known)?;
     let sampling = sampling(&keys)?;
-    let dims = dims(size, &sampling).ok_or_else(|| SyntheticFault::Size { given: size.to_owned() })?;
+    let dims = dims(size, &sampling).ok_or_else(|| wrong_size(size))?;
     let body = Body { name, shape: shape(&keys, dims, &sampling)? };
     Ok(Request::Body(Box::new(Spec { body, dims, sampling })))
 }
 
-fn sampling(keys: &Keys<'_>) -> Result<Sampling, SyntheticFault> {
+fn sampling(keys: &Keys<'_>) -> Result<Sampling, Fault> {
     let binary = keys.word("sample", &["density", "binary"])? == 1;
     if binary {
         for key in ["psf", "slab", "noise", "bits"] {
             if keys.text(key).is_some() {
-                return Err(SyntheticFault::NotBinary { key });
+                return Err(usage!(
+                    "'{key}' is about grey levels, which sample=binary does not have; leave one of the two out"
+                ));
             }
         }
     }
     let bits = keys.whole("bits", 16, [4, 32])?;
     if bits > 16 && bits != 32 {
         let given = bits.to_string();
-        return Err(Keys::wrong("bits", &given, SyntheticValue::Whole(4, 16)));
+        return Err(Keys::wrong("bits", &given, "a whole number from 4 to 16"));
     }
     Ok(Sampling {
         binary,
@@ -236,7 +256,7 @@ fn dims(text: &str, sampling: &Sampling) -> Option<Dims> {
 
 /// The body, in units, in a volume of this size. A body in the middle is moved slightly off it, so that
 /// samples do not lie on its planes of symmetry.
-fn shape(keys: &Keys<'_>, dims: Dims, sampling: &Sampling) -> Result<Shape, SyntheticFault> {
+fn shape(keys: &Keys<'_>, dims: Dims, sampling: &Sampling) -> Result<Shape, Fault> {
     const BESIDE: Vector = [0.17, -0.31, 0.43];
     let spacing = sampling.spacing();
     let counts = dims.to_array();

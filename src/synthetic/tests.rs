@@ -4,7 +4,8 @@ use std::path::Path;
 
 use super::*;
 use crate::exit::ExitKind;
-use crate::facts::{SourceFault, SyntheticValue};
+use crate::facts::SourceFault;
+use crate::fault::{Fault, usage};
 use crate::volume::ScalarType;
 
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
@@ -27,9 +28,9 @@ fn densities(volume: &AnalyticVolume) -> Vec<f64> {
     all
 }
 
-fn fault(text: &str) -> SyntheticFault {
+fn fault(text: &str) -> Fault {
     match open(Path::new(text)).unwrap_err().fault() {
-        SourceFault::Usage { misuse: Misuse::Synthetic(fault), .. } => fault.clone(),
+        SourceFault::Said(fault) => Fault::new(fault.kind, fault.text.clone()),
         other => panic!("{text}: {other:?}"),
     }
 }
@@ -144,7 +145,7 @@ fn rays_enter_bodies_where_their_distance_vanishes() {
 fn the_head_is_there_and_has_no_parameters() {
     let head = open(Path::new("synthetic:head@16")).unwrap();
     assert_eq!(head.info().dims.to_array(), [16; 3]);
-    let expected = SyntheticFault::Key { key: "noise".into(), body: "head", known: Vec::new() };
+    let expected = usage!("the head has no parameters, so 'noise' has no meaning there");
     assert_eq!(fault("synthetic:head@16?noise=1"), expected);
     assert!(analytic("synthetic:head@16").is_err());
 }
@@ -181,15 +182,14 @@ fn what_cannot_be_is_refused_with_what_can() {
     ] {
         assert_eq!(kind(text), Some(ExitKind::Usage), "{text}");
     }
-    assert!(matches!(fault("synthetic:spere@64"), SyntheticFault::Body { known, .. } if known.len() == 12));
-    assert_eq!(fault("synthetic:torus@9?sample=binary,psf=1"), SyntheticFault::NotBinary { key: "psf" });
+    assert_eq!(fault("synthetic:spere@64").text.matches(", ").count(), 12);
+    assert_eq!(
+        fault("synthetic:torus@9?sample=binary,psf=1"),
+        usage!("'psf' is about grey levels, which sample=binary does not have; leave one of the two out")
+    );
     assert_eq!(
         fault("synthetic:torus@9?psf=9"),
-        SyntheticFault::Value {
-            key: "psf".into(),
-            given: "9".into(),
-            wanted: SyntheticValue::Number(0.0, 8.0)
-        }
+        usage!("'9' is not a value of the parameter 'psf'; give a number from 0 to 8")
     );
     assert!(!is_synthetic(Path::new("./synthetic:sphere@8")) && !is_synthetic(Path::new("a.nrrd")));
     let volume = analytic("synthetic:sphere@8?noise=0.1&seed=3").unwrap();

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use super::wrapper::owns_source_and_info;
 use super::{Result, Treatment, VolumeInfo, VolumeSource, Wrapper};
-use crate::facts::{Misuse, SourceFault};
+use crate::fault::usage;
 use crate::geom::Dims;
+use crate::text::names::ROI;
 
 /// Some columns, rows and slices of another volume. The affine's origin moves along, so every voxel keeps its
 /// place in the world. Nothing is held; no pass is added.
@@ -27,7 +28,7 @@ impl<'a> Crop<'a> {
         let fits = roi.iter().zip(info.dims.to_array()).all(|(r, n)| r.end <= n);
         let Some(dims) = Dims::new(size[0], size[1], size[2]).filter(|_| fits) else {
             let path = PathBuf::from(&info.description.name);
-            return Err(SourceFault::Usage { path, misuse: Misuse::Roi { roi, dims: info.dims } }.into());
+            return Err(usage!("{ROI} {:?},{:?},{:?} is empty or not within the volume of {} voxels; write X0..X1,Y0..Y1,Z0..Z1 with each end at most the side", roi[0], roi[1], roi[2], info.dims).at(path).into());
         };
         let corner = roi.clone().map(|r| f64::from(r.start));
         let origin = info.affine.apply(corner);

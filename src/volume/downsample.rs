@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use super::wrapper::owns_source_and_info;
 use super::{Result, Scalar, ScalarType, Treatment, VolumeInfo, VolumeSource, Wrapper};
-use crate::facts::{Misuse, SourceFault};
+use crate::fault::usage;
 use crate::geom::Dims;
+use crate::text::names::DOWNSAMPLE;
 
 /// Samples of the original that are read at a time; of doubles, 32 KiB.
 const PIECE: usize = 4096;
@@ -40,7 +41,9 @@ impl<'a> Downsample<'a> {
         let dims = Dims::new(sides[0], sides[1], sides[2]);
         let (Some(dims), 2 | 4) = (dims, factor) else {
             let path = PathBuf::from(&info.description.name);
-            return Err(SourceFault::Usage { path, misuse: Misuse::Downsample { factor } }.into());
+            return Err(usage!("a volume cannot be made {factor} times smaller; choose {DOWNSAMPLE} 2 or 4")
+                .at(path)
+                .into());
         };
         let wide = f64::from(factor);
         let origin = info.affine.apply([0.5 * (wide - 1.0); 3]);

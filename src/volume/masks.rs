@@ -6,8 +6,10 @@ use std::path::{Path, PathBuf};
 use super::{
     ImageKind, Preparation, Rescale, Result, ScalarType, StatedLabel, VolumeInfo, VolumeSource, Workspace,
 };
-use crate::facts::{Fault, Misuse, Note, SourceFault};
+use crate::facts::Note;
+use crate::fault::{Fault, bad, usage};
 use crate::geom::Dims;
+use crate::text::names::{OVERLAP, VOLUME};
 
 /// Masks that one map may be made of.
 ///
@@ -63,7 +65,7 @@ impl Masks {
     /// their own.
     pub(crate) fn of(parts: Vec<MaskPart>, overlap: Overlap, segments: bool) -> Result<Self> {
         let Some(first) = parts.first().map(|part| part.source.info()) else {
-            return Err(SourceFault::Usage { path: PathBuf::new(), misuse: Misuse::NoneFound }.into());
+            return Err(Fault::no_volume().into());
         };
         let mut ranges: Vec<[Range<i64>; 3]> = Vec::new();
         for part in &parts {
@@ -73,8 +75,11 @@ impl Masks {
                     ranges.push(range);
                 }
                 _ => {
-                    let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
-                    return Err(SourceFault::Usage { path: path_of(info), misuse }.into());
+                    let misuse = usage!(
+                        "lies on another grid than {}; masks of one grid become one map of labels: give those, or choose a volume with {VOLUME} N",
+                        first.description.name
+                    );
+                    return Err(misuse.at(path_of(info)).into());
                 }
             }
         }
@@ -85,8 +90,11 @@ impl Masks {
             _ => None,
         };
         let Some(dims) = dims else {
-            let misuse = Misuse::OtherGrid { first: first.description.name.clone() };
-            return Err(SourceFault::Usage { path: path_of(first), misuse }.into());
+            let misuse = usage!(
+                "lies on another grid than {}; masks of one grid become one map of labels: give those, or choose a volume with {VOLUME} N",
+                first.description.name
+            );
+            return Err(misuse.at(path_of(first)).into());
         };
         let mut info =
             VolumeInfo { dims, scalar: ScalarType::U16, rescale: Rescale::IDENTITY, ..first.clone() };
@@ -203,9 +211,11 @@ impl Masks {
                     let Some(found) = found else { continue };
                     let one = *known.get_or_insert(found[0]);
                     if let Some(other) = found.into_iter().find(|value| *value != one) {
-                        let fault = Fault::NotMask { one, other };
+                        let fault = bad!(
+                            "holds the values {one} and {other}, where a mask has one; build it alone, or choose it with {VOLUME} N"
+                        );
                         let path = path_of(self.parts[number].source.info());
-                        return Err(SourceFault::Unusable { path, fault }.into());
+                        return Err(fault.at(path).into());
                     }
                 }
                 overlaps += held.iter().filter(|count| **count > 1).count() as u64;
@@ -222,7 +232,11 @@ impl Masks {
 /// There are some, and they are to be refused.
 pub(crate) fn settle_overlaps(info: &mut VolumeInfo, voxels: u64, overlap: Overlap) -> Result {
     if voxels > 0 && overlap == Overlap::Refuse {
-        return Err(SourceFault::Usage { path: path_of(info), misuse: Misuse::Overlaps { voxels } }.into());
+        return Err(usage!(
+            "{voxels} voxel(s) are in several masks; choose which mask wins with {OVERLAP} first or last"
+        )
+        .at(path_of(info))
+        .into());
     }
     if voxels > 0 {
         info.notes.push(Note::Overlaps { voxels, first: overlap == Overlap::First });

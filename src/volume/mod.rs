@@ -28,7 +28,7 @@ mod voxels;
 mod watch;
 mod wrapper;
 
-pub(crate) use crate::facts::{Fault, Note, SourceFault};
+pub(crate) use crate::facts::{Note, SourceFault};
 pub use crate::facts::{SourceError, sentences};
 pub(crate) use blend::{blend_rows, neighbour_bytes};
 pub(crate) use block::{check_request, read_block};

@@ -4,8 +4,10 @@
 //! states its assumptions in notes; such a note goes when the caller states what was missing.
 
 use super::{InfoOverride, Note, Result, Treatment, VolumeInfo, VolumeSource};
-use crate::facts::{Misuse, SourceFault, StatedBy};
+use crate::facts::StatedBy;
+use crate::fault::usage;
 use crate::geom::Orientation;
+use crate::text::names::SPACING;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
@@ -59,10 +61,11 @@ pub(crate) fn place(
         turn(&mut info, orientation, by);
     }
     if info.affine.inverse().is_none() {
-        return Err(SourceFault::Usage {
-            path: info.description.name.into(),
-            misuse: Misuse::Spacing { by },
-        }
+        return Err(usage!(
+            "{} is out of range; give the distance of voxels in mm",
+            by.named(SPACING, "spacing")
+        )
+        .at(&info.description.name)
         .into());
     }
     Ok(InfoOverride::boxed(source, info))
@@ -113,6 +116,7 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::ExitKind;
     use crate::facts::Carrier;
     use crate::geom::{Affine, Dims};
     use crate::source::{RawOptions, RawVolume};
@@ -236,10 +240,7 @@ mod tests {
         let text = placed.info().notes[0].to_string();
         assert!(text.contains("1.2 mm"), "{text}");
         let refused = place(with(stated, &[]), spacing([1e-300, 1e-300, 1.0]), WHO).err().unwrap();
-        assert!(
-            matches!(refused.fault(), SourceFault::Usage { .. })
-                && refused.to_string().contains("out of range")
-        );
+        assert!(refused.kind() == ExitKind::Usage && refused.to_string().contains("out of range"));
         assert!(place(with(stated, &[]), Placement::default(), WHO).unwrap().info().notes.is_empty());
     }
 }

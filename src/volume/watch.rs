@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::wrapper::pass_on;
 use super::{Preparation, Result, VolumeInfo, VolumeSource, Workspace};
-use crate::facts::{Fault, SourceFault};
+use crate::fault::Fault;
 use crate::identity::file_identity;
 
 /// A volume that reports when one of its files differs from when it was opened.
@@ -62,12 +62,13 @@ impl VolumeSource for FileWatch {
                 }
             });
         }
-        changed.map_or(Ok(()), |path| Err(SourceFault::Unusable { path, fault: Fault::ChangedInUse }.into()))
+        changed.map_or(Ok(()), |path| Err(Fault::changed().at(path).into()))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use crate::facts::SourceFault;
     use std::fs;
 
     use super::*;
@@ -123,7 +124,7 @@ mod tests {
                 change(&at(name));
                 let error = volume.check_unchanged().unwrap_err();
                 assert!(
-                    matches!(error.fault(), SourceFault::Unusable { path, fault: Fault::ChangedInUse } if *path == at(name)),
+                    matches!(error.fault(), SourceFault::Said(fault) if *fault == Fault::changed().at(at(name))),
                     "{how}: {error:?}"
                 );
             }

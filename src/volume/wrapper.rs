@@ -204,7 +204,8 @@ mod tests {
     use super::super::{Crop, Downsample, GapFill};
     use super::*;
     use crate::budget::Budget;
-    use crate::facts::{Fault, SourceFault};
+    use crate::facts::SourceFault;
+    use crate::fault::Fault;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
@@ -226,7 +227,7 @@ mod tests {
             each(Path::new("a"));
         }
         fn check_unchanged(&self) -> Result {
-            Err(SourceFault::Unusable { path: "a".into(), fault: Fault::ChangedInUse }.into())
+            Err(Fault::changed().at("a").into())
         }
         fn preparation(&self) -> Preparation {
             NEEDS

@@ -31,8 +31,9 @@ use crate::format::{
 };
 use crate::geom::Dims;
 use crate::text::Short;
-use crate::volume::{Fault, ScalarType, SourceError, SourceFault, StatedLabel, VolumeInfo, VolumeSource};
+use crate::volume::{ScalarType, SourceError, StatedLabel, VolumeInfo, VolumeSource};
 
+use crate::fault::{Fault, bad};
 use cells::CellWorker;
 pub(super) use cells::worker_bytes;
 pub use wall::MAX_SMOOTH;
@@ -160,7 +161,7 @@ struct Typed<'a, T>(LabelSolid<'a>, fn(T) -> f64);
 impl LabelSolid<'_> {
     fn wrong(&self, fault: Fault) -> SourceError {
         let path = PathBuf::from(&self.source.info().description.name);
-        SourceFault::Unusable { path, fault }.into()
+        fault.at(path).into()
     }
 
     /// The label of a sample; 0 for none.
@@ -168,11 +169,12 @@ impl LabelSolid<'_> {
     fn label_of(&self, sample: f64) -> Result<u16, SourceError> {
         let value = self.source.info().rescale.apply(sample);
         if value.fract() != 0.0 {
-            return Err(self.wrong(Fault::NotALabel { value }));
+            return Err(self.wrong(bad!("holds the value {value}, and labels are whole numbers")));
         }
         let number = if (0.0..=65_535.0).contains(&value) { Some(value as u16) } else { None };
         match (self.choice, number) {
-            (LabelChoice::All, None) => Err(self.wrong(Fault::LabelRange { value })),
+            (LabelChoice::All, None) => Err(self
+                .wrong(bad!("holds the value {value}, and labels are numbers from 1 to 65535, 0 for none"))),
             (choice, Some(number)) if choice.contains(number) => Ok(number),
             _ => Ok(0),
         }
@@ -244,7 +246,10 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     fn labels(&self) -> Result<Vec<Label>, BuildError> {
         let found = self.0.found();
         if found.len() > MAX_LABELS {
-            return Err(BuildFault::Source(self.0.wrong(Fault::ManyLabels { most: MAX_LABELS })).into());
+            return Err(BuildFault::Source(
+                self.0.wrong(bad!("holds more than {MAX_LABELS} labels; choose some of them")),
+            )
+            .into());
         }
         let label = |(number, voxels): &Count| {
             let stated = self.0.names.iter().find(|stated| stated.number == *number);

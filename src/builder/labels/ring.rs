@@ -12,8 +12,9 @@ use crate::builder::range::{Ordered, SampleRange};
 use crate::builder::simd::{Isa, movemask};
 use crate::builder::slices::Reach;
 use crate::builder::solid::{BRICK, OccupancyRows, ScanSummary, Tile, VoxelBox};
+use crate::fault::bad;
 use crate::format::MAX_LABELS;
-use crate::volume::{Fault, Rescale, ScalarType, SourceError, VolumeInfo};
+use crate::volume::{Rescale, ScalarType, SourceError, VolumeInfo};
 
 /// A cache line of the ring: rows are an odd number of lines apart, and may be read beyond their end.
 const LINE: usize = 32;
@@ -130,7 +131,9 @@ impl<'a, T: Ordered> Ring<'a, T> {
                     match self.counts.binary_search_by_key(&number, |count| count.0) {
                         Ok(at) => self.counts[at].1 += voxels,
                         Err(_) if self.counts.len() == MAX_LABELS => {
-                            return Err(self.solid.wrong(Fault::ManyLabels { most: MAX_LABELS }));
+                            return Err(self
+                                .solid
+                                .wrong(bad!("holds more than {MAX_LABELS} labels; choose some of them")));
                         }
                         Err(at) => self.counts.insert(at, (number, voxels)),
                     }

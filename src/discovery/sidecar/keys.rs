@@ -7,7 +7,7 @@ use serde::Deserialize;
 use serde::de::IgnoredAny;
 use serde_json::{Map, Value};
 
-use crate::facts::sidecar::SideCarFault;
+use crate::fault::{Fault, bad};
 use crate::geom::{Dims, Orientation};
 use crate::volume::{Endian, Placement, ScalarType};
 
@@ -53,11 +53,7 @@ impl<T> Entry<T> {
     }
 
     /// Meaning of the value, nothing where the key is missing, or the fault.
-    fn meaning<M>(
-        &self,
-        mean: impl Fn(&T) -> Option<M>,
-        fault: SideCarFault,
-    ) -> Result<Option<M>, SideCarFault> {
+    fn meaning<M>(&self, mean: impl Fn(&T) -> Option<M>, fault: Fault) -> Result<Option<M>, Fault> {
         if self.is_stated() { self.value().and_then(mean).map(Some).ok_or(fault) } else { Ok(None) }
     }
 }
@@ -114,7 +110,7 @@ impl Keys {
     }
 
     /// Size in voxels.
-    pub(super) fn dims(&self) -> Result<Dims, SideCarFault> {
+    pub(super) fn dims(&self) -> Result<Dims, Fault> {
         let whole = |v: f64| -> Option<u32> {
             #[expect(
                 clippy::cast_possible_truncation,
@@ -125,40 +121,48 @@ impl Keys {
             side
         };
         let three = self.dims.value().and_then(Numbers::three);
-        three.and_then(|[x, y, z]| Dims::new(whole(x)?, whole(y)?, whole(z)?)).ok_or(SideCarFault::Dims)
+        three
+            .and_then(|[x, y, z]| Dims::new(whole(x)?, whole(y)?, whole(z)?))
+            .ok_or_else(|| bad!("its dims are not three sizes in range; write for example [256, 256, 113]"))
     }
 
     /// Type and byte order of the samples.
-    pub(super) fn dtype(&self) -> Result<(ScalarType, Endian), SideCarFault> {
-        self.dtype.value().and_then(|name| ScalarType::parse(name)).ok_or(SideCarFault::Dtype)
+    pub(super) fn dtype(&self) -> Result<(ScalarType, Endian), Fault> {
+        self.dtype.value().and_then(|name| ScalarType::parse(name)).ok_or_else(|| {
+            bad!("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")
+        })
     }
 
     /// Bytes at the head of every file.
-    pub(super) fn skip(&self) -> Result<u64, SideCarFault> {
-        Ok(self.skip.meaning(|skip| Some(*skip), SideCarFault::Skip)?.unwrap_or(0))
+    pub(super) fn skip(&self) -> Result<u64, Fault> {
+        Ok(self.skip.meaning(|skip| Some(*skip), bad!("its skip is not a number of bytes"))?.unwrap_or(0))
     }
 
     /// Name of the data, where it is stated: one that cannot lead out of the folder.
-    pub(in crate::discovery) fn file(&self) -> Result<Option<String>, SideCarFault> {
-        self.file.meaning(|name| is_plain(name).then(|| name.clone()), SideCarFault::File)
+    pub(in crate::discovery) fn file(&self) -> Result<Option<String>, Fault> {
+        self.file.meaning(|name| is_plain(name).then(|| name.clone()), bad!("its file is not a plain name"))
     }
 
     /// Spacing and orientation, as far as they are stated.
-    pub(in crate::discovery) fn placement(&self) -> Result<Placement, SideCarFault> {
+    pub(in crate::discovery) fn placement(&self) -> Result<Placement, Fault> {
         let positive = |numbers: &Numbers| numbers.three().filter(|s| s.iter().all(|v| *v > 0.0));
+        let no_spacing =
+            || bad!("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]");
         let spacing_mm = match (&self.spacing, &self.spacing_mm) {
-            (Entry::Missing, one) => one.meaning(positive, SideCarFault::Spacing)?,
-            (one, Entry::Missing) => one.meaning(positive, SideCarFault::Spacing)?,
+            (Entry::Missing, one) => one.meaning(positive, no_spacing())?,
+            (one, Entry::Missing) => one.meaning(positive, no_spacing())?,
             (one, other) => {
                 let three = |entry: &Entry<Numbers>| entry.value().and_then(Numbers::three);
                 if three(one) != three(other) {
-                    return Err(SideCarFault::SpacingsDiffer);
+                    return Err(bad!("its spacing and its spacing_mm differ; keep one of them"));
                 }
-                one.meaning(positive, SideCarFault::Spacing)?
+                one.meaning(positive, no_spacing())?
             }
         };
         let letters = |letters: &String| Orientation::parse(letters);
-        let orientation = self.orientation.meaning(letters, SideCarFault::Orientation)?;
+        let orientation = self
+            .orientation
+            .meaning(letters, bad!("its orientation is not three letters such as LPS or RAI"))?;
         Ok(Placement { spacing_mm, orientation })
     }
 
@@ -250,10 +254,16 @@ mod tests {
             Keys::of_json(r#"{"dims": null, "dtype": 7, "skip": 7.5, "file": ["a"], "note": {"x": 1}}"#)
                 .unwrap();
         assert!(keys.describe_raw() && !keys.place());
-        assert_eq!(keys.dims().err(), Some(SideCarFault::Dims));
-        assert_eq!(keys.dtype().err(), Some(SideCarFault::Dtype));
-        assert_eq!(keys.skip().err(), Some(SideCarFault::Skip));
-        assert_eq!(keys.file().err(), Some(SideCarFault::File));
+        assert_eq!(
+            keys.dims().err(),
+            Some(bad!("its dims are not three sizes in range; write for example [256, 256, 113]"))
+        );
+        assert_eq!(
+            keys.dtype().err(),
+            Some(bad!("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be"))
+        );
+        assert_eq!(keys.skip().err(), Some(bad!("its skip is not a number of bytes")));
+        assert_eq!(keys.file().err(), Some(bad!("its file is not a plain name")));
         assert_eq!(keys.unknown(&["dims", "dtype", "skip", "file"]), ["note"]);
         assert_eq!(keys.unknown(&["file"]), ["dims", "dtype", "note", "skip"]);
         assert!(Keys::of_json("[]").is_err() && Keys::of_json("{} x").is_err());

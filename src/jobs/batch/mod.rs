@@ -50,14 +50,15 @@ use crate::builder::{BuildError, BuildFault, BuildOptions};
 use crate::clean::CleanOptions;
 use crate::discovery::Catalogue;
 use crate::error::Error;
-use crate::facts::{CsgFault, Fault, Instead, Note, SourceFault, sentences};
+use crate::facts::{Note, SourceFault, sentences};
+use crate::fault::{FaultKind, unfit};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::platform::give_back;
 use crate::progress::Progress;
 use crate::render::picture::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
-use crate::text::names::{MEMORY, MIN_SLICES, THUMBNAILS_OF_ALL};
+use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};
 use crate::volume::{Overlap, SourceError};
 pub(super) use claims::{Claim, Claims};
 pub(super) use folder::NewFolders;
@@ -174,7 +175,10 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
     watcher.found(catalogue.len() as u64);
     if catalogue.is_empty() {
         let path = request.inputs.first().cloned().unwrap_or_default();
-        return Err(SourceError::from(SourceFault::NoVolume { path, found: Instead::Nothing }).into());
+        return Err(SourceError::from(
+            unfit!("no volume was found below it; `{SCAN}` says what is there").at(path),
+        )
+        .into());
     }
 
     let cap = request.build.memory;
@@ -769,7 +773,7 @@ pub(super) fn numbered(n: u32) -> String {
 /// Is a tree refused only since a grid is chosen, and it has that of a volume?
 fn has_own_grid(error: &BuildError) -> bool {
     let BuildFault::Source(error) = error.fault() else { return false };
-    matches!(error.fault(), SourceFault::Unusable { fault: Fault::Csg(CsgFault::GridOfVolume), .. })
+    matches!(error.fault(), SourceFault::Said(fault) if fault.kind == FaultKind::OwnGrid)
 }
 
 /// A volume on its way.

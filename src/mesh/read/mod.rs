@@ -37,7 +37,7 @@ use std::path::{Path, PathBuf};
 
 use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
-use crate::facts::{Fault, MeshFault, MeshLack, SourceError, SourceFault};
+use crate::facts::{MeshFault, MeshLack, SourceError, SourceFault};
 use crate::platform;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 pub(super) use stop::Stop;
@@ -324,10 +324,7 @@ impl MeshFile {
 
 fn error_of(path: &Path, scratch: &Path, stop: Stop) -> SourceError {
     match stop {
-        Stop::Mesh(fault) => SourceError::from(SourceFault::Unusable {
-            path: path.to_path_buf(),
-            fault: Fault::MeshFile(fault),
-        }),
+        Stop::Mesh(fault) => fault.at(&path),
         Stop::Read(cause) => SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
         Stop::Scratch(cause) => {
             SourceError::from(SourceFault::Scratch { path: scratch.to_path_buf(), cause })

@@ -19,8 +19,8 @@ use std::path::Path;
 use super::files::FileList;
 use super::header::{files_beside, unit_mm};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::headed::HeadedFault;
-use crate::facts::{Carrier, Fault, Note};
+use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
 
@@ -71,11 +71,11 @@ impl Headed {
 type Read<T, E = Fault> = std::result::Result<T, E>;
 
 fn missing(field: &'static str) -> Fault {
-    HeadedFault::Missing { field }.into()
+    bad!("its header does not state {field}, or not as it should; is it damaged?")
 }
 
-fn unread(what: impl Into<String>, cure: &'static str) -> Fault {
-    HeadedFault::Unread { what: what.into(), cure }.into()
+fn unread(what: impl AsRef<str>, cure: &'static str) -> Fault {
+    bad!("holds {}, which is not read; {cure}", what.as_ref().escape_debug())
 }
 
 fn refused(path: &Path) -> impl Fn(Fault) -> SourceError + '_ {

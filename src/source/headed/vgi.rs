@@ -6,7 +6,8 @@
 use std::path::{Path, PathBuf};
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::facts::{Fault, Note};
+use crate::facts::Note;
+use crate::fault::Fault;
 use crate::platform::open_file;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;

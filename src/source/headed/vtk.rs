@@ -3,7 +3,8 @@
 use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::facts::Fault;
+
+use crate::fault::Fault;
 use crate::platform::open_file;
 use crate::source::OpenOptions;
 use crate::source::header::{Lines, counts, numbers, text, unreadable};

@@ -1,7 +1,7 @@
 //! Axes of an NRRD header, and where they run in space.
 
-use crate::facts::nrrd::NrrdFault;
 use crate::facts::{Carrier, Note, StatedNumber};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
 
@@ -53,14 +53,14 @@ impl Geometry {
     }
 
     /// The axes with their sizes; those without a direction where others have one are not in space.
-    pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, NrrdFault> {
+    pub(super) fn axes(&self, sizes: &[u64]) -> Result<Vec<Axis>, Fault> {
         for (field, entries) in [
             ("space directions", self.directions.len()),
             ("kinds", self.kinds.len()),
             ("spacings", self.spacings.len()),
         ] {
             if entries != 0 && entries != sizes.len() {
-                return Err(NrrdFault::Entries { field, entries, axes: sizes.len() });
+                return Err(bad!("its header has {entries} {field} for {} axes", sizes.len()));
             }
         }
         let axis = |(index, size): (usize, &u64)| {
@@ -78,7 +78,7 @@ impl Geometry {
         axes: &[Axis],
         space: &[usize],
         notes: &mut Vec<Note>,
-    ) -> Result<Affine, NrrdFault> {
+    ) -> Result<Affine, Fault> {
         let mut affine = Affine::from_spacing([1.0; 3]);
         let directed = !self.directions.is_empty();
         if directed {
@@ -96,7 +96,7 @@ impl Geometry {
     }
 
     /// From `space directions` and `space origin`.
-    fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), NrrdFault> {
+    fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), Fault> {
         let (signs, known) = signs(&self.space);
         if !known {
             let space = Some(self.space.clone()).filter(|space| !space.is_empty());
@@ -115,7 +115,7 @@ impl Geometry {
         };
         for (column, index) in space.iter().enumerate() {
             let vector = self.directions.get(*index).cloned().flatten();
-            let vector = vector.ok_or(NrrdFault::NoDirection)?;
+            let vector = vector.ok_or_else(|| bad!("an axis has no direction"))?;
             affine.rows.iter_mut().zip(place(&vector)).for_each(|(row, c)| row[column] = c);
         }
         if self.origin.is_empty() {

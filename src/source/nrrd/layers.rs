@@ -4,8 +4,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::segments::Layered;
-use crate::facts::nrrd::NrrdFault;
-use crate::facts::{Fault, SourceFault};
+
+use crate::fault::bad;
 use crate::geom::Dims;
 use crate::volume::{
     Overlap, Preparation, Result, ScalarType, SourceError, StatedLabel, VolumeInfo, VolumeSource, Workspace,
@@ -103,8 +103,8 @@ impl LayeredMap {
     fn number(&self, layer: u64, value: f64) -> Result<u16> {
         let is_it = |segment: &&Layered| segment.0 == layer && f64::from(segment.1) == value;
         self.layers.segments.iter().find(is_it).map(|segment| segment.2).ok_or_else(|| {
-            let fault = Fault::from(NrrdFault::NoSegment { layer, value });
-            SourceError::from(SourceFault::Unusable { path: self.path(), fault })
+            let fault = bad!("layer {layer} of the segmentation holds the value {value}, which no segment of its header has");
+            SourceError::from(fault.at(self.path()))
         })
     }
 

@@ -7,8 +7,8 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
-use crate::facts::samples::{Damage, StoredFault};
 use crate::facts::{Note, Packing, SourceFault};
+use crate::fault::{Fault, bad};
 use crate::platform::{FileExt, open_file};
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
@@ -118,7 +118,7 @@ pub(in crate::source) struct Linear {
 }
 
 impl Linear {
-    fn fail(&self, file: usize, fault: StoredFault) -> SourceError {
+    fn fail(&self, file: usize, fault: Fault) -> SourceError {
         unusable(&self.files.list().path(file), fault)
     }
 
@@ -136,13 +136,17 @@ impl Linear {
         let packing = self.encoding.packing();
         let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
         let promised = self.slices_per_file.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
-        let short = |got: u64| StoredFault::StreamEnds { promised, got, packing };
+        let short = |got: u64| {
+            bad!(
+                "the header promises {promised} bytes, the {packing} stream ends after {got}; the file was cut short, copy it again"
+            )
+        };
         let failed = |cause: io::Error, got: u64| {
             // Decoders speak of damage in errors of their own; only the system's have a number.
             let fault = match (cause.kind(), cause.raw_os_error()) {
                 (io::ErrorKind::UnexpectedEof, _) => short(got),
-                (_, Some(code)) => StoredFault::StreamUnreadable { code },
-                _ => StoredFault::StreamDamaged { packing, damage: Damage::of(cause) },
+                (_, Some(code)) => bad!("cannot be read ({})", io::Error::from_raw_os_error(code)),
+                _ => bad!("the {packing} stream is damaged ({cause}); copy the file again"),
             };
             self.fail(index, fault)
         };

@@ -5,8 +5,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{DirectSamples, Encoding, Linear, Samples, SliceOffsets, StoredVolume};
-use crate::facts::samples::StoredFault;
 use crate::facts::{Note, SourceFault};
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::source::files::base_name;
 use crate::source::files::{FileList, FileSet};
@@ -67,25 +67,36 @@ impl StoredLayout {
     /// [`SourceError`] where the header contradicts itself or the files;
     /// [`SourceError`] where the system refuses.
     pub(in crate::source) fn open(mut self) -> Result<Vec<Box<dyn VolumeSource>>> {
-        let wrong = |fault: StoredFault| Err(unusable(&self.header, fault));
+        let wrong = |fault: Fault| Err(unusable(&self.header, fault));
         let sides = self.size.map(|n| u32::try_from(n).unwrap_or(0));
         let Some(dims) = Dims::new(sides[0], sides[1], sides[2]) else {
-            return wrong(StoredFault::Size { size: self.size });
+            return wrong(bad!(
+                "its size of {}x{}x{} voxels is out of range; a side has 1 to {} of them",
+                self.size[0],
+                self.size[1],
+                self.size[2],
+                Dims::MAX_SIDE
+            ));
         };
         if !(1..=MAX_VOLUMES).contains(&self.volumes) {
-            return wrong(StoredFault::Volumes { count: self.volumes, most: MAX_VOLUMES });
+            return wrong(bad!(
+                "holds {} volumes, and 1 to {MAX_VOLUMES} are read; split the file",
+                self.volumes
+            ));
         }
         if self.affine.inverse().is_none() {
-            return wrong(StoredFault::Axes);
+            return wrong(bad!("its axes are flat, parallel or no numbers; correct spacing and directions"));
         }
         let Rescale { slope, intercept } = self.rescale;
         if !(slope.is_finite() && intercept.is_finite() && slope != 0.0) {
-            return wrong(StoredFault::Rescale { slope, intercept });
+            return wrong(bad!("slope {slope} and intercept {intercept} give no values"));
         }
         let slices = u64::from(dims.nz()) * self.volumes;
         let count = self.files.len() as u64;
         if count == 0 || !slices.is_multiple_of(count) {
-            return wrong(StoredFault::Files { files: count, slices });
+            return wrong(bad!(
+                "{count} data files are named for {slices} slices, which cannot be shared out evenly"
+            ));
         }
         let slices_per_file = slices / count;
         let slice_bytes = u64::from(dims.nx()) * u64::from(dims.ny()) * self.samples.bytes() as u64;
@@ -153,18 +164,20 @@ impl StoredLayout {
         for index in 0..self.files.len() {
             let path = self.files.path(index);
             let length = regular(&path)?;
-            let wrong = |fault: StoredFault| Err(unusable(&path, fault));
+            let wrong = |fault: Fault| Err(unusable(&path, fault));
             let skip = match self.skip {
                 Skip::Bytes(skip) => skip,
                 Skip::AllButSamples => length.saturating_sub(share),
             };
             if *common.get_or_insert(skip) != skip {
-                return wrong(StoredFault::Begin);
+                return wrong(bad!("its samples begin elsewhere than those of the first file"));
             }
             let there = length.saturating_sub(skip);
             if self.encoding == Encoding::Raw {
                 if there < share {
-                    return wrong(StoredFault::Short { promised: share, there });
+                    return wrong(bad!(
+                        "the header promises {share} bytes of samples, the file has {there}; it was cut short or its header is wrong"
+                    ));
                 }
                 longer += u64::from(there > share);
                 continue;
@@ -172,7 +185,9 @@ impl StoredLayout {
             let promised = share.saturating_add(self.skip_unpacked);
             if self.encoding.most(there, self.samples) < promised {
                 let packing = self.encoding.packing();
-                return wrong(StoredFault::ShortStream { promised, there, packing });
+                return wrong(bad!(
+                    "the header promises {promised} bytes of samples, more than {there} bytes of {packing} can hold; it was cut short or its header is wrong"
+                ));
             }
         }
         if longer > 0 {
@@ -188,7 +203,7 @@ pub(in crate::source) fn regular(path: &Path) -> Result<u64> {
     let meta = fs::metadata(path)
         .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
     if !meta.is_file() {
-        return Err(unusable(path, StoredFault::NotRegular));
+        return Err(unusable(path, bad!("is not a regular file, so it cannot hold samples")));
     }
     Ok(meta.len())
 }

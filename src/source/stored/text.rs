@@ -3,14 +3,14 @@
 use std::io::{self, BufRead, Read};
 
 use super::Samples;
-use crate::facts::Fault;
-use crate::facts::samples::StoredFault;
+
+use crate::fault::{Fault, bad};
 use crate::volume::ScalarType;
 
 /// Most characters of one number.
 const LONGEST: usize = 64;
 
-fn wrong(fault: StoredFault) -> io::Error {
+fn wrong(fault: Fault) -> io::Error {
     Fault::from(fault).in_stream()
 }
 
@@ -45,7 +45,7 @@ impl<R: BufRead> Numbers<R> {
                     return Ok((token, length));
                 }
                 if !separates {
-                    *token.get_mut(length).ok_or_else(|| wrong(StoredFault::LongNumber))? = *byte;
+                    *token.get_mut(length).ok_or_else(|| wrong(bad!("a number is too long")))? = *byte;
                     length += 1;
                 }
             }
@@ -60,8 +60,8 @@ impl<R: BufRead> Numbers<R> {
         if text.is_empty() {
             return Ok(false);
         }
-        self.sample =
-            encode(self.samples, text).ok_or_else(|| wrong(StoredFault::Number { text: text.to_owned() }))?;
+        self.sample = encode(self.samples, text)
+            .ok_or_else(|| wrong(bad!("`{}` is not a number of its type", text.escape_default())))?;
         self.given = 0;
         Ok(true)
     }
@@ -116,7 +116,7 @@ impl<R: BufRead> Read for Hex<R> {
     fn read(&mut self, buf: &mut [u8]) -> io::Result<usize> {
         for (written, out) in buf.iter_mut().enumerate() {
             let Some(high) = digit(&mut self.0)? else { return Ok(written) };
-            let low = digit(&mut self.0)?.ok_or_else(|| wrong(StoredFault::HalfByte))?;
+            let low = digit(&mut self.0)?.ok_or_else(|| wrong(bad!("half a byte at the end")))?;
             *out = high << 4 | low;
         }
         Ok(buf.len())
@@ -129,7 +129,7 @@ fn digit(inner: &mut impl BufRead) -> io::Result<Option<u8>> {
         inner.consume(1);
         if !byte.is_ascii_whitespace() {
             let value = char::from(byte).to_digit(16).and_then(|d| u8::try_from(d).ok());
-            return value.map(Some).ok_or_else(|| wrong(StoredFault::Digit));
+            return value.map(Some).ok_or_else(|| wrong(bad!("a character is not a hexadecimal digit")));
         }
     }
 }

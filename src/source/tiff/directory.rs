@@ -3,8 +3,7 @@
 use std::fs::File;
 use std::io;
 
-use crate::facts::Fault;
-use crate::facts::tiff::TiffFault;
+use crate::fault::{Fault, bad};
 use crate::platform::FileExt;
 use crate::volume::Endian;
 
@@ -12,7 +11,7 @@ use crate::volume::Endian;
 const MAX_ENTRIES: u64 = 512;
 
 /// An error that says what is damaged.
-pub(super) fn damaged(fault: TiffFault) -> io::Error {
+pub(super) fn damaged(fault: Fault) -> io::Error {
     Fault::from(fault).in_stream()
 }
 
@@ -58,7 +57,7 @@ impl<'a> Tiff<'a> {
         let endian = match head.first_chunk::<2>() {
             Some(b"II") => Endian::Little,
             Some(b"MM") => Endian::Big,
-            _ => return Err(damaged(TiffFault::NotTiff)),
+            _ => return Err(damaged(bad!("it is not a TIFF"))),
         };
         let mut tiff = Self { file, length, endian, big: false };
         let first = match tiff.number(head.get(2..4).unwrap_or_default()) {
@@ -66,12 +65,12 @@ impl<'a> Tiff<'a> {
             43 => {
                 file.read_exact_at(&mut head, 0)?;
                 if tiff.number(head.get(4..6).unwrap_or_default()) != 8 {
-                    return Err(damaged(TiffFault::BigHead));
+                    return Err(damaged(bad!("its BigTIFF head is damaged")));
                 }
                 tiff.big = true;
                 tiff.number(head.get(8..16).unwrap_or_default())
             }
-            version => return Err(damaged(TiffFault::Version { version })),
+            version => return Err(damaged(bad!("it is TIFF of the unknown version {version}"))),
         };
         Ok((tiff, first))
     }
@@ -93,7 +92,7 @@ impl<'a> Tiff<'a> {
         self.file.read_exact_at(count, offset)?;
         let count = self.number(count);
         if count > MAX_ENTRIES {
-            return Err(damaged(TiffFault::Entries { count }));
+            return Err(damaged(bad!("a directory of {count} entries is not valid")));
         }
         let bytes = usize::try_from(count).unwrap_or(0) * entry_bytes + offset_bytes;
         let mut buffer = vec![0; bytes];
@@ -126,7 +125,7 @@ impl<'a> Tiff<'a> {
             3 | 8 => 2,
             4 | 9 | 11 | 13 => 4,
             5 | 10 | 12 | 16 | 17 | 18 => 8,
-            code => return Err(damaged(TiffFault::FieldType { code })),
+            code => return Err(damaged(bad!("a field of the unknown type {code}"))),
         };
         let inside = if self.big { 8 } else { 4 };
         if entry.count.saturating_mul(size) <= inside {
@@ -139,7 +138,7 @@ impl<'a> Tiff<'a> {
     /// Bytes of element `index`.
     fn bytes(&self, entry: &Entry, index: u64) -> io::Result<([u8; 8], usize)> {
         if index >= entry.count {
-            return Err(damaged(TiffFault::FieldValues { count: entry.count }));
+            return Err(damaged(bad!("a field has {} values where more are needed", entry.count)));
         }
         let (size, place) = self.place(entry)?;
         let width = usize::try_from(size).unwrap_or(8);

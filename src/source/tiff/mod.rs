@@ -25,9 +25,8 @@ use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
-use crate::facts::samples::Damage;
-use crate::facts::tiff::{TiffFault, TiffShape};
 use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::open_file;
 use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
@@ -210,7 +209,7 @@ impl Stack {
         let mut notes: Option<Notes> = None;
         while offset != 0 {
             if offset == mark.0 || seen >= MAX_PAGES {
-                return Err(damaged(TiffFault::Circle));
+                return Err(damaged(bad!("its pages follow each other in a circle")));
             }
             if seen == mark.1 {
                 mark = (offset, seen * 2);
@@ -228,7 +227,7 @@ impl Stack {
             }
             self.page(&tiff, &directory, here, file)?;
         }
-        let notes = notes.ok_or_else(|| damaged(TiffFault::NoPage))?;
+        let notes = notes.ok_or_else(|| damaged(bad!("it has no page")))?;
         if let Some(fault) = notes.refused {
             return Err(damaged(fault));
         }
@@ -243,18 +242,18 @@ impl Stack {
         if let Some(at) = pixels
             && at.saturating_add(raster.bytes()) > tiff.length
         {
-            return Err(damaged(TiffFault::PageBytes {
-                page: self.pages.len() + 1,
-                bytes: raster.bytes(),
-                at,
-                length: tiff.length,
-            }));
+            return Err(damaged(bad!(
+                "page {} needs {} bytes from byte {at} on, and the file has {}; copy it again",
+                self.pages.len() + 1,
+                raster.bytes(),
+                tiff.length
+            )));
         }
         self.memory_bytes = self.memory_bytes.max(raster.memory_bytes());
         self.inverted |= raster.inverted;
         self.turned(backwards(tiff.value(directory, ORIENTATION, 1)?).map_err(damaged)?).map_err(damaged)?;
         if self.pages.len() >= Dims::MAX_SIDE as usize {
-            return Err(damaged(TiffFault::Pages { most: Dims::MAX_SIDE }));
+            return Err(damaged(bad!("it has more than {} pages", Dims::MAX_SIDE)));
         }
         self.pages.push(Page { file, offset, pixels, endian: tiff.endian });
         Ok(())
@@ -267,12 +266,14 @@ impl Stack {
         let Some(pixels) = first.pixels.filter(|_| images > 1) else { return Ok(()) };
         let bytes = u64::from(shape.size[0]) * u64::from(shape.size[1]) * shape.samples.bytes() as u64;
         if images > u64::from(Dims::MAX_SIDE) {
-            return Err(damaged(TiffFault::Images { count: images }));
+            return Err(damaged(bad!("its {images} images are out of range")));
         }
         let end = pixels.saturating_add(images.saturating_mul(bytes));
         if end > tiff.length {
             let length = tiff.length;
-            return Err(damaged(TiffFault::ImagesBytes { count: images, end, length }));
+            return Err(damaged(bad!(
+                "its description promises {images} images up to byte {end}, and the file has {length}; copy it again"
+            )));
         }
         self.pages.extend((1..images).map(|i| Page { pixels: Some(pixels + i * bytes), ..first }));
         self.contiguous = true;
@@ -280,25 +281,29 @@ impl Stack {
     }
 
     /// Is a slice of the same kind as those before?
-    fn same(&mut self, shape: Shape) -> Result<(), TiffFault> {
+    fn same(&mut self, shape: Shape) -> Result<(), Fault> {
         let first = *self.shape.get_or_insert(shape);
         if first == shape {
             return Ok(());
         }
-        let told = |s: Shape| TiffShape { size: s.size, dtype: s.samples.delivered().name() };
-        Err(TiffFault::Unlike { page: told(shape), first: told(first) })
+        let told = |s: Shape| format!("{}x{} {}", s.size[0], s.size[1], s.samples.delivered().name());
+        Err(bad!(
+            "a page is {} where the first is {}; slices of a volume are alike in size and type, move the other away",
+            told(shape),
+            told(first)
+        ))
     }
 
     /// Is a slice stored from the same corner as those before?
-    fn turned(&mut self, backwards: [bool; 2]) -> Result<(), TiffFault> {
+    fn turned(&mut self, backwards: [bool; 2]) -> Result<(), Fault> {
         if *self.backwards.get_or_insert(backwards) == backwards {
             return Ok(());
         }
-        Err(TiffFault::Corner)
+        Err(bad!("a page is stored from another corner than the first (Orientation); save all of them alike"))
     }
 
     /// Adds the slices of another file.
-    fn append(&mut self, other: Self) -> Result<(), TiffFault> {
+    fn append(&mut self, other: Self) -> Result<(), Fault> {
         if let Some(shape) = other.shape {
             self.same(shape)?;
         }
@@ -316,14 +321,17 @@ impl Stack {
 
     fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>> {
         let path = list.path(0);
-        let refuse = |fault: TiffFault| unusable(&path, fault);
-        let shape = self.shape.ok_or_else(|| refuse(TiffFault::NoSlice))?;
+        let refuse = |fault: Fault| unusable(&path, fault);
+        let shape = self.shape.ok_or_else(|| refuse(bad!("has no page")))?;
         let nz = u32::try_from(self.pages.len()).unwrap_or(u32::MAX);
         let dims = Dims::new(shape.size[0], shape.size[1], nz)
-            .ok_or_else(|| refuse(TiffFault::PagesOutOfRange { count: nz }))?;
+            .ok_or_else(|| refuse(bad!("{nz} pages are out of range")))?;
         let bytes = dims.voxels() * shape.samples.bytes() as u64;
         if bytes > self.file_bytes.saturating_mul(MAX_EXPANSION) {
-            return Err(refuse(TiffFault::Promise { bytes, file_bytes: self.file_bytes }));
+            return Err(refuse(bad!(
+                "its pages promise {bytes} bytes, more than {} bytes of file can hold",
+                self.file_bytes
+            )));
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
         let mut notes = Vec::new();
@@ -380,12 +388,14 @@ impl Stack {
 }
 
 /// Whether columns, and rows, are stored from the other end, by the tag Orientation.
-fn backwards(orientation: u64) -> Result<[bool; 2], TiffFault> {
+fn backwards(orientation: u64) -> Result<[bool; 2], Fault> {
     match orientation {
         2 => Ok([true, false]),
         3 => Ok([true, true]),
         4 => Ok([false, true]),
-        5..=8 => Err(TiffFault::Turned { orientation }),
+        5..=8 => Err(bad!(
+            "its pictures are stored turned by 90 degrees (Orientation {orientation}); save them upright"
+        )),
         // Others mean nothing.
         _ => Ok([false, false]),
     }
@@ -426,7 +436,7 @@ impl Unroll for Pages {
                 // Held against the survey: the file may have been changed since.
                 let size = [info.dims.nx(), info.dims.ny()];
                 if [raster.width, raster.height] != size || raster.samples.delivered() != info.scalar {
-                    return Err(damaged(TiffFault::Changed));
+                    return Err(damaged(bad!("it is not the page that it was a moment ago")));
                 }
                 result = raster.unroll(&tiff, z, target)?;
                 Ok(())
@@ -435,9 +445,11 @@ impl Unroll for Pages {
                 let path = self.files.list().path(index);
                 let page = z + 1;
                 match cause.kind() {
-                    io::ErrorKind::UnexpectedEof => unusable(&path, TiffFault::PageEnds { page }),
+                    io::ErrorKind::UnexpectedEof => {
+                        unusable(&path, bad!("page {page} ends early; the file was cut short, copy it again"))
+                    }
                     _ if cause.raw_os_error().is_some() => unreadable(&path, cause),
-                    _ => unusable(&path, TiffFault::PageDamaged { page, damage: Damage::of(cause) }),
+                    _ => unusable(&path, bad!("page {page} is damaged ({cause}); copy the file again")),
                 }
             })?;
             result?;

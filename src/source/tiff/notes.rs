@@ -1,6 +1,6 @@
 //! Fields that ImageJ and OME write into the description of a TIFF file.
 
-use crate::facts::tiff::TiffFault;
+use crate::fault::{Fault, bad};
 use crate::source::header::unit_mm;
 
 /// The fields of a description.
@@ -11,7 +11,7 @@ pub(super) struct Notes {
     /// Distance in mm of neighbours along x, y, z.
     pub(super) spacing_mm: Option<[f64; 3]>,
     /// Why the pictures do not form a volume.
-    pub(super) refused: Option<TiffFault>,
+    pub(super) refused: Option<Fault>,
 }
 
 impl Notes {
@@ -34,7 +34,9 @@ impl Notes {
         };
         let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
         let several = ["channels", "frames"].into_iter().map(|of| (of, count(of))).find(|(_, n)| *n > 1);
-        let refused = several.map(|(of, count)| TiffFault::Hyperstack { count, of });
+        let refused = several.map(|(of, count)| {
+            bad!("is an ImageJ hyperstack of {count} {of}; save one of them as a stack of its own")
+        });
         let spacing = |mm: f64| {
             let depth = value("spacing").and_then(|v| v.parse::<f64>().ok()).map_or(1.0, f64::abs);
             let across = resolution[0].or(resolution[1])?;
@@ -54,7 +56,9 @@ impl Notes {
         let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
         let several =
             [("SizeC", "channels"), ("SizeT", "time points")].into_iter().find(|(k, _)| count(k) > 1);
-        let refused = several.map(|(key, of)| TiffFault::Ome { count: count(key), of });
+        let refused = several.map(|(key, of)| {
+            bad!("is an OME file of {} {of}; save one of them as a stack of its own", count(key))
+        });
         let length = |axis: &str| {
             let size: f64 = value(&format!("PhysicalSize{axis}"))?.parse().ok()?;
             let unit = value(&format!("PhysicalSize{axis}Unit"));
@@ -87,7 +91,8 @@ mod tests {
         assert_eq!(Notes::read("ImageJ=1\nunit=pixel\n", [Some(1.0); 2]).spacing_mm, None);
         assert_eq!(Notes::read("ImageJ=1\nunit=mm\n", [None; 2]).spacing_mm, None);
         for text in ["ImageJ=1\nimages=6\nchannels=2\nslices=3\n", "ImageJ=1\nimages=6\nframes=6\n"] {
-            assert!(matches!(Notes::read(text, [None; 2]).refused, Some(TiffFault::Hyperstack { .. })));
+            let refused = Notes::read(text, [None; 2]).refused.unwrap();
+            assert!(refused.text.contains("hyperstack"), "{refused}");
         }
     }
 
@@ -96,7 +101,7 @@ mod tests {
         let text = "<?xml?><OME><Image><Pixels BigEndian=\"false\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.25\" PhysicalSizeYUnit=\"mm\" PhysicalSizeZ=\"3\" SizeC=\"1\" SizeZ=\"9\"><TiffData/></Pixels></Image></OME>";
         assert_eq!(Notes::read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
         let channels = text.replace("SizeC=\"1\"", "SizeC=\"3\"");
-        let fault = TiffFault::Ome { count: 3, of: "channels" };
+        let fault = bad!("is an OME file of {} channels; save one of them as a stack of its own", 3);
         assert_eq!(Notes::read(&channels, [None; 2]).refused, Some(fault));
         assert_eq!(
             Notes::read("<OME><Pixels PhysicalSizeX=\"nan\" PhysicalSizeY=\"1\">", [None; 2]).spacing_mm,

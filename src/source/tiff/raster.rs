@@ -6,7 +6,7 @@ use weezl::decode::Decoder;
 use weezl::{BitOrder, LzwStatus};
 
 use super::directory::{Directory, Entry, Tiff, damaged};
-use crate::facts::tiff::TiffFault;
+use crate::fault::bad;
 use crate::geom::Dims;
 use crate::source::stored::{Samples, Section, Target, section};
 use crate::volume::{Endian, Result, ScalarType};
@@ -72,12 +72,19 @@ impl Raster {
         let side = |n: u64| u32::try_from(n).ok().filter(|n| (1..=Dims::MAX_SIDE).contains(n));
         let (width, height) = (value(tag::WIDTH, 0)?, value(tag::HEIGHT, 0)?);
         let (Some(width), Some(height)) = (side(width), side(height)) else {
-            return Err(damaged(TiffFault::PageSize { size: [width, height] }));
+            return Err(damaged(bad!(
+                "a page of {}x{} pixels is out of range",
+                ([width, height])[0],
+                ([width, height])[1]
+            )));
         };
         let per_pixel = value(tag::SAMPLES_PER_PIXEL, 1)?;
         let photometric = value(tag::PHOTOMETRIC, 1)?;
         if per_pixel != 1 || photometric > 1 {
-            return Err(damaged(TiffFault::Colours { photometric, samples: per_pixel }));
+            return Err(damaged(bad!(
+                "it has {}, and grey values are needed; convert it to grey",
+                colours(photometric, per_pixel)
+            )));
         }
         let (bits, format) = (value(tag::BITS, 1)?, value(tag::SAMPLE_FORMAT, 1)?);
         let samples = match (bits, format) {
@@ -93,28 +100,41 @@ impl Raster {
             (64, 1) => Samples::U64,
             (64, 2) => Samples::I64,
             (64, 3) => Samples::Plain(ScalarType::F64),
-            _ => return Err(damaged(TiffFault::Samples { bits, format })),
+            _ => {
+                return Err(damaged(bad!(
+                    "samples of {bits} bits in format {format} are not read; convert it to 8, 16 or 32 bits"
+                )));
+            }
         };
         let packing = match value(tag::COMPRESSION, 1)? {
             1 => Packing::None,
             5 => Packing::Lzw,
             8 | 32946 => Packing::Deflate,
             32773 => Packing::PackBits,
-            code => return Err(damaged(TiffFault::Compression { code })),
+            code => {
+                return Err(damaged(bad!(
+                    "its compression {code} ({}) is not read; save it with LZW, deflate or none",
+                    compression(code)
+                )));
+            }
         };
         if packing != Packing::None && value(tag::FILL_ORDER, 1)? == 2 {
-            return Err(damaged(TiffFault::FillOrder));
+            return Err(damaged(bad!("its compressed bits are in reversed order, which is not read")));
         }
         let predictor = if packing == Packing::None { 1 } else { value(tag::PREDICTOR, 1)? };
         let float = matches!(samples.delivered(), ScalarType::F32 | ScalarType::F64) && format == 3;
         if !(predictor == 1 || predictor == 2 || predictor == 3 && float) {
-            return Err(damaged(TiffFault::Predictor { code: predictor }));
+            return Err(damaged(bad!("its predictor {predictor} does not fit its samples")));
         }
         let tiled = directory.get(tag::TILE_OFFSETS).is_some();
         let (chunk, offsets, counts) = if tiled {
             let (tile_width, tile_height) = (value(tag::TILE_WIDTH, 0)?, value(tag::TILE_HEIGHT, 0)?);
             let (Some(w), Some(h)) = (side(tile_width), side(tile_height)) else {
-                return Err(damaged(TiffFault::Tiles { size: [tile_width, tile_height] }));
+                return Err(damaged(bad!(
+                    "tiles of {}x{} are out of range",
+                    ([tile_width, tile_height])[0],
+                    ([tile_width, tile_height])[1]
+                )));
             };
             ([w, h], directory.get(tag::TILE_OFFSETS), directory.get(tag::TILE_BYTES))
         } else {
@@ -122,10 +142,10 @@ impl Raster {
             let rows = u32::try_from(rows).unwrap_or(height);
             ([width, rows], directory.get(tag::STRIP_OFFSETS), directory.get(tag::STRIP_BYTES))
         };
-        let offsets = *offsets.ok_or_else(|| damaged(TiffFault::NoStrips))?;
+        let offsets = *offsets.ok_or_else(|| damaged(bad!("a page names no strips")))?;
         let counts = counts.copied();
         if packing != Packing::None && counts.is_none() {
-            return Err(damaged(TiffFault::NoStripLengths));
+            return Err(damaged(bad!("a page does not state the lengths of its strips")));
         }
         let raster = Self {
             width,
@@ -141,7 +161,10 @@ impl Raster {
         };
         let chunks = u64::from(raster.columns()) * u64::from(height.div_ceil(chunk[1]));
         if raster.offsets.count < chunks {
-            return Err(damaged(TiffFault::FewStrips { count: raster.offsets.count, needed: chunks }));
+            return Err(damaged(bad!(
+                "a page names {} strips or tiles where it needs {chunks}",
+                raster.offsets.count
+            )));
         }
         Ok(raster)
     }
@@ -303,7 +326,7 @@ impl Read for Lzw<'_> {
                         self.ended = true;
                     }
                 }
-                Err(cause) => return Err(damaged(TiffFault::Lzw { decoder: cause.to_string() })),
+                Err(cause) => return Err(damaged(bad!("LZW: {cause}"))),
             }
             if result.consumed_out > 0 {
                 return Ok(result.consumed_out);
@@ -353,5 +376,26 @@ impl Read for PackBits<'_> {
         };
         self.left -= got;
         Ok(got)
+    }
+}
+
+fn colours(photometric: u64, samples: u64) -> String {
+    match photometric {
+        2 => "RGB colours".to_owned(),
+        3 => "colours of a palette".to_owned(),
+        0 | 1 => format!("{samples} samples a pixel"),
+        other => format!("pixels of the photometric interpretation {other}"),
+    }
+}
+
+fn compression(code: u64) -> &'static str {
+    match code {
+        2..=4 => "fax",
+        6 | 7 => "JPEG",
+        33003 | 33005 | 34712 => "JPEG 2000",
+        50000 | 34926 => "Zstandard",
+        50001 | 34927 => "WebP",
+        34925 => "LZMA",
+        _ => "unknown",
     }
 }

@@ -6,9 +6,9 @@ use std::path::{Path, PathBuf};
 use serde_json::Value;
 
 use super::Read;
-use super::packing::{Packing, chunk_fault};
-use crate::facts::Fault;
-use crate::facts::zarr::ZarrFault;
+use super::packing::{Packing, damaged, short};
+
+use crate::fault::{Fault, bad};
 use crate::platform::FileExt;
 use crate::source::headed::sample_type;
 use crate::source::stored::Samples;
@@ -65,12 +65,15 @@ pub(super) struct Place {
     pub(super) length: u64,
 }
 
-fn missing(field: &'static str) -> Fault {
-    ZarrFault::Missing { field }.into()
+pub(super) fn missing(field: &'static str) -> Fault {
+    bad!("does not state `{field}`, or not as Zarr does; is it damaged?")
 }
 
-pub(super) fn unread(what: impl Into<String>) -> Fault {
-    ZarrFault::Unread { what: what.into() }.into()
+pub(super) fn unread(what: impl AsRef<str>) -> Fault {
+    bad!(
+        "holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks",
+        what.as_ref().escape_debug()
+    )
 }
 
 fn text<'a>(of: &'a Value, key: &str) -> Option<&'a str> {
@@ -341,14 +344,14 @@ impl Array {
         let from = match length.checked_sub(whole) {
             Some(end) if shard.at_end => end,
             Some(_) => 0,
-            None => return Err(chunk_fault(ZarrFault::Short)),
+            None => return Err(short()),
         };
         if shard.checked && index <= SHORT_INDEX {
             let mut all = vec![0; usize::try_from(whole).unwrap_or(0)];
             file.read_exact_at(&mut all, from)?;
             let (entries, sum) = all.split_at(all.len() - 4);
             if crc32c::crc32c(entries).to_le_bytes() != sum {
-                return Err(chunk_fault(ZarrFault::Damaged { what: "the index of its shard" }));
+                return Err(damaged("the index of its shard"));
             }
         }
         let places = self.full(volume, chunk);
@@ -362,7 +365,7 @@ impl Array {
             (at, bytes) if at.checked_add(bytes).is_some_and(|end| end <= length) => {
                 Ok(Some(Place { file, at, length: bytes }))
             }
-            _ => Err(chunk_fault(ZarrFault::Damaged { what: "the index of its shard" })),
+            _ => Err(damaged("the index of its shard")),
         }
     }
 }

@@ -4,8 +4,8 @@ use std::io;
 use std::ops::Range;
 
 use super::array::Place;
-use super::packing::{Sink, chunk_fault, damaged};
-use crate::facts::zarr::ZarrFault;
+use super::packing::{Sink, damaged, short};
+use crate::fault::bad;
 use crate::platform::FileExt;
 
 const HEADER: u64 = 16;
@@ -45,7 +45,7 @@ pub(super) struct Header {
 impl Header {
     pub(super) fn read(place: &Place) -> io::Result<Self> {
         if place.length < HEADER {
-            return Err(chunk_fault(ZarrFault::Short));
+            return Err(short());
         }
         let mut head = [0; 16];
         place.file.read_exact_at(&mut head, place.at)?;
@@ -80,7 +80,7 @@ impl Header {
 
     fn inner(&self) -> io::Result<Inner> {
         let unread = |what: &str| {
-            chunk_fault(ZarrFault::Unread { what: format!("chunks that Blosc packed with {what}") })
+            bad!("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", (format!("chunks that Blosc packed with {what}")).escape_debug()).in_stream()
         };
         match self.inner {
             0 => Ok(Inner::BloscLz),
@@ -108,7 +108,7 @@ impl Header {
             return Err(damaged("its length"));
         }
         if self.packed > length {
-            return Err(chunk_fault(ZarrFault::Short));
+            return Err(short());
         }
         if self.plain {
             if self.packed != HEADER + bytes {
@@ -129,7 +129,7 @@ impl Header {
         let blocks = wanted.start / block..wanted.end.div_ceil(block);
         let count = usize::try_from(blocks.end - blocks.start).unwrap_or(usize::MAX);
         if HEADER + 4 * self.blocks() > self.packed {
-            return Err(chunk_fault(ZarrFault::Short));
+            return Err(short());
         }
         let mut starts = vec![0; 4 * count];
         place.file.read_exact_at(&mut starts, place.at + HEADER + 4 * blocks.start)?;

@@ -3,8 +3,9 @@
 use serde_json::Value;
 
 use super::Read;
+use super::array::missing;
 use crate::facts::Note;
-use crate::facts::zarr::ZarrFault;
+use crate::fault::bad;
 use crate::source::header::unit_mm;
 
 /// What an image states about one of its levels.
@@ -23,10 +24,6 @@ fn multiscales(what: &Value) -> Option<&Value> {
     let new = attributes.and_then(|all| all.get("ome")).and_then(|ome| ome.get("multiscales"));
     let old = what.get("multiscales").or_else(|| attributes.and_then(|all| all.get("multiscales")));
     new.or(old).filter(|list| list.as_array().is_some_and(|list| !list.is_empty()))
-}
-
-fn missing(field: &'static str) -> crate::facts::Fault {
-    ZarrFault::Missing { field }.into()
 }
 
 impl Image {
@@ -84,10 +81,10 @@ impl Image {
         let is_usual = names.ends_with(&["z", "y", "x"]) || (axes == 2 && names == ["y", "x"]);
         if names.len() != axes || !(is_usual || names.ends_with(&["y", "x"])) {
             let what = format!("axes in the order {}", names.join(", "));
-            return Err(ZarrFault::Unread { what }.into());
+            return Err(bad!("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", what.escape_debug()).into());
         }
         if !is_usual {
-            return Err(ZarrFault::Unread { what: "pictures of two dimensions".to_owned() }.into());
+            return Err(bad!("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", ("pictures of two dimensions").escape_debug()).into());
         }
         let (mut spacing, mut origin) = ([1.0; 3], [0.0; 3]);
         for (axis, at) in (0..axes).rev().take(3).enumerate() {

@@ -28,9 +28,10 @@ use serde_json::Value;
 use super::OpenOptions;
 use super::files::base_name;
 use super::header::{unreadable, unusable};
-use crate::facts::zarr::{IndexFault, ZarrFault};
-use crate::facts::{Carrier, Fault, Misuse, Note, SourceFault};
+use crate::facts::{Carrier, Note};
+use crate::fault::{Fault, bad, usage};
 use crate::geom::{Affine, Dims};
+use crate::text::names::{FOLLOW_LINKS, INDEX};
 use crate::volume::{Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use array::Array;
 use image::Image;
@@ -73,7 +74,7 @@ fn metadata(path: &Path) -> Result<Option<Value>> {
     let failed = |cause| unreadable(path, cause);
     let bytes = fs::metadata(path).map_err(failed)?.len();
     if bytes > MAX_METADATA {
-        return Err(unusable(path, ZarrFault::Long { bytes, most: MAX_METADATA }));
+        return Err(unusable(path, bad!("has {bytes} bytes of metadata; up to {MAX_METADATA} are read")));
     }
     let text = fs::read(path).map_err(failed)?;
     Ok(serde_json::from_slice(&text).ok())
@@ -91,13 +92,15 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     let refused = |fault| unusable(path, fault);
     let folder = path.parent().unwrap_or(Path::new(""));
     let what = metadata(path)?.ok_or_else(|| {
-        refused(Fault::from(ZarrFault::Json { cause: "it cannot be parsed as JSON".to_owned() }))
+        refused(bad!(
+            "is not the metadata of a Zarr array or of an image in OME-Zarr: it cannot be parsed as JSON"
+        ))
     })?;
     let (image, array_folder, name) = if Image::is_there(&what) {
         let (image, level) = Image::read(&what, None).map_err(refused)?;
         let inside = folder.join(&level);
         if !options.follow_links && !super::stays(path, &inside) {
-            return Err(refused(crate::facts::header::HeaderFault::Linked { name: level }.into()));
+            return Err(refused(bad!("its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}", level.escape_debug()).into()));
         }
         (Some(image), inside, base_name(folder))
     } else {
@@ -107,19 +110,35 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
     let head = head.unwrap_or_else(|| array_folder.join(HEADS[0]));
     let what = if head == path { Some(what) } else { metadata(&head)? };
     let what = what.ok_or_else(|| {
-        unusable(&head, ZarrFault::Json { cause: "it cannot be parsed as JSON".to_owned() })
+        unusable(
+            &head,
+            bad!(
+                "is not the metadata of a Zarr array or of an image in OME-Zarr: it cannot be parsed as JSON"
+            ),
+        )
     })?;
     let array = Array::read(&array_folder, &what).map_err(|fault| unusable(&head, fault))?;
     let mut numbers = 0..array.leading_count().min(MAX_VOLUMES);
     if !options.index.is_empty() {
         let axes = leading_axes(&array, image.as_ref(), &what, &array_folder);
-        let number = chosen(&axes, &options.index).ok_or_else(|| {
-            let misuse = Misuse::Index(IndexFault { axes });
-            SourceError::from(SourceFault::Usage { path: path.to_path_buf(), misuse })
-        })?;
+        let number =
+            chosen(&axes, &options.index).ok_or_else(|| SourceError::from(unchosen(&axes).at(path)))?;
         numbers = number..number + 1;
     }
     volumes(array, image, name, (&head, numbers))
+}
+
+/// The refusal of a place on the axes before z, which have these names and lengths.
+pub(crate) fn unchosen(axes: &[(String, u64)]) -> Fault {
+    if axes.is_empty() {
+        return usage!("has no axes before z, y and x, on which {INDEX} could choose; leave it out");
+    }
+    let axes: Vec<String> =
+        axes.iter().map(|(name, length)| format!(" {} (of {length})", name.escape_debug())).collect();
+    usage!(
+        "{INDEX} has to say one place, from 0 on, on each axis before z, y and x that is longer than 1:{}",
+        axes.join(",")
+    )
 }
 
 /// Names and lengths of the axes before z, as the image or the array names them, or by their numbers.
@@ -169,8 +188,8 @@ fn volumes(
     let refused = |fault: Fault| unusable(head, fault);
     let side = |side: u64| u32::try_from(side).unwrap_or(u32::MAX);
     let [nz, ny, nx] = array.size.map(side);
-    let dims =
-        Dims::new(nx, ny, nz).ok_or_else(|| refused(ZarrFault::Size { most: Dims::MAX_SIDE }.into()))?;
+    let dims = Dims::new(nx, ny, nz)
+        .ok_or_else(|| refused(bad!("has a side of 0 voxels, or of more than {}", Dims::MAX_SIDE).into()))?;
     let by = Carrier::Zarr;
     let mut notes = Vec::new();
     let mut affine = Affine::from_spacing([1.0; 3]);

@@ -7,8 +7,8 @@ use std::ops::Range;
 use super::array::{Place, unread};
 use super::blosc::Buffers;
 use super::{Read, blosc};
-use crate::facts::Fault;
-use crate::facts::zarr::ZarrFault;
+
+use crate::fault::bad;
 use crate::platform::FileExt;
 use crate::source::stored::section;
 
@@ -44,13 +44,12 @@ enum Codec {
     Blosc,
 }
 
-/// A fault of a chunk, to be named with its file.
-pub(super) fn chunk_fault(fault: ZarrFault) -> io::Error {
-    Fault::from(fault).in_stream()
+pub(super) fn damaged(what: &'static str) -> io::Error {
+    bad!("is a chunk that is damaged ({what}); copy it again").in_stream()
 }
 
-pub(super) fn damaged(what: &'static str) -> io::Error {
-    chunk_fault(ZarrFault::Damaged { what })
+pub(super) fn short() -> io::Error {
+    bad!("is a chunk that is cut short; copy it again").in_stream()
 }
 
 impl Packing {
@@ -114,12 +113,12 @@ impl Packing {
     ) -> io::Result<()> {
         let needed_bytes = self.memory_bytes(place, bytes)?;
         if needed_bytes > allowed_bytes {
-            return Err(chunk_fault(ZarrFault::Uneven { needed_bytes, allowed_bytes }));
+            return Err(bad!("is a chunk whose blocks need {needed_bytes} bytes to be unpacked, more than the first chunk ({allowed_bytes})").in_stream());
         }
         let Place { file, at, length } = place;
         let mut length = *length;
         if self.checked {
-            length = length.checked_sub(4).ok_or_else(|| chunk_fault(ZarrFault::Short))?;
+            length = length.checked_sub(4).ok_or_else(|| short())?;
             check(file, *at, length)?;
         }
         let input = || section(file, *at, length);
@@ -139,8 +138,7 @@ impl Packing {
             Codec::Lz4 => {
                 let mut packed = vec![0; usize::try_from(length).unwrap_or(usize::MAX)];
                 file.read_exact_at(&mut packed, *at)?;
-                let (stated, packed) =
-                    packed.split_at_checked(4).ok_or_else(|| chunk_fault(ZarrFault::Short))?;
+                let (stated, packed) = packed.split_at_checked(4).ok_or_else(|| short())?;
                 let stated = stated.try_into().map_or(0, u32::from_le_bytes);
                 if u64::from(stated) != bytes {
                     return Err(damaged("its length"));
@@ -163,7 +161,7 @@ fn copy(mut stream: impl io::Read, bytes: u64, sink: &mut Sink<'_>) -> io::Resul
     let mut piece = vec![0; PIECE];
     let mut left = bytes;
     let stands = |cause: io::Error| match cause.kind() {
-        io::ErrorKind::UnexpectedEof => chunk_fault(ZarrFault::Short),
+        io::ErrorKind::UnexpectedEof => short(),
         io::ErrorKind::InvalidData | io::ErrorKind::InvalidInput | io::ErrorKind::Other => {
             damaged("what packs it")
         }

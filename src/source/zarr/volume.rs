@@ -9,11 +9,10 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError, RwLock, TryLockError};
 
 use super::array::{Array, Place};
 use super::blosc::Buffers;
-use super::packing::{PIECE, chunk_fault};
+use super::packing::{PIECE, short};
 use crate::budget::Reservation;
 use crate::facts::SourceFault;
 use crate::facts::samples::ReadFault;
-use crate::facts::zarr::ZarrFault;
 use crate::platform::FileExt;
 use crate::scratch::unnamed;
 use crate::source::header::unreadable;
@@ -336,7 +335,7 @@ impl ZarrVolume {
                 };
                 let (_, volume_at) = self.array.within(self.number);
                 file.read_exact_at(out, volume_at + at).map_err(|cause| match cause.kind() {
-                    io::ErrorKind::UnexpectedEof => chunk_fault(ZarrFault::Short),
+                    io::ErrorKind::UnexpectedEof => short(),
                     _ => cause,
                 })?;
                 self.array.endian.to_native(size, out);
@@ -355,7 +354,7 @@ impl ZarrVolume {
                 let place = self.array.place(self.number, chunk)?;
                 let (bytes, _) = self.array.within(self.number);
                 if place.as_ref().is_some_and(|place| place.length != bytes) {
-                    return Err(chunk_fault(ZarrFault::Short));
+                    return Err(short());
                 }
                 (number, place.map(|place| Arc::new(place.file)))
             }
