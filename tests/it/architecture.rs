@@ -23,15 +23,19 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("platform", ""),
     ("scratch", "budget"),
     ("identity", ""),
-    ("facts", "budget codec exit geom progress text"),
-    ("volume", "budget exit facts geom progress scratch identity"),
-    ("source", "budget codec cpu exit facts geom mark progress scratch volume"),
-    ("synthetic", "facts geom volume"),
-    ("discovery", "budget csg exit facts geom mark mesh progress scratch source identity synthetic volume"),
-    ("builder", "atomic budget cpu exit format geom progress scratch text volume"),
+    ("fault", "exit text"),
+    ("facts", "budget codec exit fault geom progress text"),
+    ("volume", "budget exit facts fault geom identity progress scratch"),
+    ("source", "budget codec cpu exit facts fault geom mark progress scratch volume"),
+    ("synthetic", "facts fault geom volume"),
+    (
+        "discovery",
+        "budget csg exit facts fault geom identity mark mesh progress scratch source synthetic volume",
+    ),
+    ("builder", "atomic budget cpu exit fault format geom progress scratch text volume"),
     ("clean", "budget builder exit format geom progress scratch text volume"),
-    ("mesh", "budget builder codec cpu facts format geom scratch source identity"),
-    ("csg", "budget builder facts format geom mesh progress scratch source identity volume"),
+    ("mesh", "budget builder codec cpu facts fault format geom identity scratch source"),
+    ("csg", "budget builder facts fault format geom identity mesh progress scratch source volume"),
     ("load", "budget cpu exit format geom text"),
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "exit format geom load render text"),
@@ -40,12 +44,12 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
-        "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts \
+        "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts fault \
          format geom load mesh page progress render scene scratch source synthetic text volume",
     ),
     (
         "python",
-        "budget builder clean clean_and_build error exit export facts format geom jobs load mesh progress render \
+        "budget builder clean clean_and_build error exit export facts fault format geom jobs load mesh progress render \
          source text volume",
     ),
     ("error", "budget builder clean exit export facts format load page progress render scene text"),
