@@ -22,7 +22,6 @@ fn values(option: &str) -> Option<Vec<&'static str>> {
         "surface" => vec!["skin", "cells"],
         "channels" => vec!["normal", "value", "offset", "color", "material", "none"],
         "gradient" => Gradient::ALL.map(Gradient::name).to_vec(),
-        "normal-bits" => vec!["12", "16", "24"],
         "connectivity" | "component-connectivity" => vec!["26", "6"],
         "downsample" => vec!["2", "4"],
         "preset" => Preset::ALL.map(Preset::name).to_vec(),

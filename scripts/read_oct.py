@@ -157,7 +157,7 @@ def main():
     error = m.take("4d") if larger else None
     need(m.at == len(sections["META"]) and tuple(n + cells for n in dims) == (nx, ny, nz), "metadata (I6)")
     names = {"NORM": "normal", "VALU": "value", "OFFS": "offset", "COLR": "color", "MATL": "material",
-             "NFIN": "fine", "CORN": "corners"}
+             "CORN": "corners"}
     print(json.dumps({
         "input": sys.argv[1], "format_version": f"{major}.{minor}", "encoding": "packed" if packed else "mapped", "dims": dims,
         "spacing_mm": spacing, "affine": [affine[0:4], affine[4:8], affine[8:12]], "grid": 1 << depth,

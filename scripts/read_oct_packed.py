@@ -384,20 +384,14 @@ def grouped(stored, subtrees):
         raise Broken("a section has bytes left over")
 
 
-def coarse(number):
-    """A component of normals of 12 bits."""
-    at = -1 - number if number < 0 else number
-    size = at // 2 * 8 + (5 if at % 2 else 2)
-    return -size if number < 0 else size
-
-
 def normals(stored, subtrees):
     """NORM (SPEC 5.10)."""
     codes = []
     for coder, part in grouped(stored, subtrees):
         off_tables, bent_tables = ([Tables(5, 7), Tables(5, 7)] for _ in range(2))
         twins, biases = [Tables(5, 7), Tables(5, 7)], [{}, {}]
-        few = coder.even(1)
+        if coder.even(1):
+            raise Broken("a reserved bit is set")
         for voxels in part:
             last, known, block = (0, 0, SCALE), {}, None
             for voxel in voxels:
@@ -436,11 +430,7 @@ def normals(stored, subtrees):
                     q = klass(residuals[0], [1, 3, 8]) if c else 0
                     symbol = coder.symbol(off_tables[c][4 * first + q], bent_tables[c][4 * (8 * t + h) + q])
                     residual = coder.difference(symbol)
-                    if few:
-                        number = -1 - (-expected >> 2) if expected < 0 else expected >> 2
-                        value, residual = coarse(number + residual), 4 * residual
-                    else:
-                        value = expected + residual
+                    value = expected + residual
                     wrong = 16 * value - guess[c]
                     biases[c][context] = bias + ((16 * wrong - bias) >> 5)
                     got.append(value)

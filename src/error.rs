@@ -147,8 +147,6 @@ pub enum StripFault {
     Levels { asked: u32, most: u32 },
     #[error("coarse boxes have no mean of the channel '{channel}'; leave it out with {CHANNELS}")]
     NoMeans { channel: Channel },
-    #[error("the channel 'fine' refines 'normal'; keep both, or leave out both")]
-    FineAlone,
     #[error("does not have the channel '{channel}'; {INFO} names those that it has")]
     NoChannel { channel: Channel },
 }

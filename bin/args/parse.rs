@@ -6,7 +6,6 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use infobyte::builder::{Connectivity, Gradient};
 use infobyte::clean::{ComponentConnectivity, MAX_LARGEST, Preset};
 use infobyte::export::ExportForm;
-use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channel, Channels, SurfaceKind};
 use infobyte::geom::{Affine, Dims};
 use infobyte::jobs::export::MAX_SMOOTH;
@@ -84,13 +83,6 @@ pub(super) fn gradient(text: &str) -> Result<Gradient, String> {
         let names = Gradient::ALL.map(Gradient::name).join(", ");
         format!("'{text}' is not an estimator of normals; choose one of {names}")
     })
-}
-
-pub(super) fn normal_bits(text: &str) -> Result<NormalBits, String> {
-    NormalBits::ALL
-        .into_iter()
-        .find(|bits| bits.number().to_string() == text)
-        .ok_or_else(|| format!("normals have 12, 16 or 24 bits, not '{text}'"))
 }
 
 pub(super) fn surface(text: &str) -> Result<SurfaceKind, String> {

@@ -8,7 +8,6 @@ use infobyte::builder::{
     BuildOptions, Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom,
 };
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::format::normal::NormalBits;
 use infobyte::format::{Channels, LabelName, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::{GridOptions, viewed_from};
@@ -261,7 +260,7 @@ impl SelectionArgs {
 pub(crate) struct SkinArgs {
     /// Surface of the model: cells between samples (for meshes and trees: voxel centres) with a plane in each, true
     /// to a few hundredths of a voxel; or skin voxels. By default cells, but skin for what only skin has: channels
-    /// other than normals, mesh colours, sheets and thin walls, --gradient, --normal-bits, --connectivity 6
+    /// other than normals, mesh colours, sheets and thin walls, --gradient, --connectivity 6
     #[arg(long, value_name = "skin|cells", value_parser = parse::surface)]
     pub(crate) surface: Option<SurfaceKind>,
     /// Join cells into larger leaves that stay this close to the surface: in voxels of the finest spacing (0.1), or
@@ -273,14 +272,9 @@ pub(crate) struct SkinArgs {
     /// the part from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
-    /// How normals are estimated: central, sobel, zucker-hummel, gaussian5, isotropic5 (the default), modified (the paper's),
-    /// label5 (for two values), or auto, which chooses the best of them for every 32 x 32 voxels and takes three times as long
+    /// How normals are estimated: central, sobel, isotropic5 (the default), modified (the paper's), label5 (for two values), or auto, which chooses the best of them for every 32 x 32 voxels and takes three times as long
     #[arg(long, value_name = "NAME", value_parser = parse::gradient)]
     pub(crate) gradient: Option<Gradient>,
-    /// Bits of a stored normal: 16 (off by 0.3 degrees), 24 (0.04, a byte more a voxel), or 12 (1.3, smaller when
-    /// packed)
-    #[arg(long, value_name = "12|16|24", default_value = "16", value_parser = parse::normal_bits)]
-    pub(crate) normal_bits: NormalBits,
     /// Connectivity of the skin: 26 (thin) or 6 (thick)
     #[arg(long, default_value = "26", value_parser = parse::connectivity)]
     pub(crate) connectivity: Connectivity,
@@ -288,13 +282,12 @@ pub(crate) struct SkinArgs {
 
 impl SkinArgs {
     fn options(&self) -> BuildOptions {
-        let Self { surface, error, channels, gradient, normal_bits, connectivity } = *self;
+        let Self { surface, error, channels, gradient, connectivity } = *self;
         BuildOptions {
             surface,
             error,
             channels,
             gradient,
-            normal_bits,
             connectivity,
             ..BuildOptions::default()
         }

@@ -12,7 +12,7 @@ use crate::exit::{ExitKind, opaque_error};
 use crate::format::{Channel, FormatError, Selection, SurfaceKind};
 use crate::progress::Stopped;
 use crate::text::names::{
-    DTYPE, ERROR, FILL, ISO, MEMORY, NORMAL_BITS, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
+    DTYPE, ERROR, FILL, ISO, MEMORY, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
 };
 use crate::text::{Short, reading, shown, writing};
 use crate::volume::{SourceError, SourceFault};
@@ -43,10 +43,6 @@ pub(crate) enum BuildFault {
     NothingVisible { name: String, boxes: u64 },
     #[error("{name}: {}", no_channel(*.channel, *.surface))]
     NoChannel { name: String, channel: Channel, surface: SurfaceKind },
-    #[error(
-        "{name}: only skin voxels of volumes have normals of 12 or 24 bits; leave out {NORMAL_BITS}, or use {SURFACE} skin"
-    )]
-    NormalBits { name: String },
     #[error("{name}: no voxel has one of the labels asked for; choose others, or all of them")]
     NoLabels { name: String },
     #[error("{name}: a label model does not support {asked} yet; leave it out")]
@@ -139,7 +135,6 @@ impl BuildError {
             | BuildFault::NothingInsideOpen { name }
             | BuildFault::NothingVisible { name, .. }
             | BuildFault::NoChannel { name, .. }
-            | BuildFault::NormalBits { name }
             | BuildFault::ErrorOfSkin { name }
             | BuildFault::ErrorRange { name, .. }
             | BuildFault::NoRoomForCells { name }
@@ -237,7 +232,6 @@ impl BuildFault {
             | Self::NoNumbers { .. } => ExitKind::Input,
             Self::EmptyRange { .. }
             | Self::NoChannel { .. }
-            | Self::NormalBits { .. }
             | Self::NotOfLabels { .. }
             | Self::ErrorOfSkin { .. }
             | Self::ErrorRange { .. }

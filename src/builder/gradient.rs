@@ -10,7 +10,7 @@ use super::estimator::{Estimate, Gradient, Taps};
 use super::lanes::{LANES, Lanes, RingSample, Term, fast_proof, shifted};
 use super::simd::{Isa, Kernel, dispatch, five_rows};
 use super::skin::Exposed;
-use crate::format::normal::{self, NormalBits};
+use crate::format::normal;
 use bytemuck::Zeroable as _;
 
 pub(super) const REACH: u32 = 2;
@@ -55,17 +55,12 @@ pub(super) struct SliceWindow<'a, R> {
 
 /// Computes the gradients of all interior skin voxels; slots of the others are left as they are.
 fn gradients<R: RingSample>(window: &SliceWindow<'_, R>, estimate: &Estimate, out: &mut Axes) {
-    dispatch(GradientKernel { window, taps: estimate.taps, add: false, out });
-    if let Some(taps) = estimate.more {
-        dispatch(GradientKernel { window, taps, add: true, out });
-    }
+    dispatch(GradientKernel { window, taps: estimate.taps, out });
 }
 
 struct GradientKernel<'a, 'b, R> {
     window: &'a SliceWindow<'b, R>,
     taps: Taps,
-    /// Are results added to what stands there?
-    add: bool,
     out: &'a mut Axes,
 }
 
@@ -75,18 +70,18 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
     #[inline(always)]
     fn run(self, isa: impl Isa) {
         // The usual taps as constants: the compiler knows them in the loop.
-        if self.taps == Taps::ISOTROPIC && !self.add {
-            self.with_taps(Taps::ISOTROPIC, false, isa);
+        if self.taps == Taps::ISOTROPIC {
+            self.with_taps(Taps::ISOTROPIC, isa);
         } else {
-            let (taps, add) = (self.taps, self.add);
-            self.with_taps(taps, add, isa);
+            let taps = self.taps;
+            self.with_taps(taps, isa);
         }
     }
 }
 
 impl<R: RingSample> GradientKernel<'_, '_, R> {
     #[inline(always)]
-    fn with_taps(self, taps: Taps, add: bool, isa: impl Isa) {
+    fn with_taps(self, taps: Taps, isa: impl Isa) {
         let (w, out) = (self.window, self.out);
         let mut base = 0;
         for y in 0..32 {
@@ -103,7 +98,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                     } else {
                         window::<R, R::Portable, NARROW>(w, taps, at, (), R::widen)
                     };
-                    store(out, add, base, [skin, todo], first, &lanes, NARROW - 4)
+                    store(out, base, [skin, todo], first, &lanes, NARROW - 4)
                 } else {
                     let lanes = if let Some(avx2) = isa.avx2() {
                         window::<R, R::Fast, WIDE>(w, taps, at, fast_proof(avx2), |eight| {
@@ -112,7 +107,7 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                     } else {
                         window::<R, R::Portable, WIDE>(w, taps, at, (), R::widen)
                     };
-                    store(out, add, base, [skin, todo], first, &lanes, WIDE - 4)
+                    store(out, base, [skin, todo], first, &lanes, WIDE - 4)
                 };
                 todo &= !done;
             }
@@ -178,7 +173,6 @@ fn window<R: RingSample, L: Lanes, const N: usize>(
 #[inline(always)]
 fn store<const N: usize>(
     out: &mut Axes,
-    add: bool,
     base: usize,
     [skin, todo]: [u32; 2],
     first: u32,
@@ -194,8 +188,7 @@ fn store<const N: usize>(
         let slot = base + (skin & ((1_u32 << x) - 1)).count_ones() as usize;
         let lane = (x - first) as usize;
         for (axis, lanes) in out.iter_mut().zip(lanes) {
-            let (slot, lane) = (&mut axis[slot & (SLICE_VOXELS - 1)], lanes[lane & (N - 1)]);
-            *slot = if add { *slot + lane } else { lane };
+            axis[slot & (SLICE_VOXELS - 1)] = lanes[lane & (N - 1)];
         }
     }
     done
@@ -204,14 +197,7 @@ fn store<const N: usize>(
 /// Gradient of one voxel from its 125 depths (`[dz][dy][dx]`), for neighbourhoods that leave the
 /// volume or hold values that are not finite.
 pub(super) fn gradient_of_depths(estimate: &Estimate, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
-    let first = product_of_depths(estimate.taps, depths);
-    let Some(taps) = estimate.more else { return first };
-    let second = product_of_depths(taps, depths);
-    std::array::from_fn(|a| first[a] + second[a])
-}
-
-fn product_of_depths(taps: Taps, depths: &[[[f32; 5]; 5]; 5]) -> [f32; 3] {
-    let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
+    let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = estimate.taps;
     let mut sums = [[0.0; 5]; 3];
     for x in 0..5 {
         let (mut smoothed, mut derived) = ([0.0; 5], [0.0; 5]);
@@ -450,25 +436,17 @@ impl Exposed {
 
 /// Normals of a brick slice's skin voxels as they are stored.
 pub(super) struct Codes {
-    bits: NormalBits,
     code: [u16; SLICE_VOXELS],
-    /// For normals of 24 bits.
-    fine: [u8; SLICE_VOXELS],
 }
 
 impl Codes {
-    pub(super) fn new(bits: NormalBits) -> Box<Self> {
-        Box::new(Self { bits, code: [0; SLICE_VOXELS], fine: [0; SLICE_VOXELS] })
+    pub(super) fn new() -> Box<Self> {
+        Box::new(Self { code: [0; SLICE_VOXELS] })
     }
 
     /// Items of `NORM` of the first `count`.
     pub(super) fn codes(&self, count: usize) -> &[u8] {
         bytemuck::cast_slice(&self.code[..count])
-    }
-
-    /// Items of `NFIN` of the first `count`.
-    pub(super) fn fine(&self, count: usize) -> &[u8] {
-        &self.fine[..count]
     }
 }
 
@@ -486,20 +464,8 @@ impl Kernel for EncodeKernel<'_> {
         // Whole groups of 8 vectorise; slots past the end hold old gradients and are not used.
         let len = self.len.next_multiple_of(8).min(SLICE_VOXELS);
         let [x, y, z] = self.g.axes.each_ref().map(|axis| &axis[..len]);
-        let Codes { bits, code, fine } = self.codes;
-        if *bits == NormalBits::Twelve {
-            for (i, code) in code[..len].iter_mut().enumerate() {
-                *code = normal::encode_coarse([x[i], y[i], z[i]]);
-            }
-            return;
-        }
-        for (i, code) in code[..len].iter_mut().enumerate() {
+        for (i, code) in self.codes.code[..len].iter_mut().enumerate() {
             *code = normal::encode([x[i], y[i], z[i]]);
-        }
-        if *bits == NormalBits::TwentyFour {
-            for (i, (fine, code)) in fine[..len].iter_mut().zip(&code[..len]).enumerate() {
-                *fine = normal::encode_fine([x[i], y[i], z[i]], *code);
-            }
         }
     }
 }

@@ -56,7 +56,6 @@ pub(super) fn build_part(
     progress: &dyn Progress,
 ) -> Result<BuildReport, BuildError> {
     let options = &options.for_surface(solid.surface());
-    options.check_bits(false, || solid.name())?;
     let spacing_mm = solid.metadata(&ScanSummary::default()).spacing_mm;
     options.check_error(spacing_mm, || solid.name())?;
     if part.is_some_and(|part| part.cuts.dims != solid.dims()) {

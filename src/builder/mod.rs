@@ -215,7 +215,6 @@ pub fn build_volume(
     if let Some(choice) = &options.labels {
         let solid = labels::label_solid(source, choice, options)?;
         let options = &options.for_surface(options.volume_surface());
-        options.check_bits(true, || source.info().description.name.clone())?;
         let job = Job { options, output, progress, part: None };
         drop(job.plan_solid(&*solid)?);
         return job.run(job.open_files(solid.dims())?, &*solid);
@@ -275,7 +274,6 @@ fn check_volume(source: &dyn VolumeSource, job: &Job<'_>) -> Result<Dims, BuildE
     let VolumeInfo { dims, scalar, description, .. } = source.info();
     let (name, surface) = (&description.name, job.options.volume_surface());
     let dims = typed::grid_dims(*dims, surface, name)?;
-    job.options.check_bits(true, || name.clone())?;
     job.options.check_error(source.info().spacing_mm, || name.clone())?;
     channel_forms(job.options, name, |c, found| form_on(surface, *scalar, c, found))?;
     job.plan(name, &kindest_request(source, job.options))?;

@@ -6,7 +6,6 @@ use std::str::FromStr;
 use super::{BuildError, Connectivity, Gradient, LabelChoice, MAX_SMOOTH, ViewedFrom};
 use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
-use crate::format::normal::NormalBits;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
 use crate::text::some_text;
 use crate::volume::Overlap;
@@ -90,7 +89,7 @@ pub struct BuildOptions {
     /// Which of several masks wins where more than one contains a voxel.
     pub overlap: Overlap,
     /// Skin voxels or cells, for volumes, meshes and trees. If not given, cells, but skin voxels for options that only
-    /// these have: channels other than normals, a gradient, normal bits, connectivity 6, thin walls of meshes, and
+    /// these have: channels other than normals, a gradient, connectivity 6, thin walls of meshes, and
     /// colours of meshes. [`Channel::Offset`] among the channels always means cells. Other solids define their own
     /// surface.
     pub surface: Option<SurfaceKind>,
@@ -100,8 +99,6 @@ pub struct BuildOptions {
     pub channels: Option<Channels>,
     /// Normal estimator for skin voxels of volumes; if not given, [`Gradient::Isotropic5`].
     pub gradient: Option<Gradient>,
-    /// Bits per stored normal, for skin voxels of volumes.
-    pub normal_bits: NormalBits,
     /// Viewpoints of the model: what cannot be seen from any of them is dropped. An empty list keeps everything.
     #[serde(skip)]
     pub visible_from: Vec<ViewedFrom>,
@@ -131,7 +128,6 @@ impl Default for BuildOptions {
             connectivity: Connectivity::Thin26,
             channels: None,
             gradient: None,
-            normal_bits: NormalBits::default(),
             visible_from: Vec::new(),
             error: None,
             lod: true,
@@ -146,7 +142,6 @@ impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
         let only_skin = self.gradient.is_some()
-            || self.normal_bits != NormalBits::default()
             || self.connectivity != Connectivity::default()
             || self.channels() != Channels::default();
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
@@ -182,7 +177,6 @@ impl BuildOptions {
         let asked = self.channels();
         let labelled = if self.labels.is_some() { asked.with(Channel::Label) } else { asked };
         let channels = match surface {
-            SurfaceKind::Skin if self.has_fine_normals() => labelled.with(Channel::Fine),
             SurfaceKind::Skin => labelled,
             SurfaceKind::Cells => labelled.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners),
         };
@@ -197,26 +191,6 @@ impl BuildOptions {
             ("larger leaves", self.joins()),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
-    }
-
-    /// Are there normals, and in 24 bits?
-    fn has_fine_normals(&self) -> bool {
-        self.channels().contains(Channel::Normal) && self.normal_bits == NormalBits::TwentyFour
-    }
-
-    /// Are normals of this surface stored in as many bits?
-    ///
-    /// # Errors
-    /// [`BuildError`]
-    pub(super) fn check_bits(
-        &self,
-        of_volume: bool,
-        name: impl FnOnce() -> String,
-    ) -> Result<(), BuildError> {
-        if self.normal_bits == NormalBits::Sixteen || (of_volume && self.surface == Some(SurfaceKind::Skin)) {
-            return Ok(());
-        }
-        Err(BuildFault::NormalBits { name: name() }.into())
     }
 
     /// Are cells joined into larger leaves?

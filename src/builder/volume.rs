@@ -24,7 +24,6 @@ use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
     BRICK, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::format::normal::NormalBits;
 use crate::format::{Channel, Metadata, Selection, SourceMeta};
 use crate::geom::Dims;
 use crate::volume::{ScalarType, SourceError, VolumeInfo, VolumeSource};
@@ -39,7 +38,6 @@ pub(super) const AROUND: Reach = Reach { low: REACH, high: REACH };
 pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
-        Channel::Fine => Some(ItemForm::AsIs { bytes: 1 }),
         Channel::Value => Some(value_form(scalar, found.extent)),
         _ => None,
     }
@@ -51,7 +49,6 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) form: F,
     pub(super) selection: Selection,
     pub(super) gradient: Gradient,
-    pub(super) bits: NormalBits,
     pub(super) rule: NormalRule,
     /// Says which values there are, if none lies in the range.
     pub(super) chooser: Chooser<'a>,
@@ -63,9 +60,9 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
     /// The solid of a range that has been chosen; `form` tests for it.
     pub(super) fn new(form: F, selection: Selection, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
         let source = chooser.source;
-        let (gradient, bits) = (options.gradient(), options.normal_bits);
+        let gradient = options.gradient();
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
-        Self { source, form, selection, gradient, bits, rule, chooser, note: None }
+        Self { source, form, selection, gradient, rule, chooser, note: None }
     }
 
     /// Where the range begins, in samples of the file, if that is its only end.
@@ -98,10 +95,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
             rescale: [rescale.slope, rescale.intercept],
             selection: self.selection,
             connectivity: 0,
-            gradient: match self.bits {
-                NormalBits::Twelve => format!("{}, 12 bits", self.gradient.name()),
-                _ => self.gradient.name().into(),
-            },
+            gradient: self.gradient.name().into(),
             value_scale: value_scale(*scalar, found.extent, *rescale),
             error: None,
         }
@@ -168,7 +162,7 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
             normals: tile.channels.contains(Channel::Normal),
             values,
             gradients: Gradients::new(&solid.rule),
-            codes: Codes::new(solid.bits),
+            codes: Codes::new(),
             count: 0,
             swapped_values: Vec::with_capacity(if values { SLICE_VOXELS * value_bytes } else { 0 }),
             extent: ScanSummary::default().extent,
@@ -272,7 +266,6 @@ impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
     fn items(&self, channel: Channel) -> &[u8] {
         match channel {
             Channel::Normal => self.codes.codes(self.count),
-            Channel::Fine => self.codes.fine(self.count),
             Channel::Value => &self.swapped_values,
             _ => &[],
         }

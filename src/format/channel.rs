@@ -92,7 +92,6 @@ static TABLE: &[ChannelRow] = &[
     ChannelRow::plain(Channel::Offset, "offset", "offsets", *b"OFFS", &[1]),
     ChannelRow::plain(Channel::Color, "color", "colors", *b"COLR", &[3]),
     ChannelRow::plain(Channel::Material, "material", "materials", *b"MATL", &[1]),
-    ChannelRow::plain(Channel::Fine, "fine", "fine parts of normals", *b"NFIN", &[1]),
     ChannelRow {
         illegal: Some(|item| {
             if let Some(walls) = item.first_chunk() {

@@ -60,8 +60,6 @@ pub enum FormatError {
     MissingSection(SectionKind),
     #[error("{DAMAGED}{}{AGAIN}", missing(SectionKind::Rank))]
     RankInPackedFile,
-    #[error("{DAMAGED}fine parts of normals are there without normals of skin voxels (SPEC I4){AGAIN}")]
-    LoneFine,
     #[error("{DAMAGED}coarse means are there without the voxels' own (SPEC I4){AGAIN}")]
     LoneMeans { kind: SectionKind },
     #[error("{DAMAGED}a model of skin voxels has the {} section (SPEC I4){AGAIN}", .kind.name())]

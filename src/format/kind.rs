@@ -52,8 +52,6 @@ pub enum Channel {
     Color,
     /// Material number.
     Material,
-    /// The low bits of 24-bit normals, after the first 16 (SPEC 4.6).
-    Fine,
     /// The eight samples of cells that no plane can separate (SPEC 4.8), or their labels (SPEC 4.12).
     Corners,
     /// Numbers of the labels behind and in front (SPEC 4.12), in blocks with palettes.
@@ -67,7 +65,6 @@ impl Channel {
     /// Lowest minor version of the format that has it, on skin voxels.
     pub const fn minor(self) -> u16 {
         match self {
-            Self::Fine => 2,
             _ => 0,
         }
     }

@@ -215,9 +215,6 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
         }
     }
     let cells = header.surface == SurfaceKind::Cells;
-    if has(SectionKind::Voxels(Channel::Fine)) && (cells || !has(SectionKind::Voxels(Channel::Normal))) {
-        return Err(FormatError::LoneFine);
-    }
     for kind in [
         SectionKind::Voxels(Channel::Normal),
         SectionKind::Voxels(Channel::Offset),

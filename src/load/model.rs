@@ -40,7 +40,6 @@ struct Places {
     rank: Range<usize>,
     normals: Option<Range<usize>>,
     node_normals: Option<Range<usize>>,
-    fine: Option<Range<usize>>,
     colors: Option<Range<usize>>,
     labels: Option<Range<usize>>,
     /// Offsets, corners and their directory, of a model of cells.
@@ -182,7 +181,6 @@ impl<D: AsRef<[u8]>> Model<D> {
             rank: range(SectionKind::Rank).ok_or(FormatError::MissingSection(SectionKind::Rank))?,
             normals: of_voxels(Channel::Normal),
             node_normals: range(SectionKind::Means(Channel::Normal)),
-            fine: of_voxels(Channel::Fine),
             colors: of_voxels(Channel::Color),
             labels: of_voxels(Channel::Label),
             cells: (frame.surface() == SurfaceKind::Cells).then(|| {
@@ -299,7 +297,7 @@ impl<D: AsRef<[u8]>> Model<D> {
         let bytes = self.bytes();
         let part = |range: &Range<usize>| bytes.get(range.clone()).unwrap_or_default();
         let codes = |range: &Option<Range<usize>>| range.as_ref().map(|range| part(range).as_chunks::<2>().0);
-        let Places { nodes, rank, normals, node_normals, fine, colors, labels, cells, leaves } = &self.places;
+        let Places { nodes, rank, normals, node_normals, colors, labels, cells, leaves } = &self.places;
         let normal_codes = normals.as_ref().map(part).unwrap_or_default();
         ModelView {
             depth: self.frame.header.dims.depth(),
@@ -316,7 +314,6 @@ impl<D: AsRef<[u8]>> Model<D> {
                 LeafItems::new(part(normals), part(offsets), part(directory))
             }),
             node_normals: codes(node_normals),
-            fine: fine.as_ref().map(part),
             colors: colors.as_ref().map(|range| part(range).as_chunks::<3>().0),
             labels: labels
                 .as_ref()
@@ -383,7 +380,6 @@ pub struct ModelView<'a> {
     node_normals: Option<&'a [[u8; 2]]>,
     cells: Option<CellItems<'a>>,
     leaves: Option<LeafItems<'a>>,
-    fine: Option<&'a [u8]>,
     colors: Option<&'a [[u8; 3]]>,
     labels: Option<LabelItems<'a>>,
 }
@@ -402,7 +398,6 @@ impl<'a> ModelView<'a> {
             node_normals: None,
             cells: None,
             leaves: None,
-            fine: None,
             colors: None,
             labels: None,
         }
@@ -555,11 +550,6 @@ impl NodeView for ModelView<'_> {
     }
 
     #[inline]
-    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
-        self.fine?.get(voxel.index()?).copied()
-    }
-
-    #[inline]
     fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
         match self.labels {
             None => self.colors?.get(voxel.index()?).copied(),
@@ -592,7 +582,6 @@ impl<D: AsRef<[u8]> + Sync> NodeView for Model<D> {
         fn first_child(&self, node: NodeIndex) -> BoxIndex;
         fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
         fn node_normal(&self, node: NodeIndex) -> Option<u16>;
-        fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8>;
         fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]>;
     }
 

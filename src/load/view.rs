@@ -34,18 +34,10 @@ pub trait NodeView: Sync {
     /// Normal code of a voxel (SPEC 4.6), if the model has normals.
     fn voxel_normal(&self, voxel: VoxelIndex) -> Option<u16>;
 
-    /// Fine part of a voxel's normal (SPEC 4.6), if the model has normals of 24 bits.
-    #[inline]
-    fn voxel_fine(&self, voxel: VoxelIndex) -> Option<u8> {
-        let _ = voxel;
-        None
-    }
-
-    /// The vector of a voxel's normal as well as the model knows it, of L1 length `normal::FINE_SCALE`.
+    /// The L1-127 vector of a voxel's normal (SPEC 4.6), if the model has normals.
     #[inline]
     fn voxel_direction(&self, voxel: VoxelIndex) -> Option<[i32; 3]> {
-        let code = self.voxel_normal(voxel)?;
-        Some(normal::decode_fine(code, self.voxel_fine(voxel).unwrap_or(normal::FINE_NONE)))
+        self.voxel_normal(voxel).map(normal::decode_l1)
     }
 
     /// Mean normal code of a node with an edge of 4 cells or more, if the model has them.

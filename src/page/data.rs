@@ -23,7 +23,6 @@ const CLOSE: &[u8] = b"</script>\n";
 const KINDS: [SectionKind; 11] = [
     SectionKind::Nodes,
     SectionKind::Voxels(Channel::Normal),
-    SectionKind::Voxels(Channel::Fine),
     SectionKind::Voxels(Channel::Offset),
     SectionKind::Voxels(Channel::Corners),
     SectionKind::Voxels(Channel::Label),
@@ -128,8 +127,7 @@ fn content<D: AsRef<[u8]>>(model: &Model<D>, kind: SectionKind) -> Option<Conten
         SectionKind::Voxels(Channel::Corners) if !table.is_empty() => {
             Content::walls(bytes, Places::new(table))
         }
-        // What is noise has no differences that are smaller.
-        SectionKind::Nodes | SectionKind::Voxels(Channel::Fine) => Content::plain(bytes, 0),
+        SectionKind::Nodes => Content::plain(bytes, 0),
         _ => Content::plain(bytes, entry.item_bytes),
     })
 }

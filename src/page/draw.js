@@ -30,7 +30,6 @@ class Drawing {
         const s = model.sections, put = (name, bytes) => this.put(name, bytes, rows);
         put('nodes', model.texels);
         put('normals', s.NORM);
-        put('fines', s.NFIN);
         put('offsets', model.cells ? s.OFFS : null);
         put('cornerBits', model.corners);
         put('corners', model.corners ? s.CORN : null);
@@ -109,7 +108,7 @@ class Drawing {
         gl.uniform1ui(places.nodeCount ?? null, model.nodes);
         gl.uniform1i(places.depth ?? null, model.depth);
         const flags = {
-            hasNormals: model.sections.NORM, hasFines: model.sections.NFIN, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
+            hasNormals: model.sections.NORM, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
             hasColors: (model.sections.COLR || model.labels) && view.colors,
         };
         for (const [name, is] of Object.entries(flags)) gl.uniform1i(places[name] ?? null, is ? 1 : 0);

@@ -84,7 +84,7 @@ function placed(head) {
 class Model {
     /**
      * @param head what `oct` says of the model: depth, dims, nodes, voxels, leaves, cells, affine (3 x 4, box index to LPS mm)
-     * @param sections bytes by kind: NODE; NORM, NFIN, OFFS, CORN, LABL, COLR, VALU, MATL, LNRM and LOFS where there are any
+     * @param sections bytes by kind: NODE; NORM, OFFS, CORN, LABL, COLR, VALU, MATL, LNRM and LOFS where there are any
      */
     constructor(head, sections) {
         let {depth, nodes, voxels} = head, {NODE: infobytes, ...kept} = sections;
@@ -97,7 +97,7 @@ class Model {
         Object.assign(this, {depth, nodes, voxels});
         if (infobytes?.length !== nodes) throw new Error('infobytes are missing');
         this.texels = counted(at => infobytes[at], nodes, 1, nodes - 1 + voxels, 'boxes');
-        const sizes = {NORM: 2, NFIN: 1, OFFS: 1, LABL: 2, COLR: 3, VALU: head.value_bytes, MATL: 1};
+        const sizes = {NORM: 2, OFFS: 1, LABL: 2, COLR: 3, VALU: head.value_bytes, MATL: 1};
         for (const [kind, bytes] of Object.entries(sizes)) {
             if (sections[kind] && sections[kind].length !== voxels * bytes) throw new Error(`${kind} is not of the right length`);
         }

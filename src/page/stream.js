@@ -249,7 +249,7 @@ async function *models({model}) {
     const file = new Remote(name), head = await file.open();
     document.title = file.name.replace(/^.*\//, '').replace(/\.oct$/i, '');
     await described(file, head);
-    const kinds = 'NODE NORM NFIN OFFS CORN LABL COLR VALU MATL LNRM LOFS'.split(' ').filter(kind => file.sections[kind] && (head.cells || kind !== 'OFFS'));
+    const kinds = 'NODE NORM OFFS CORN LABL COLR VALU MATL LNRM LOFS'.split(' ').filter(kind => file.sections[kind] && (head.cells || kind !== 'OFFS'));
     file.due = kinds.reduce((sum, kind) => sum + file.sections[kind].count, 0);
     const levels = record(await file.section('LEVL')), first = Array.from({length: head.depth + 1}, levels.long);
     const {NODE, NLOD} = file.sections, nodes = new Uint8Array(Math.min(NODE.count, MOST));

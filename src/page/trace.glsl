@@ -7,12 +7,12 @@ precision highp usampler2D;
 const int MAX_STEPS = 4096;
 const int WIDTH_BITS = 12;
 
-uniform usampler2D nodes, normals, fines, offsets, cornerBits, corners, colors, leafBits, leafNormals, leafOffsets;
+uniform usampler2D nodes, normals, offsets, cornerBits, corners, colors, leafBits, leafNormals, leafOffsets;
 uniform uint nodeCount;
 uniform int depth;
 /** Are normals blended between the boxes around a hit? */
 uniform bool isSmooth;
-uniform bool hasNormals, hasFines, hasCorners, hasLeaves, isCells, hasColors;
+uniform bool hasNormals, hasCorners, hasLeaves, isCells, hasColors;
 /** Ray of the picture point (x, y): a constant, its change with x, and with y; in the grid. */
 uniform vec3 origin[3], direction[3];
 /** The stored normal to the camera's frame: right, up, to the eye. */
@@ -70,12 +70,9 @@ vec3 octahedral(vec2 q, float one) {
 
 vec2 code(usampler2D from, uint at) { return vec2(signedByte(byteOf(from, 2u * at)), signedByte(byteOf(from, 2u * at + 1u))); }
 
-/** The normal of a voxel or cell, in steps of an eighth where there are fine parts. */
+/** The normal of a voxel or cell. */
 vec3 normalOf(uint at) {
-    vec2 q = code(normals, at);
-    if (!hasFines) return octahedral(q, 127.0);
-    uint fine = byteOf(fines, at);
-    return octahedral(clamp(8.0 * q + vec2(fine & 15u, fine >> 4) - 8.0, -1016.0, 1016.0), 1016.0);
+    return octahedral(code(normals, at), 127.0);
 }
 
 float trilinear(vec4 low, vec4 high, vec3 w) {

@@ -66,7 +66,6 @@ names! {
     MEASURE = "anyway",
     MEMORY = "memory",
     MIN_SLICES = "min_slices",
-    NORMAL_BITS = "normal_bits",
     ORIENTATION = "orientation",
     ORIGIN = "origin_mm",
     OUT = "out",

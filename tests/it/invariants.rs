@@ -237,10 +237,7 @@ fn i4_sections_and_their_items() {
     let voxels = frame(&file).header.voxels;
     let unknown = |kind| with_entry(&file, kind, |e| e.tag = *b"ZZZZ");
     let levels = frame(&file).levels.len() as u64;
-    let bytes = OptionalSections { normal: true, value_bytes: 1, lod: false };
-    let fine = with_entry(&model([3, 3, 3], bytes, &[[1; 3]]), VALUE, |e| e.tag = *b"NFIN");
     Rule("I4").broken_by(vec![
-        (with_entry(&fine, NORMAL, |e| e.tag = *b"ZZZZ"), E::LoneFine),
         (unknown(SectionKind::Meta), E::MissingSection(SectionKind::Meta)),
         (unknown(SectionKind::Nodes), E::MissingSection(SectionKind::Nodes)),
         (unknown(SectionKind::Rank), E::MissingSection(SectionKind::Rank)),

@@ -335,7 +335,6 @@ fn cells_are_the_default_but_for_what_only_skin_has() {
         (format!("{sphere} --channels value"), "skin"),
         (format!("{sphere} --channels normal,offset"), "cells"),
         (format!("{sphere} --gradient central"), "skin"),
-        (format!("{sphere} --normal-bits 24"), "skin"),
         (format!("{sphere} --connectivity 6"), "skin"),
         (format!("{} --grid 12", at("plain.obj")), "cells"),
         (format!("{} --grid 12", at("red.obj")), "skin"),

@@ -29,7 +29,6 @@ use crate::prelude::*;
 use std::cell::Cell;
 
 use infobyte::builder::{Gradient, build_volume as build};
-use infobyte::format::normal::NormalBits;
 
 /// A volume of the samples next to `value(x, y, z)`.
 fn volume_of(
@@ -64,7 +63,6 @@ fn stored_codes(
     let options = BuildOptions {
         threshold: Threshold::Iso(iso),
         gradient: Some(ESTIMATOR.get()),
-        normal_bits: NormalBits::default(),
         lod: false,
         memory,
         threads,
@@ -408,62 +406,6 @@ fn codes_do_not_depend_on_threads_or_memory() {
     let (small, narrow) = (1..2048_u64).find_map(|step| codes(1, MemoryCap::Share(step << 17)).ok()).unwrap();
     assert!(narrow.tile < wide.tile, "the budget was meant to narrow the columns: {}", narrow.tile);
     assert!(small == expected, "a smaller budget gives other normals");
-}
-
-#[test]
-fn normals_have_the_errors_of_their_bits_and_24_begin_with_the_16() {
-    let (centre, radius) = ([24.3, 23.8, 24.1], 20.0);
-    let volume = volume_of([48; 3], [1.0; 3], ScalarType::F32, |at| {
-        let d: [f64; 3] = std::array::from_fn(|a| f64::from(at[a]) - centre[a]);
-        radius - length(d)
-    });
-    let folder = tempfile::tempdir().unwrap();
-    let built = |bits: NormalBits, surface| {
-        let path = folder.path().join(format!("{}.oct", bits.number()));
-        let options = BuildOptions {
-            threshold: Threshold::Iso(0.0),
-            normal_bits: bits,
-            surface: Some(surface),
-            threads: 1,
-            memory: MemoryCap::Process(1 << 30),
-            ..BuildOptions::default()
-        };
-        build(&volume, &options, &path, &Silent).map(|_| path)
-    };
-    let [twelve, sixteen, more] =
-        NormalBits::ALL.map(|bits| Model::open(built(bits, SurfaceKind::Skin).unwrap()).unwrap());
-    let codes = |model: &Model| model.items(Channel::Normal).unwrap().bytes().to_vec();
-    assert_eq!(codes(&sixteen), codes(&more));
-    assert!(sixteen.items(Channel::Fine).is_none() && more.items(Channel::Fine).is_some());
-    assert!({
-        let coarse = |model: &Model| {
-            codes(model).as_chunks().0.iter().all(|c| normal::is_coarse(u16::from_le_bytes(*c)))
-        };
-        coarse(&twelve) && !coarse(&sixteen)
-    });
-    assert!(twelve.metadata().gradient.ends_with("12 bits"), "{}", twelve.metadata().gradient);
-    // The estimator is right to a few hundredths of a degree here; what is left is rounding.
-    let (exact, _) = stored_codes(&volume, 0.0, 1, MemoryCap::Process(1 << 30)).unwrap();
-    let errors = |model: &Model, name: &str| {
-        let angles = (0_u64..).zip(&exact).map(|(i, (at, _))| {
-            let truth = std::array::from_fn(|a| f64::from(at[a]) - centre[a]);
-            let stored = model.view().voxel_direction(infobyte::geom::VoxelIndex::new(i)).unwrap();
-            angle_degrees(stored.map(f64::from), truth)
-        });
-        row(name, angles.collect(), "")
-    };
-    let [twelve, sixteen, more] = [
-        errors(&twelve, "ball R=20, 12 bits"),
-        errors(&sixteen, "ball R=20, 16 bits"),
-        errors(&more, "ball R=20, 24 bits"),
-    ];
-    assert!(twelve.mean < 1.4 && twelve.worst < 3.2, "{twelve:?}");
-    assert!(sixteen.mean < 0.33 && sixteen.worst < 0.65, "{sixteen:?}");
-    assert!(more.mean < 0.045 && more.worst < 0.13, "{more:?}");
-    for bits in [NormalBits::Twelve, NormalBits::TwentyFour] {
-        let refused = built(bits, SurfaceKind::Cells).unwrap_err();
-        assert!(refused.to_string().contains("have normals of 12 or 24 bits"), "{refused}");
-    }
 }
 
 /// Marschner and Lobb's test signal (1994; f_M = 6, alpha = 0.25) and minus its gradient, on -1..1.

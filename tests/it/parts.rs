@@ -102,7 +102,7 @@ impl Job {
 fn parts_of_any_number_join_into_the_file_of_one_build() {
     use ScalarType::{F32, I8, I16, U8, U16};
     let cells = ["--surface", "cells"];
-    let rich = ["--surface", "skin", "--channels", "normal,value", "--normal-bits", "24"];
+    let rich = ["--surface", "skin", "--channels", "normal,value"];
     let thick = ["--surface", "skin", "--connectivity", "6", "--gradient", "auto", "--lod", "off"];
     let bare = ["--surface", "skin", "--channels", "none"];
     let cut = ["--surface", "cells", "--roi", "3..150,0..260,10..290"];

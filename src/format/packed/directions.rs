@@ -6,7 +6,7 @@ use super::blocks::{Blocks, CORNERS, EDGES, FACES, Neighbour, Octet, SELF, Voxel
 use super::classes::{Classes, SHARES, TOKENS, difference_of, low_bits, token_of};
 use super::group::{Group, SymbolGroups};
 use super::tables::{SymbolCoder, Tables};
-use crate::format::normal::{SCALE, coarse_component, coarse_number, decode_l1, is_coarse};
+use crate::format::normal::{SCALE, decode_l1};
 
 // What the grid knows of a voxel: x, y, z of its L1-127 vector, 1 for being there, the errors of both coordinates in
 // quarters, and how far off the prediction was. Weighted sums of each stay in 16 bits: the weights add up to 58.
@@ -94,9 +94,11 @@ impl SymbolGroups for DirectionCoder {
         self.known.twins.iter_mut().for_each(Tables::restart);
         let mut codes = std::mem::take(&mut group.normals);
         codes.resize(group.voxels, 0);
-        let coarse = coder.even(1, u32::from(!C::READS && codes.iter().all(|code| is_coarse(*code)))) == 1;
+        if coder.even(1, 0) != 0 {
+            return Err(CodingError::NormalRange);
+        }
         let known = &mut self.known;
-        let mut voxels = Directions { known, codes: &mut codes, last: [0, 0, SCALE], coarse };
+        let mut voxels = Directions { known, codes: &mut codes, last: [0, 0, SCALE] };
         let result = self.blocks.code(coder, group, &mut voxels);
         group.normals = codes;
         result
@@ -108,8 +110,6 @@ struct Directions<'a> {
     known: &'a mut DirectionTables,
     codes: &'a mut [u16],
     last: [i32; 3],
-    /// Are all of 12 bits?
-    coarse: bool,
 }
 
 impl VoxelCoder for Directions<'_> {
@@ -126,7 +126,7 @@ impl VoxelCoder for Directions<'_> {
         number: usize,
     ) -> Result<(), CodingError> {
         let Some(code) = self.codes.get_mut(number) else { return Err(CodingError::SubtreeTooDeep) };
-        *code = code_one(self.known, coder, window, (self.last, self.coarse), *code)?;
+        *code = code_one(self.known, coder, window, self.last, *code)?;
         self.last = decode_l1(*code);
         Ok(())
     }
@@ -153,18 +153,17 @@ struct Around {
 
 impl Around {
     #[inline(always)]
-    fn known(&self, i: usize, due: i32, coarse: bool) -> CoordinateContext {
+    fn known(&self, i: usize, due: i32) -> CoordinateContext {
         let two = i32::from(self.ahead.0[COUNT]);
         let ahead = i32::from(self.ahead.0[i]).wrapping_mul(16).wrapping_mul(SHARES[two as usize % 64]) >> 16;
         let turn = if two == 0 { 0 } else { ahead.wrapping_sub(self.guess[i]) };
         let error = i32::from(self.sum.0[ERRORS[i]]).wrapping_mul(self.share) >> 16;
-        CoordinateContext { due, coarse, guess: self.guess[i], turn, error, off: self.off, first: self.first }
+        CoordinateContext { due, guess: self.guess[i], turn, error, off: self.off, first: self.first }
     }
 }
 
 struct CoordinateContext {
     due: i32,
-    coarse: bool,
     /// In 1/16, as the next three.
     guess: i32,
     turn: i32,
@@ -186,12 +185,7 @@ impl Component {
         let context = ((known.off >> 1) * 16 + signed(bend, known.turn)) * 16 + signed(err, known.error);
         let bias = &mut self.bias[context % BIASES];
         let expected = (known.guess.wrapping_add(*bias >> 4).wrapping_add(8) >> 4).clamp(-SCALE, SCALE);
-        // Normals of 12 bits are counted by their 64 components.
-        let (expected, due) = match known.coarse {
-            true => (nearest_coarse(expected), coarse_number(known.due).unwrap_or(0)),
-            false => (expected, known.due),
-        };
-        let residual = due.wrapping_sub(expected);
+        let residual = known.due.wrapping_sub(expected);
         let magnitude = residual.unsigned_abs();
         let token = coder.code(
             (&mut self.off, known.first * 4 + other),
@@ -201,10 +195,8 @@ impl Component {
         let bits = TOKENS[token].1;
         let residual = difference_of(token, coder.even(bits, low_bits(token, bits, residual)));
         let value = expected.wrapping_add(residual);
-        let value = if known.coarse { coarse_component(value) } else { value };
         let wrong = (value << 4).wrapping_sub(known.guess);
         *bias = bias.wrapping_add((wrong << 4).wrapping_sub(*bias) >> 5);
-        let residual = if known.coarse { residual.wrapping_mul(4) } else { residual };
         Coded { value, residual, error: (wrong >> 2).clamp(-MAX_ERROR, MAX_ERROR) }
     }
 }
@@ -214,7 +206,7 @@ fn code_one<C: SymbolCoder>(
     known: &mut DirectionTables,
     coder: &mut C,
     window: &mut Window,
-    (last, coarse): ([i32; 3], bool),
+    last: [i32; 3],
     code: u16,
 ) -> Result<u16, CodingError> {
     let DirectionTables { components: [u, v], twins } = known;
@@ -251,8 +243,8 @@ fn code_one<C: SymbolCoder>(
     let off = if weight == 0 { 15 } else { OFF_CLASSES.of(off) };
     let around = Around { sum, share, ahead, guess, off, first: off * 4 + COUNT_CLASSES.of(weight) };
     let due = if C::READS { [0; 2] } else { chart(mirrored(decode_l1(code), mirror)) };
-    let u = u.code(coder, &around.known(0, due[0], coarse), 0);
-    let v = v.code(coder, &around.known(1, due[1], coarse), OTHER_CLASSES.of(u.residual));
+    let u = u.code(coder, &around.known(0, due[0]), 0);
+    let v = v.code(coder, &around.known(1, due[1]), OTHER_CLASSES.of(u.residual));
     let got = [u.value, v.value];
     let errors = [u.error, v.error];
     let magnitudes = u.residual.unsigned_abs().min(MAX_OFF) + v.residual.unsigned_abs().min(MAX_OFF);
@@ -276,15 +268,6 @@ fn code_one<C: SymbolCoder>(
     // All are far below 32768.
     window[SELF] = Octet::of(lanes);
     Ok(code_of(plain))
-}
-
-/// Number of the coarse component nearest to an expected one.
-#[inline(always)]
-fn nearest_coarse(expected: i32) -> i32 {
-    let size = expected.unsigned_abs().cast_signed();
-    // 0 to 3 belong to 2, 4 to 7 to 5.
-    let at = size >> 2;
-    if expected < 0 { -1 - at } else { at }
 }
 
 #[inline(always)]
@@ -315,30 +298,5 @@ mod tests {
         DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
         decoder.finish().unwrap();
         assert!(group.normals == normals);
-    }
-
-    #[test]
-    fn normals_of_12_bits_come_back_and_take_fewer_bytes() {
-        let coarse: Vec<u16> = (0..=u16::MAX).filter(|code| is_coarse(*code)).collect();
-        assert_eq!(coarse.len(), 4096);
-        let mut group = slab(4, 6);
-        let mut packed = |codes: &[u16]| {
-            group.normals = codes.to_vec();
-            let mut encoder = Encoder::default();
-            DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
-            let payload = encoder.finish();
-            group.normals.clear();
-            let mut decoder = Decoder::new(Portable, &payload).unwrap();
-            DirectionCoder::default().code(&mut decoder, &mut group).unwrap();
-            decoder.finish().unwrap();
-            assert!(group.normals == codes);
-            payload.len()
-        };
-        let mut codes: Vec<u16> = (0..4 * 4096).map(|i| coarse[i * 7919 % 4096]).collect();
-        let few = packed(&codes);
-        // One of another kind among them.
-        codes[5000] = 0;
-        let more = packed(&codes);
-        assert!(few * 10 < more * 9, "{few} {more}");
     }
 }

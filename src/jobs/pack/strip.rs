@@ -126,9 +126,6 @@ fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, Stri
     if let Some(channel) = kept.iter().find(|c| !there.contains(*c)) {
         return Err(StripFault::NoChannel { channel });
     }
-    if kept.contains(Channel::Fine) && !kept.contains(Channel::Normal) {
-        return Err(StripFault::FineAlone);
-    }
     if frame.surface() == SurfaceKind::Cells && (kept != there || request.levels > 0) {
         return Err(StripFault::Cells);
     }

@@ -47,7 +47,6 @@ def build(
     threads: int | None = None,
     channels: Sequence[str] | None = None,
     gradient: str | None = None,
-    normal_bits: int | None = None,
     connectivity: int | None = None,
     visible_from: Sequence[Any] = (),
     lod: bool = True,
@@ -97,7 +96,7 @@ def build(
     - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours
       share their walls. Files of these names are replaced.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
-      cells, but skin for what only that has: other channels, colours of meshes, `gradient`, `normal_bits`, thin walls.
+      cells, but skin for what only that has: other channels, colours of meshes, `gradient`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
 
     Place
@@ -115,7 +114,7 @@ def build(
       terminal or in a notebook where tqdm is installed, `False` shows nothing.
 
     Stored
-    - `channels` (`'normal'`, `'value'`, `'color'`, `'material'`), `gradient`, `normal_bits`, `connectivity`, `visible_from`
+    - `channels` (`'normal'`, `'value'`, `'color'`, `'material'`), `gradient`, `connectivity`, `visible_from`
       (`'outside'`, names of views, or points in mm), `lod`: as the flags of `oct build`.
 
     Cleaning
@@ -157,7 +156,7 @@ def build(
             threshold=_threshold(iso, range),
             labels=labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
             smooth=_finite("smooth", smooth), surface=surface, error=None if error is None else str(error),
-            channels=None if channels is None else list(channels), gradient=gradient, normal_bits=_text(normal_bits),
+            channels=None if channels is None else list(channels), gradient=gradient,
             connectivity=_text(connectivity), lod=bool(lod), memory={"share": share}, threads=threads,
             scratch=None if scratch is None else os.fspath(scratch),
         ),

@@ -148,8 +148,6 @@ pub(crate) struct Normals<'a> {
     cells: Option<Cells<'a>>,
     space: &'a GridSpace,
     smoothing: Smoothing,
-    /// Have normals 24 bits?
-    fine: bool,
     lod_edge_log2: u32,
 }
 
@@ -161,8 +159,7 @@ impl<'a> Normals<'a> {
         smoothing: Smoothing,
         lod_edge_log2: u32,
     ) -> Self {
-        let fine = view.voxel_fine(VoxelIndex::new(0)).is_some();
-        Self { view, cells: view.cells().map(Cells::new), space, smoothing, fine, lod_edge_log2 }
+        Self { view, cells: view.cells().map(Cells::new), space, smoothing, lod_edge_log2 }
     }
 
     /// The hit along a line.
@@ -340,15 +337,14 @@ impl<'a> Normals<'a> {
     }
 
     /// The normal stored for the box so far behind the one that was hit in the order of the file, in the frame of
-    /// the box, its parts' sizes adding up to [`normal::FINE_SCALE`].
+    /// the box, its parts' sizes adding up to [`normal::SCALE`].
     #[inline]
     fn stored(&self, seen: PixelHit, distance: i64) -> Option<[i32; 3]> {
         let number = seen.box_number.wrapping_add_signed(distance);
-        let coarse = |code| normal::decode_fine(code, normal::FINE_NONE);
         match seen.kind {
             HitKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
-            HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(coarse),
-            HitKind::Own | HitKind::Larger(_) => Some(coarse(seen.code)),
+            HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(normal::decode_l1),
+            HitKind::Own | HitKind::Larger(_) => Some(normal::decode_l1(seen.code)),
         }
     }
 
@@ -371,11 +367,10 @@ impl<'a> Normals<'a> {
         let in_voxels = scale(stored);
         let struck = || self.struck(seen, face, line);
         let cubes = self.has_cubes();
-        let near = if cubes && !self.fine { self.codes_near(seen) } else { None };
+        let near = if cubes { self.codes_near(seen) } else { None };
         let neighbourhood = match &near {
             Some(codes) => repair::neighbourhood_of(codes),
             None => repair::neighbourhood(|distance| match self.stored(seen, distance) {
-                Some(other) if cubes => repair::alike_whole(stored, other, normal::FINE_SCALE),
                 Some(other) => repair::alike(in_voxels, scale(other)),
                 None => true,
             }),
@@ -417,7 +412,7 @@ impl<'a> Normals<'a> {
     /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
     pub(in crate::render) fn judged_together(&self) -> Option<f64> {
         let plain =
-            self.cells.is_none() && !self.fine && self.smoothing != Smoothing::Blended && self.has_cubes();
+            self.cells.is_none() && self.smoothing != Smoothing::Blended && self.has_cubes();
         plain.then(|| self.space.spacing_mm()[0])
     }
 

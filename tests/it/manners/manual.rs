@@ -49,7 +49,7 @@ fn completions_know_every_command_and_shells_accept_them() {
         for command in commands() {
             assert!(run.stdout.contains(&command), "{name} lacks {command}");
         }
-        for word in ["keep-largest", "perspective", "cells", "zucker-hummel", "compact-bone", "i16be"] {
+        for word in ["keep-largest", "perspective", "cells", "isotropic5", "compact-bone", "i16be"] {
             assert!(
                 run.stdout.contains(word) || name == "elvish" || name == "powershell",
                 "{name} lacks {word}"

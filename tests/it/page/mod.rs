@@ -278,7 +278,6 @@ fn cases(folder: &Path) -> Vec<(&'static str, String)> {
     let flat: Vec<u8> = (0..40 * 30_u32).map(|i| if (i % 40) * (i / 40) % 7 > 2 { 200 } else { 0 }).collect();
     let mut cases = vec![
         ("skin", "synthetic:head@96 --surface skin".to_owned()),
-        ("fine", "synthetic:head@96 --surface skin --normal-bits 24".to_owned()),
         ("leaves", "synthetic:head@96 --surface cells --error 0.2".to_owned()),
         ("corners", "synthetic:sphere@40?noise=0.4 --surface cells".to_owned()),
         ("slices", "synthetic:torus@48?spacing=1x1x6,slab=1 --surface cells".to_owned()),
@@ -306,7 +305,7 @@ fn a_browser_meets_what_the_librarys_rays_meet() {
     for (name, arguments) in cases(folder.path()) {
         let (model, page) = paged(folder.path(), name, &arguments.split(' ').collect::<Vec<_>>());
         let has = |kind| model.section_bytes(SectionKind::Voxels(kind)).is_some();
-        assert_eq!((has(Channel::Fine), has(Channel::Color)), (name == "fine", name == "colors"), "{name}");
+        assert_eq!(has(Channel::Color), name == "colors", "{name}");
         let looks = looks(&model);
         let said = shown(&browser, &page, &looks, "pictures");
         assert!(said["error"].is_null() && said["threw"].is_null(), "{name}: {said}");

@@ -180,7 +180,7 @@ impl LanesKernel for Judge<'_> {
         }
         let mut doubts = [0_u8; RAYS];
         for (i, doubt) in doubts.iter_mut().enumerate() {
-            let own = normal::decode_fine(stored.codes[i][OWN], normal::FINE_NONE);
+            let own = normal::decode_l1(stored.codes[i][OWN]);
             let own = [f64::from(own[0]), f64::from(own[1]), f64::from(own[2])];
             let scaled = [own[0] * edge_mm, own[1] * edge_mm, own[2] * edge_mm];
             let axis = stored.axes[i];
@@ -295,7 +295,7 @@ mod tests {
                     stored.set(pixel, &codes(&mut random, 500), face);
                     judged.calm[pixel] = random.below(2_u16);
                     judged.noise[pixel] = (1 - judged.calm[pixel]) * random.below(2_u16);
-                    let own = normal::decode_fine(stored.codes[pixel][OWN], normal::FINE_NONE).map(f64::from);
+                    let own = normal::decode_l1(stored.codes[pixel][OWN]).map(f64::from);
                     for (parts, own) in judged.normals.iter_mut().zip(own) {
                         parts[pixel] = own;
                     }
@@ -362,7 +362,7 @@ mod tests {
                         super::super::alike_whole(whole[4], other, normal::SCALE)
                     });
                     assert_eq!(out.neighbourhood(at), want, "{row:?}");
-                    let own = normal::decode_fine(row[4], normal::FINE_NONE).map(f64::from);
+                    let own = normal::decode_l1(row[4]).map(f64::from);
                     let scaled = own.map(|c| c * edge_mm);
                     let verdict = judge(along(face, scaled), want);
                     assert_eq!(out.doubts >> at & 1 == 1, verdict == Verdict::Doubt, "{form:?} {row:?}");
