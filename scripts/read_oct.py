@@ -54,7 +54,7 @@ class Fields:
 
 
 def unpack(sections, due, levels, depth, larger):
-    """Replaces the stored bytes of NODE, NORM and OFFS by their content, if they are in groups (SPEC 5.9 to 5.12)."""
+    """Replaces the stored bytes of NODE, NORM and OFFS by their content, if they are in groups (SPEC 5.6 to 5.9)."""
     codecs = {tag: codec for tag, (codec, _, _) in due.items()}
     need(codecs["NODE"] == 9 and codecs.get("NORM", 7) == 7, "packed by an earlier version: unpack it first")
     try:
@@ -115,14 +115,14 @@ def main():
     leaves = [node for node, mask in enumerate(infobytes) if not mask]
     if larger:
         planes = sections["LNRM"], sections["LOFS"]
-        need((len(planes[0]), len(planes[1])) == (2 * len(leaves), len(leaves)), "planes of larger leaves (I20)")
+        need((len(planes[0]), len(planes[1])) == (2 * len(leaves), len(leaves)), "planes of larger leaves (I19)")
         need(b"\x80" not in planes[0] + planes[1], "an illegal plane (I14)")
         counted, at = b"", 0
         for block in range(0, nodes, 512):
             while at < len(leaves) and leaves[at] < block:
                 at += 1
             counted += struct.pack("<Q", at)
-        need(counted == sections["LRNK"], "directory of larger leaves (I20)")
+        need(counted == sections["LRNK"], "directory of larger leaves (I19)")
     before = [0]  # set bits before every node: a rank directory of our own
     for mask in infobytes:
         before.append(before[-1] + bin(mask).count("1"))

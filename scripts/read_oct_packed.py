@@ -43,7 +43,7 @@ class Tables(dict):
 
 
 class Coder:
-    """One group's payload (SPEC 5.8)."""
+    """One group's payload (SPEC 5.5)."""
 
     def __init__(self, payload):
         if len(payload) % 2:
@@ -137,7 +137,7 @@ AROUND = [(x, y, z, {1: 8, 2: 3, 3: 1}[abs(x) + abs(y) + abs(z)])
 
 
 class Groups:
-    """The stored bytes of a section (SPEC 5.3)."""
+    """The stored bytes of a section (SPEC 5.2)."""
 
     def __init__(self, stored, at=0):
         self.stored, self.at = stored, at
@@ -151,7 +151,7 @@ class Groups:
 
 
 class Bits:
-    """One group's payload (SPEC 5.9)."""
+    """One group's payload (SPEC 5.6)."""
 
     def __init__(self, payload):
         if len(payload) % 4 or not payload:
@@ -205,7 +205,7 @@ def hold(value, most):
 
 
 class Mixer:
-    """Three tables and the weights of all (SPEC 5.9)."""
+    """Three tables and the weights of all (SPEC 5.6)."""
 
     def __init__(self):
         self.tables, self.weights = [{}, {}, {}], {}
@@ -236,7 +236,7 @@ class Mixer:
 
 
 class Prior:
-    """The net (SPEC 5.12)."""
+    """The net (SPEC 5.9)."""
 
     def __init__(self):
         folder = os.path.dirname(os.path.dirname(os.path.abspath(__file__)))
@@ -277,7 +277,7 @@ def hashed(fields, factor):
 
 
 def infobyte(coder, mixer, prior, node, present, boxes, level, leaves):
-    """One infobyte (SPEC 5.9): `boxes` are those that exist or whose nodes are not coded yet."""
+    """One infobyte (SPEC 5.6): `boxes` are those that exist or whose nodes are not coded yet."""
     x, y, z = node
     own = {(2 * x + (i & 1), 2 * y + (i >> 1 & 1), 2 * z + (i >> 2)): i for i in range(8)}
     boxes.difference_update(own)
@@ -308,7 +308,7 @@ def infobyte(coder, mixer, prior, node, present, boxes, level, leaves):
 
 
 def nodes(stored, levels, depth, larger):
-    """NODE (SPEC 5.9), and of every subtree of 5.10 the voxels in Morton order and how many larger leaves it has."""
+    """NODE (SPEC 5.6), and of every subtree of 5.7 the voxels in Morton order and how many larger leaves it has."""
     if depth == 0:
         return b"", [([(0, 0, 0)], 0)]
     top = max(depth - 7, 0)
@@ -351,7 +351,7 @@ def nodes(stored, levels, depth, larger):
 
 
 def blocks(stored, length):
-    """Bytes stored with codec 1 (SPEC 5.5), and where they end."""
+    """Bytes stored with codec 1 (SPEC 5.3), and where they end."""
     content, at = b"", 0
     while len(content) < length:
         try:
@@ -369,7 +369,7 @@ def blocks(stored, length):
 
 
 def grouped(stored, subtrees):
-    """Groups with their subtrees (SPEC 5.10)."""
+    """Groups with their subtrees (SPEC 5.7)."""
     groups, first = Groups(stored), 0
     while first < len(subtrees):
         coder, count = groups.next()
@@ -385,7 +385,7 @@ def grouped(stored, subtrees):
 
 
 def normals(stored, subtrees):
-    """NORM (SPEC 5.10)."""
+    """NORM (SPEC 5.7)."""
     codes = []
     for coder, part in grouped(stored, subtrees):
         off_tables, bent_tables = ([Tables(5, 7), Tables(5, 7)] for _ in range(2))
@@ -454,7 +454,7 @@ def normals(stored, subtrees):
 
 
 def offsets(stored, subtrees, norm):
-    """OFFS of cells (SPEC 5.11)."""
+    """OFFS of cells (SPEC 5.8)."""
     codes, done = struct.unpack(f"<{len(norm) // 2}H", norm), bytearray()
     for coder, part in grouped(stored, subtrees):
         spread_tables, off_tables = Tables(5, 7), Tables(5, 7)

@@ -1,7 +1,7 @@
 #!/usr/bin/env python3
-"""Trains the prior of packed infobytes (SPEC 5.12) on mapped models and writes its 4136 weights as lines of hex.
+"""Trains the prior of packed infobytes (SPEC 5.9) on mapped models and writes its 4136 weights as lines of hex.
 
-Inputs and sums are those of src/format/SPEC.md, 5.12. At most NODES nodes of each model are drawn; cells and nodes
+Inputs and sums are those of src/format/SPEC.md, 5.9. At most NODES nodes of each model are drawn; cells and nodes
 outside a node's cube are absent. The same models and the same numpy give the same weights.
 Needs numpy. usage: train_prior.py OUT.hex MODEL.oct...
 """

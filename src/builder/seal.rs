@@ -7,7 +7,7 @@ use crate::format::cell::{CornerRankBuilder, HAS_CORNERS};
 use crate::format::rank::{RankBuilder, directory_bytes};
 use crate::format::{
     Channel, Encoding, HEADER_BYTES, Header, LABEL_BYTES, LABEL_GROUP, Label, LabelForm, SectionEntry,
-    SectionKind, SurfaceKind, align_up, label_directory_bytes, labels_to_bytes, least_minor, table_bytes,
+    SectionKind, SurfaceKind, VERSION_MINOR, align_up, label_directory_bytes, labels_to_bytes, table_bytes,
 };
 use crate::geom::Dims;
 use crate::platform::FileExt;
@@ -77,7 +77,7 @@ pub(super) fn seal(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: least_minor(surface, &entries),
+        minor: VERSION_MINOR,
         encoding: Encoding::Mapped,
         surface,
         leaves: target.channels.leaves,

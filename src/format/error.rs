@@ -186,17 +186,17 @@ pub enum FormatError {
         "{DAMAGED}the labels of voxels and their table are not both there, or not as the encoding says (SPEC I4){AGAIN}"
     )]
     LabelsApart { kind: SectionKind },
-    #[error("{DAMAGED}the table of labels cannot be read, or is impossible (SPEC I21){AGAIN}")]
+    #[error("{DAMAGED}the table of labels cannot be read, or is impossible (SPEC I20){AGAIN}")]
     LabelTable { bytes: u64 },
-    #[error("{DAMAGED}the labels of voxels {first} to {last} are illegal (SPEC I22){AGAIN}")]
+    #[error("{DAMAGED}the labels of voxels {first} to {last} are illegal (SPEC I21){AGAIN}")]
     LabelBlocks { first: u64, last: u64 },
-    #[error("{DAMAGED}the labels of cell {} and its walls do not agree (SPEC I23){AGAIN}", .cell.get())]
+    #[error("{DAMAGED}the labels of cell {} and its walls do not agree (SPEC I22){AGAIN}", .cell.get())]
     Walls { cell: VoxelIndex },
     #[error("{DAMAGED}encoding and sections disagree about larger leaves (SPEC I4){AGAIN}")]
     LeavesApart { kind: SectionKind },
-    #[error("{DAMAGED}{found} larger leaves are described where the nodes have {due} (SPEC I20){AGAIN}")]
+    #[error("{DAMAGED}{found} larger leaves are described where the nodes have {due} (SPEC I19){AGAIN}")]
     LeafCount { due: u64, found: u64 },
-    #[error("{DAMAGED}the directory of larger leaves does not match the nodes (SPEC I20){AGAIN}")]
+    #[error("{DAMAGED}the directory of larger leaves does not match the nodes (SPEC I19){AGAIN}")]
     LeafRank {
         block: u64,
         /// Larger leaves before it.
@@ -235,8 +235,6 @@ pub enum FormatError {
     AlreadyMapped,
     #[error("{DAMAGED}a section of unknown kind parts nodes and rank{AGAIN}")]
     RankApart,
-    #[error("{DAMAGED}version 1.{minor} is not the lowest that suffices (SPEC 1){AGAIN}")]
-    MinorApart { minor: u16 },
     #[error("{DAMAGED}metadata is longer than 1 MiB{AGAIN}")]
     MetadataTooLong { bytes: u64 },
     #[error("{DAMAGED}metadata cannot be written{AGAIN}")]

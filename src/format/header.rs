@@ -8,13 +8,8 @@ use crate::geom::Dims;
 pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 /// Major version written and read.
 pub(crate) const VERSION_MAJOR: u16 = 1;
-/// Highest minor version written; a file is given the lowest that has all it needs
-/// ([`least_minor`](super::least_minor), or [`GROUPS_MINOR`](super::packed::GROUPS_MINOR) of a packed one).
-pub(crate) const VERSION_MINOR: u16 = WALLS_MINOR;
-/// Lowest minor version that has larger leaves.
-pub(crate) const LEAVES_MINOR: u16 = 3;
-/// Lowest minor version that has cells between labels.
-pub(crate) const WALLS_MINOR: u16 = 5;
+/// Minor version written; higher ones are read, too.
+pub(crate) const VERSION_MINOR: u16 = 0;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 

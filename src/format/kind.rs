@@ -13,14 +13,6 @@ pub enum SurfaceKind {
 }
 
 impl SurfaceKind {
-    /// Lowest minor version of the format that has it.
-    pub const fn minor(self) -> u16 {
-        match self {
-            Self::Skin => 0,
-            Self::Cells => 1,
-        }
-    }
-
     /// By how much a volume's sides grow to those of its boxes.
     pub const fn grown(self) -> u32 {
         match self {
@@ -59,15 +51,6 @@ pub enum Channel {
     /// A row for the test below.
     #[cfg(test)]
     Dummy,
-}
-
-impl Channel {
-    /// Lowest minor version of the format that has it, on skin voxels.
-    pub const fn minor(self) -> u16 {
-        match self {
-            _ => 0,
-        }
-    }
 }
 
 /// Kind of a section, in the order in which sections stand in a file.

@@ -31,8 +31,6 @@ pub use label::{Label, LabelItems, LabelName};
 pub(crate) use label::{parse_table as parse_labels, table_to_bytes as labels_to_bytes};
 pub(crate) use metadata::METADATA_LIMIT;
 pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
-#[doc(hidden)]
-pub use section::least_minor;
 pub(crate) use section::parse_table;
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
 pub use walls::Walls;

@@ -1,8 +1,8 @@
 //! The section table (SPEC 3, 4.2, 4.3).
 
 use super::error::FormatError;
-use super::header::{HEADER_BYTES, Header, LEAVES_MINOR, WALLS_MINOR};
-use super::kind::{Channel, SectionKind, SurfaceKind};
+use super::header::{HEADER_BYTES, Header};
+use super::kind::{Channel, SectionKind};
 use super::packed::{CODEC_CUBES, CODEC_DERIVED, CODEC_NONE, CODEC_PLANES};
 
 /// Sections start at multiples of this: a cache line.
@@ -176,16 +176,6 @@ impl SectionEntry {
             content_crc: u32_at(44),
         })
     }
-}
-
-/// The lowest minor version of the format that has this surface and these sections.
-pub fn least_minor(surface: SurfaceKind, sections: &[SectionEntry]) -> u16 {
-    sections.iter().fold(surface.minor(), |minor, entry| match entry.kind {
-        Some(SectionKind::LabelTable) => minor.max(WALLS_MINOR),
-        Some(SectionKind::Voxels(channel)) => minor.max(channel.minor()),
-        Some(SectionKind::LeafNormals) => minor.max(LEAVES_MINOR),
-        _ => minor,
-    })
 }
 
 /// The table's bytes, without padding.

@@ -163,7 +163,7 @@ impl Frame {
                     // How many have an item of a sparse channel is known when all offsets are (SPEC I18).
                     let items = match channel.row() {
                         row if row.is_sparse => entry.items.min(v),
-                        // The bytes of blocks are known when all are read (SPEC I22).
+                        // The bytes of blocks are known when all are read (SPEC I21).
                         row if row.is_coded => {
                             entry.items.clamp(label_directory_bytes(v), self.label_form().most_bytes(v))
                         }
@@ -173,7 +173,7 @@ impl Frame {
                     (is_due && channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
-                // How many leaves there are is known when all infobytes are (SPEC I20).
+                // How many leaves there are is known when all infobytes are (SPEC I19).
                 SectionKind::LeafNormals => (entry.item_bytes == 2, entry.items.min(n)),
                 SectionKind::LeafOffsets => {
                     let normals = self.section(SectionKind::LeafNormals).map_or(0, |e| e.items);

@@ -1,4 +1,4 @@
-//! Larger leaves in the full check: their directory and planes, and their part in coarse means (SPEC I14, I15, I20).
+//! Larger leaves in the full check: their directory and planes, and their part in coarse means (SPEC I14, I15, I19).
 
 use crate::format::{FormatError, SectionKind, cell};
 use crate::geom::Level;
@@ -17,7 +17,7 @@ fn cursor<'a, R: ReadAt + ?Sized>(
     Ok(Cursor::new(source, entry.offset, entry.end(), CURSOR_BYTES))
 }
 
-/// SPEC I14 and I20: a plane for each infobyte of 0, and the directory that counts these.
+/// SPEC I14 and I19: a plane for each infobyte of 0, and the directory that counts these.
 pub(super) fn check_leaves<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     if !frame.header.leaves {
         return Ok(());

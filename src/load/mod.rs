@@ -35,6 +35,6 @@ pub use model::{Items, Model, ModelView};
 pub(crate) use stream::Cursor;
 pub use stream::{Fault, ReadAt};
 pub use verify::verify;
-pub(crate) use verify::{check_minor, check_storage, walk, walked_channels};
+pub(crate) use verify::{check_storage, walk, walked_channels};
 pub use view::NodeView;
 pub use voxels::{StoredVoxel, StoredVoxels};

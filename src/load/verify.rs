@@ -4,10 +4,9 @@
 //! the order in which they are stored: one sequential cursor per depth and channel is all that is
 //! needed, and no rank is ever used.
 
-use crate::format::packed::GROUPS_MINOR;
 use crate::format::{
     Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind,
-    SelectionKind, Sum, SurfaceKind, VERSION_MINOR, WALL_BYTES, cell, label_directory_bytes, least_minor,
+    SelectionKind, Sum, SurfaceKind, WALL_BYTES, cell, label_directory_bytes, 
     number, rank,
 };
 use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
@@ -21,7 +20,7 @@ use super::walls::WalledCells;
 /// a check of the means one more per channel and depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
-/// Checks every invariant of a mapped file (SPEC I1 to I23).
+/// Checks every invariant of a mapped file (SPEC I1 to I22).
 ///
 /// Memory: under 2 MiB for any file. Cost: three passes over the nodes, two over the rest.
 ///
@@ -30,7 +29,6 @@ const CURSOR_BYTES: usize = 16 << 10;
 pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     let frame = Frame::read(source)?;
     frame.refuse_packed()?;
-    check_minor(&frame)?;
     check_storage(source, &frame)?;
     check_metadata(&frame)?;
     check_rank(source, &frame)?;
@@ -39,19 +37,6 @@ pub fn verify<R: ReadAt + ?Sized>(source: &R) -> Result<Frame, Fault> {
     check_labels(source, &frame)?;
     check_means(source, &frame)?;
     Ok(frame)
-}
-
-/// SPEC I19: the minor version is the lowest that suffices, of a packed file also that of its groups, or one that is not
-/// known here.
-///
-/// # Errors
-/// It is another one.
-pub(crate) fn check_minor(frame: &Frame) -> Result<(), FormatError> {
-    let minor = frame.header.minor;
-    let of_groups = frame.header.encoding == Encoding::Packed && minor == GROUPS_MINOR;
-    let suffices = minor == least_minor(frame.surface(), &frame.sections);
-    let is_sound = suffices || of_groups || minor > VERSION_MINOR;
-    if is_sound { Ok(()) } else { Err(FormatError::MinorApart { minor }) }
 }
 
 /// SPEC I8 and I9: checksums of the stored bytes, and zeros between the sections.
@@ -168,7 +153,7 @@ fn check_corners<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fa
     Ok(())
 }
 
-/// SPEC I22 and I23: the blocks of labels follow each other, their palettes rise, the table has every label, and cells part
+/// SPEC I21 and I22: the blocks of labels follow each other, their palettes rise, the table has every label, and cells part
 /// their corners by them.
 fn check_labels<R: ReadAt + ?Sized>(source: &R, frame: &Frame) -> Result<(), Fault> {
     let Some(entry) = frame.section(SectionKind::Voxels(Channel::Label)) else { return Ok(()) };

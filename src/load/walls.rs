@@ -1,4 +1,4 @@
-//! The check of cells between labels (SPEC I23): in the order of the file, with the labels of each.
+//! The check of cells between labels (SPEC I22): in the order of the file, with the labels of each.
 
 use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
 use crate::format::{Channel, FormatError, Label, SectionKind, WALL_BYTES, WallItem, Walls, wall_offset};

@@ -45,7 +45,7 @@ fn make() -> Vec<(&'static str, Vec<u8>)> {
     newer[60..64].copy_from_slice(&crc);
     vec![
         ("v1.0-mapped.oct", mapped),
-        ("v1.2-packed.oct", packed),
+        ("v1.0-packed.oct", packed),
         ("x_cut.oct", cut),
         ("x_newer.oct", newer),
         ("x_foreign.oct", FOREIGN.to_vec()),

@@ -478,39 +478,14 @@ fn i17_metadata_and_sections_agree() {
     assert!(matches!(fault(&nan), E::SelectionRange { .. }));
 }
 
-/// Pack and unpack refuse what verify does: the mapped file that a packed one holds has the lowest version that suffices.
 #[test]
-fn i19_minor_version() {
-    let folder = tempfile::tempdir().unwrap();
-    let [mapped, packed, other] = ["a.oct", "b.oct", "c.oct"].map(|name| folder.path().join(name));
-    let file = sound();
-    std::fs::write(&mapped, &file).unwrap();
-    pack(&mapped, &packed).unwrap();
-    let stating = |file: &[u8], minor: u8| with_header(file, |h| h[10] = minor);
-    for minor in 1..=5 {
-        let file = stating(&file, minor);
-        assert!(
-            matches!(verify(file.as_slice()), Err(Fault::Format(E::MinorApart { minor: m })) if m == u16::from(minor))
-        );
-        std::fs::write(&other, &file).unwrap();
-        assert!(verify_file(&other).is_err() && pack(&other, &folder.path().join("d.oct")).is_err());
-    }
-    let file = std::fs::read(&packed).unwrap();
-    std::fs::write(&other, stating(&file, 1)).unwrap();
-    assert!(verify_file(&other).is_err() && unpack(&other, &folder.path().join("d.oct")).is_err());
-    // Of a later version nothing is known.
-    assert!(verify(stating(&sound(), 6).as_slice()).is_ok());
-    verify_file(&packed).unwrap();
-}
-
-#[test]
-fn i21_and_i22_labels() {
+fn i20_and_i21_labels() {
     let (file, table) = (labelled(), SectionKind::LabelTable);
     let blocks = SectionKind::Voxels(Channel::Label);
     verify(file.as_slice()).unwrap();
     assert_eq!(verify(with_content(&file, table, |_| {}).as_slice()).unwrap().labels, frame(&file).labels);
     let bytes = content(&file, table).len() as u64;
-    Rule("I21").broken_by(vec![
+    Rule("I20").broken_by(vec![
         (with_content(&file, table, |t| t.truncate(t.len() - 1)), E::LabelTable { bytes: bytes - 1 }),
         (with_content(&file, table, |t| t[8] = 0), E::LabelTable { bytes }),
     ]);
@@ -518,7 +493,7 @@ fn i21_and_i22_labels() {
     assert!(voxels > 512);
     let of_first = E::LabelBlocks { first: 0, last: 511 };
     let directory = 16 * voxels.div_ceil(512) as usize;
-    Rule("I22").broken_by(vec![
+    Rule("I21").broken_by(vec![
         (with_content(&file, blocks, |b| b[0] += 1), of_first.clone()),
         (with_content(&file, blocks, |b| b[8] = 17), of_first.clone()),
         (with_content(&file, blocks, |b| b[directory] = 9), of_first),

@@ -212,9 +212,9 @@ fn balls_have_their_areas_and_numbers_and_walls_their_bound() {
     bound("0.7").refused(2, &["'0.7' is not a distance from 0 to 0.5"]);
 }
 
-/// SPEC I23: a cell that gives a corner another label, or says so of its labels, is found.
+/// SPEC I22: a cell that gives a corner another label, or says so of its labels, is found.
 #[test]
-fn i23_cells_between_labels() {
+fn i22_cells_between_labels() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("m.oct");
     let labels = map([40, 40, 40], 5, 6, 3);

@@ -1,4 +1,4 @@
-//! Bits of stated probabilities in words of 32 bits: a range coder (SPEC 5.9).
+//! Bits of stated probabilities in words of 32 bits: a range coder (SPEC 5.6).
 
 use super::CodingError;
 

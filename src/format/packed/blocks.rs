@@ -1,5 +1,5 @@
 //! The voxels of a group's subtrees in Morton order, each with a window on those around it that are coded already
-//! (SPEC 5.10).
+//! (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "places of the grid fit 16 bits, steps 32")]
 
 use super::CodingError;

@@ -1,4 +1,4 @@
-//! Small differences between what was expected and what is, as symbols and classes (SPEC 5.10).
+//! Small differences between what was expected and what is, as symbols and classes (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "classes and shares are small")]
 
 /// Least magnitude and further bits, the sign's among them, of each symbol of a magnitude below 256.

@@ -1,4 +1,4 @@
-//! Infobytes of cubes bit by bit, each in the contexts of all boxes around it that are known (SPEC 5.9, 5.12).
+//! Infobytes of cubes bit by bit, each in the contexts of all boxes around it that are known (SPEC 5.6, 5.9).
 #![expect(clippy::cast_possible_truncation, reason = "small fields of windows are wanted")]
 
 use super::bits::{BitCoder, BitDecoder, BitEncoder};
@@ -394,7 +394,7 @@ impl Around {
         })
     }
 
-    /// The inputs of the prior (SPEC 5.12).
+    /// The inputs of the prior (SPEC 5.9).
     #[inline(always)]
     fn inputs(&self, class: usize) -> [u64; 2] {
         let (middle, pair) = (|row: u64| row >> 1 & 15, |row: u64| row & 3);

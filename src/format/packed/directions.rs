@@ -1,4 +1,4 @@
-//! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.10).
+//! Normals of a group, each predicted from the voxels around it that are coded already (SPEC 5.7).
 #![expect(clippy::cast_possible_truncation, reason = "components were held to a byte")]
 
 use super::CodingError;

@@ -1,5 +1,5 @@
 //! Offsets of a group's cells, each predicted from the planes of the cells around it that are coded already
-//! (SPEC 5.11). The normals are known.
+//! (SPEC 5.8). The normals are known.
 //!
 //! The surface bends evenly between neighbours, so that a neighbour's plane is carried on by the mean of both
 //! normals: with the normal of one of the two 3.76 bits a cell of a head are left, with the mean 3.55 (zstd: 6.9).

@@ -26,23 +26,23 @@ pub enum CodingError {
     SectionSurplus { left: u64 },
     #[error("a packed block is longer than its section or its limit (SPEC 5.1)")]
     BlockTooLong { bytes: u32 },
-    #[error("a packed group ends early (SPEC 5.8)")]
+    #[error("a packed group ends early (SPEC 5.5)")]
     GroupCut,
-    #[error("a packed group has bytes left over (SPEC 5.8)")]
+    #[error("a packed group has bytes left over (SPEC 5.5)")]
     GroupSurplus,
-    #[error("a packed group passes its limit (SPEC 5.3)")]
+    #[error("a packed group passes its limit (SPEC 5.2)")]
     GroupTooLong { bytes: u64 },
-    #[error("a packed group has an impossible number of subtrees (SPEC 5.3)")]
+    #[error("a packed group has an impossible number of subtrees (SPEC 5.2)")]
     GroupSubtrees { subtrees: u32 },
-    #[error("a subtree is too deep (SPEC 5.3)")]
+    #[error("a subtree is too deep (SPEC 5.2)")]
     SubtreeTooDeep,
     #[error("a depth has too many or too few nodes (SPEC I11)")]
     SubtreeNodes { found: u32, due: u32 },
-    #[error("a packed normal is out of range (SPEC 5.10)")]
+    #[error("a packed normal is out of range (SPEC 5.7)")]
     NormalRange,
-    #[error("a packed offset is out of range (SPEC 5.11)")]
+    #[error("a packed offset is out of range (SPEC 5.8)")]
     OffsetRange,
-    #[error("a packed block cannot be decoded (SPEC 5.5)")]
+    #[error("a packed block cannot be decoded (SPEC 5.3)")]
     BlockUnreadable { due: u32 },
 }
 

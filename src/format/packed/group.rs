@@ -1,4 +1,4 @@
-//! The subtrees of a group, one after the other (SPEC 5.3).
+//! The subtrees of a group, one after the other (SPEC 5.2).
 use super::tables::{Decoder, Encoder, SymbolCoder};
 use super::{CodingError, SUBTREE_DEPTH};
 use crate::cpu::Isa;

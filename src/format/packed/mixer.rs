@@ -1,4 +1,4 @@
-//! Bits mixed of what three tables and a prior say, in the logistic domain (SPEC 5.9).
+//! Bits mixed of what three tables and a prior say, in the logistic domain (SPEC 5.6).
 //!
 //! After Mahoney, "Adaptive weighing of context models for lossless data compression" (2005), in whole numbers.
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]

@@ -14,7 +14,7 @@
 //! Encoder and decoder of each codec are one function over a `tables::SymbolCoder`, so that they cannot
 //! disagree about a context.
 //!
-//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.9), in bits a voxel: phantom of 1024^3 0.65, of 512^3 0.83,
+//! Infobytes in cubes, with tables, a net and checks of contexts (SPEC 5.6), in bits a voxel: phantom of 1024^3 0.65, of 512^3 0.83,
 //! iguana 0.92, brain 1.07. Without the net 12 % more; slots without checks 8 % more (and 3 % with one slot a key); groups of 2^19
 //! voxels 3 % less, but no room for two workers; tables of twice the size 2 % less. Cubes of 256 cells save 7 % more, but their grids and tables leave no
 //! room for two workers. Decoding takes 0.35 microseconds a node: eight chains of table, sum and bit.
@@ -61,18 +61,16 @@ pub use error::CodingError;
 
 /// Stored bytes are the content (SPEC 5.1).
 pub(crate) const CODEC_NONE: u8 = 0;
-/// Differences, byte planes, zstd (SPEC 5.5).
+/// Differences, byte planes, zstd (SPEC 5.3).
 pub(crate) const CODEC_PLANES: u8 = 1;
-/// Nothing is stored; the content follows from other sections (SPEC 5.6).
+/// Nothing is stored; the content follows from other sections (SPEC 5.4).
 pub(crate) const CODEC_DERIVED: u8 = 2;
-/// Normals (SPEC 5.10).
+/// Normals (SPEC 5.7).
 pub(crate) const CODEC_DIRECTIONS: u8 = 7;
-/// Offsets of cells (SPEC 5.11).
+/// Offsets of cells (SPEC 5.8).
 pub(crate) const CODEC_DISTANCES: u8 = 8;
-/// Infobytes (SPEC 5.9).
+/// Infobytes (SPEC 5.6).
 pub(crate) const CODEC_CUBES: u8 = 9;
-/// Minor version of the format that has the last three.
-pub(crate) const GROUPS_MINOR: u16 = 2;
 
 /// A subtree has an edge of at most 2^6 cells: its grids stay in a cache, and a group of them in
 /// memory, for any model. (2^7 saves under 1 % of the normals of the 512^3 phantom and costs eight times the grids.)

@@ -1,4 +1,4 @@
-//! Any array of small items: differences, byte planes, zstd (SPEC 5.5).
+//! Any array of small items: differences, byte planes, zstd (SPEC 5.3).
 
 use std::io;
 

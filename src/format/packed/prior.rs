@@ -1,4 +1,4 @@
-//! What an infobyte is likely to be before anything is learnt: a small net over the boxes around (SPEC 5.12).
+//! What an infobyte is likely to be before anything is learnt: a small net over the boxes around (SPEC 5.9).
 //!
 //! Trained by `scripts/train_prior.py`; the weights are part of the format.
 #![expect(

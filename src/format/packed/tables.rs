@@ -1,4 +1,4 @@
-//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.8): rANS with two states.
+//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.5): rANS with two states.
 //!
 //! A symbol is coded with the mean of two tables of different contexts, each itself the mean of a fast and a slow
 //! estimate; both tables learn it. All of it is sums, shifts and comparisons of sixteen 16-bit lanes, which a compiler

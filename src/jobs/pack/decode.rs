@@ -15,14 +15,14 @@ use crate::format::{
     Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, rank,
 };
 use crate::geom::Level;
-use crate::load::{Cursor, Fault, Frame, ReadAt, check_minor, check_storage, walk, walked_channels};
+use crate::load::{Cursor, Fault, Frame, ReadAt, check_storage, walk, walked_channels};
 use crate::platform::give_back;
 
 use super::encode::finish_frame;
 use super::follow::{Follow, StopAtEnd};
 use super::groups::{Direction, Worker, each_group};
 use super::stop::Stop;
-use super::stored::{LevelWriters, Stored, mapped_minor};
+use super::stored::{LevelWriters, Stored};
 use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 
 /// Most voxels of eight bytes of a payload (SPEC 5.1).
@@ -103,10 +103,8 @@ fn decode_rest<R: ReadAt + ?Sized>(
 
 /// The sections of the mapped file: the same ones, plus the rank directory, one after the other.
 fn lay_out(packed: &Frame) -> Result<Frame, Stop> {
-    check_minor(packed)?;
     let mut mapped = packed.clone();
     mapped.header.encoding = Encoding::Mapped;
-    mapped.header.minor = mapped_minor(packed);
     if let Some(at) = mapped.sections.iter().position(|e| e.kind == Some(SectionKind::Nodes)) {
         let (_, bytes) = rank::directory_bytes(packed.header.nodes);
         mapped.sections.insert(at + 1, SectionEntry::plain(SectionKind::Rank, 1, bytes, 0));
@@ -201,7 +199,7 @@ fn next_group<R: ReadAt + ?Sized, G: GroupCoder>(
     Ok(subtrees)
 }
 
-/// SPEC 5.9: the infobytes of each group go to their depths.
+/// SPEC 5.6: the infobytes of each group go to their depths.
 fn nodes<R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
     frame: &Frame,
@@ -226,7 +224,7 @@ fn nodes<R: ReadAt + ?Sized>(
     levels.finish()
 }
 
-/// SPEC 5.10, 5.11: what is coded of each voxel; `read` adds to a group what its decoder has to know, `content`
+/// SPEC 5.7, 5.8: what is coded of each voxel; `read` adds to a group what its decoder has to know, `content`
 /// is what comes out.
 fn voxels<G: GroupCoder, R: ReadAt + ?Sized>(
     stored: &mut Stored<'_, R>,
@@ -331,7 +329,7 @@ pub(super) fn rebuild_rank(mapped: &Frame, out: &File) -> Result<u32, Stop> {
     Ok(crc)
 }
 
-/// SPEC 5.6: writes the coarse means of the voxels that are in `source`, where they will stand in `out`.
+/// SPEC 5.4: writes the coarse means of the voxels that are in `source`, where they will stand in `out`.
 pub(super) fn rebuild_means<R: ReadAt + ?Sized>(source: &R, mapped: &Frame, out: &File) -> Result<(), Stop> {
     let coarse = mapped.dims().depth().saturating_sub(1);
     let mut writers: Vec<(Channel, usize, Vec<Writer>)> = walked_channels(mapped)

@@ -8,7 +8,7 @@ use crate::format::packed::distances::DistanceCoder;
 use crate::format::packed::group::{Group, GroupCoder};
 use crate::format::packed::{
     CODEC_CUBES, CODEC_DERIVED, CODEC_DIRECTIONS, CODEC_DISTANCES, CODEC_NONE, CODEC_PLANES, CUBE_DEPTH,
-    CodingError, GROUP_BYTES_LIMIT, GROUPS_MINOR, planes,
+    CodingError, GROUP_BYTES_LIMIT, planes,
 };
 use crate::format::{
     ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind, align_up, table_bytes,
@@ -19,7 +19,6 @@ use crate::platform::FileExt;
 
 use super::groups::{Direction, each_group};
 use super::stop::Stop;
-use super::stored::mapped_minor;
 use super::stream::{Normals, Shape, Subtrees, Writer, codec_of};
 
 /// Packs into an empty file and returns the frame of what was written.
@@ -35,10 +34,6 @@ pub(super) fn pack_file<R: ReadAt + ?Sized>(source: &R, out: &File) -> Result<Fr
         return Err(FormatError::RankApart.into());
     }
     let mut packed = frame.clone();
-    packed.header.minor = frame.header.minor.max(GROUPS_MINOR);
-    if mapped_minor(&packed) != frame.header.minor {
-        return Err(FormatError::MinorApart { minor: frame.header.minor }.into());
-    }
     packed.sections.retain(|e| e.kind != Some(SectionKind::Rank));
     let table_end = (HEADER_BYTES + packed.sections.len() * ENTRY_BYTES) as u64;
     let mut writer = Writer::new(out, table_end, u64::MAX);
@@ -85,7 +80,7 @@ fn copy<R: ReadAt + ?Sized>(source: &R, entry: &SectionEntry, writer: &mut Write
     Ok(())
 }
 
-/// SPEC 5.5: the content from `start` to the section's end, in blocks.
+/// SPEC 5.3: the content from `start` to the section's end, in blocks.
 fn plane_blocks<R: ReadAt + ?Sized>(
     source: &R,
     start: u64,
@@ -114,7 +109,7 @@ fn length(len: usize) -> Result<u32, CodingError> {
         .ok_or(CodingError::GroupTooLong { bytes: len as u64 })
 }
 
-/// SPEC 5.3: one group after the other; `read` adds to its subtrees what the codec has to do with.
+/// SPEC 5.2: one group after the other; `read` adds to its subtrees what the codec has to do with.
 fn groups<G: GroupCoder, R: ReadAt + ?Sized>(
     source: &R,
     frame: &Frame,

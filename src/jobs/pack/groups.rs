@@ -1,4 +1,4 @@
-//! Groups of subtrees, coded side by side by a few workers and handed on in their order (SPEC 5.3).
+//! Groups of subtrees, coded side by side by a few workers and handed on in their order (SPEC 5.2).
 
 use std::collections::VecDeque;
 use std::sync::mpsc;

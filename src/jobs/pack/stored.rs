@@ -2,21 +2,13 @@
 
 use std::fs::File;
 
-use crate::format::packed::{CodingError, GROUP_BYTES_LIMIT, GROUPS_MINOR, planes};
-use crate::format::{FormatError, SectionEntry, least_minor};
+use crate::format::packed::{CodingError, GROUP_BYTES_LIMIT, planes};
+use crate::format::{FormatError, SectionEntry};
 use crate::geom::Level;
 use crate::load::{Cursor, Frame, ReadAt};
 
 use super::stop::Stop;
 use super::stream::{Shape, Writer};
-
-/// Minor version of the mapped file that a packed one holds: the lowest that suffices (SPEC 1).
-pub(super) fn mapped_minor(packed: &Frame) -> u16 {
-    match packed.header.minor {
-        GROUPS_MINOR => least_minor(packed.surface(), &packed.sections),
-        other => other,
-    }
-}
 
 /// Stored bytes of one section, read from front to back.
 pub(super) struct Stored<'a, R: ReadAt + ?Sized>(pub(super) Cursor<'a, R>);
@@ -41,7 +33,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
         Ok(bytes)
     }
 
-    /// SPEC 5.5: blocks until the writer is full.
+    /// SPEC 5.3: blocks until the writer is full.
     pub(super) fn planes(&mut self, item: u8, writer: &mut Writer) -> Result<(), Stop> {
         while !writer.is_full() {
             let len = usize::try_from(writer.room()).unwrap_or(usize::MAX).min(planes::block_bytes(item));
@@ -52,7 +44,7 @@ impl<R: ReadAt + ?Sized> Stored<'_, R> {
         writer.flush().map_err(Stop::Output)
     }
 
-    /// SPEC 5.3: the number of subtrees of a group, and its payload.
+    /// SPEC 5.2: the number of subtrees of a group, and its payload.
     pub(super) fn group(&mut self, left: u64) -> Result<(u32, Vec<u8>), Stop> {
         let (len, subtrees) = (self.number()?, self.number()?);
         if subtrees == 0 || u64::from(subtrees) > left {

@@ -167,7 +167,7 @@ impl<'a, R: ReadAt + ?Sized> Subtrees<'a, R> {
         Ok(())
     }
 
-    /// Fills a group with the next subtrees (SPEC 5.3): so many that it is full, or all that are left.
+    /// Fills a group with the next subtrees (SPEC 5.2): so many that it is full, or all that are left.
     pub(super) fn fill(&mut self, group: &mut Group, full: usize) -> Result<(), Fault> {
         self.shape.clear(group);
         while group.voxels + group.leaves < full && self.left > 0 {

@@ -15,7 +15,7 @@ use super::{PackReport, convert, decode};
 use crate::error::{Error, StripFault, UsageError};
 use crate::format::{
     Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
-    SurfaceKind, align_up, least_minor, rank,
+    SurfaceKind, align_up, rank,
 };
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
@@ -202,7 +202,6 @@ pub(super) fn place_sections(left: &mut Frame) {
         end = entry.end();
     }
     left.header.file_bytes = end;
-    left.header.minor = least_minor(left.surface(), &left.sections);
 }
 
 fn write_all(out: &File, entry: &SectionEntry, bytes: &[u8]) -> Result<(), Stop> {

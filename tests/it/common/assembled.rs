@@ -6,7 +6,7 @@
 
 use infobyte::format::{
     Channel, ENTRY_BYTES, Encoding, HEADER_BYTES, Header, Metadata, SectionEntry, SectionKind, Selection,
-    SelectionKind, SourceMeta, SurfaceKind, align_up, least_minor, normal, rank, table_bytes,
+    SelectionKind, SourceMeta, SurfaceKind, align_up, normal, rank, table_bytes,
 };
 use infobyte::geom::{Dims, morton};
 
@@ -77,7 +77,7 @@ pub(crate) fn join_sections(
     }
     let table = table_bytes(&entries);
     let header = Header {
-        minor: least_minor(SurfaceKind::Skin, &entries),
+        minor: 0,
         encoding,
         surface: SurfaceKind::Skin,
         leaves: false,
