@@ -21,7 +21,6 @@ use infobyte::builder::Tolerance;
 use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
-use infobyte::jobs::export::MAX_SIMPLIFIED;
 
 pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
@@ -159,12 +158,9 @@ pub(crate) struct ExportArgs {
     /// (linked); by default what the file name implies
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
-    /// Make triangles from blocks of 2^N voxels along each axis: 4^N times fewer; walls below half a block vanish
-    #[arg(long, value_name = "N", allow_negative_numbers = true, default_value_t = 0, value_parser = clap::value_parser!(u32).range(0..=i64::from(MAX_SIMPLIFIED)))]
-    pub(crate) simplify: u32,
     /// Leave out corners of triangles while the surface stays this close to the full one: in voxels of the finest
     /// spacing (0.1), or in mm (0.05mm); at most one voxel
-    #[arg(long, value_name = "BOUND", allow_hyphen_values = true, conflicts_with = "simplify")]
+    #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
     /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0 they follow the faces
     /// of voxels [default: 0.5]

@@ -442,7 +442,6 @@ fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportReq
         return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" });
     }
     let of_triangles = [
-        ("--simplify", args.simplify > 0),
         ("--error", args.error.is_some()),
         ("--smooth", args.smooth.is_some()),
     ];
@@ -452,7 +451,6 @@ fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportReq
     Ok(ExportRequest {
         form,
         skin_only: args.skin,
-        simplify: args.simplify,
         error: args.error,
         smooth: args.smooth,
     })

@@ -21,7 +21,7 @@ use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
     CHANNELS, EACH, ERROR, FORCE, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT,
-    RANGE, SECTION, SIMPLIFY, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
+    RANGE, SECTION, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
 
@@ -93,7 +93,7 @@ pub enum UsageError {
     OneSurface { path: PathBuf },
     #[error("{}: walls are moved by 0 to half a voxel; choose {SMOOTH} in between", shown(.path))]
     SmoothRange { path: PathBuf },
-    #[error("{}: {ERROR} is {} voxels of the finest spacing here; give at most 1 voxel, or make triangles of blocks with {SIMPLIFY}", shown(.path), Short(*.voxels))]
+    #[error("{}: {ERROR} is {} voxels of the finest spacing here; give at most 1 voxel", shown(.path), Short(*.voxels))]
     ErrorRange { path: PathBuf, voxels: f64 },
     #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
     NoLabel {

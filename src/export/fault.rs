@@ -6,7 +6,7 @@ use std::io;
 
 use thiserror::Error;
 
-use crate::text::names::{LEVELS, SIMPLIFY, STRIP};
+use crate::text::names::{LEVELS, STRIP};
 
 /// Why a format cannot hold a model.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
@@ -15,8 +15,6 @@ pub enum ExportFault {
         "{needed} corners, triangles or bytes are more than the format can count; leave fine levels out of the model first, with {STRIP} {LEVELS}"
     )]
     TooLong { needed: u64 },
-    #[error("a slice of {blocks} blocks is more than is kept in memory; choose a larger {SIMPLIFY}, or 0")]
-    TooBroad { blocks: u64 },
     #[error("a side of {side} voxels is longer than NIfTI-1 can state (32767); write NRRD instead")]
     TooWide { side: u32 },
 }

@@ -18,7 +18,6 @@
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | where a patch lies in its cube, and its normal |
 //! | `decimate` | fewer triangles, within a bound |
-//! | `coarse` | blocks of samples in their place, for fewer triangles |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `labels` | the same for models of labels, a part for each label |
 //! | `mask` | NRRD and NIfTI |
@@ -29,7 +28,6 @@
 mod apart;
 mod bits;
 mod cases;
-mod coarse;
 mod decimate;
 mod dual;
 mod fault;
@@ -60,7 +58,6 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
-use coarse::Coarse;
 use decimate::Decimator;
 use dual::Mesher;
 use mask::{Mask, MaskForm};
@@ -213,9 +210,6 @@ impl From<io::Error> for ExportStop {
 /// Slices after which the model's pages leave memory.
 const SLICES_KEPT: u32 = 4;
 
-/// Most blocks of samples in a slice, of which three are held: 4 bytes each.
-const MAX_BLOCKS: u64 = 1 << 24;
-
 /// A model with its place.
 pub(crate) struct Exporter<'a> {
     pub(crate) view: &'a ModelView<'a>,
@@ -226,8 +220,6 @@ pub(crate) struct Exporter<'a> {
     pub(crate) space: &'a GridSpace,
     /// Only the skin counts as inside in a mask.
     pub(crate) skin_only: bool,
-    /// Triangles are made of blocks of this many samples along each axis; 1 for the samples themselves.
-    pub(crate) step: u32,
     /// Fewer triangles, so many mm from these at most.
     pub(crate) error_mm: Option<f64>,
     /// Called now and then, where what was looked at of the model can leave memory.
@@ -237,8 +229,7 @@ pub(crate) struct Exporter<'a> {
 /// What is made of the samples.
 #[expect(clippy::large_enum_variant, reason = "there is one of them")]
 enum Product<'a> {
-    /// Made of the samples, or of blocks of them.
-    Mesh(Mesher<'a>, Option<Coarse>),
+    Mesh(Mesher<'a>),
     /// Made on another thread.
     Slices(Slices),
     Mask(Mask),
@@ -302,9 +293,9 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        let product = self.mesher(bounds, Some(sink))?;
+        let product = Product::Mesh(self.mesher(bounds, Some(sink)));
         let Some((product, unknown)) = self.sweep(bounds, product, fates, progress)? else { return Ok(None) };
-        let Product::Mesh(mesher, _) = product else { return Err(ExportStop::Damaged) };
+        let Product::Mesh(mesher) = product else { return Err(ExportStop::Damaged) };
         let (vertices, triangles) = mesher.counts();
         Ok(Some(Exported { vertices, triangles, unknown, ..Exported::default() }))
     }
@@ -321,19 +312,13 @@ impl Exporter<'_> {
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Mesh>, ExportStop> {
-        let surface = match self.mesher(bounds, None)? {
-            Product::Mesh(mesher, None) => {
-                let ground = Ground { view: self.view, space: self.space, extent: extent_of(bounds) };
-                ground.mesh(mesher, self.lights(), |slices| {
-                    let swept = self.sweep(bounds, Product::Slices(slices), fates, progress)?;
-                    Ok::<_, ExportStop>(swept.map(|_| ()))
-                })?
-            }
-            product => match self.sweep(bounds, product, fates, progress)? {
-                Some((Product::Mesh(mesher, _), _)) => Some(mesher.finish()),
-                _ => None,
-            },
-        };
+        let room = usize::try_from(self.view.voxel_count()).unwrap_or(0);
+        let mesher = self.mesher(bounds, None).with_room(room);
+        let ground = Ground { view: self.view, space: self.space, extent: extent_of(bounds) };
+        let surface = ground.mesh(mesher, self.lights(), |slices| {
+            let swept = self.sweep(bounds, Product::Slices(slices), fates, progress)?;
+            Ok::<_, ExportStop>(swept.map(|_| ()))
+        })?;
         let Some(surface) = surface else { return Ok(None) };
         let shader = Shader::new();
         let color = |light: &tint::Light| light.map(|light| shader.encode(f64::from(light) / 65535.0));
@@ -389,36 +374,16 @@ impl Exporter<'_> {
         Outward::new(self.cells(), self.affine.spacing_mm())
     }
 
-    /// What makes triangles, of samples or of blocks of them, for a sink or to be kept.
-    fn mesher<'a>(
-        &self,
-        bounds: Bounds,
-        sink: Option<&'a mut (dyn Sink + 'a)>,
-    ) -> Result<Product<'a>, ExportStop> {
-        let [width, height] = [0, 1].map(|a| bounds[1][a] - bounds[0][a] + 2);
-        let blocks = u64::from(width / self.step) * u64::from(height / self.step);
-        if self.step > 1 && blocks > MAX_BLOCKS {
-            return Err(ExportStop::Output(ExportFault::TooBroad { blocks }.into()));
-        }
-        let coarse =
-            (self.step > 1).then(|| Coarse::new(self.step, width, height as usize, self.lights().as_ref()));
-        let room = if sink.is_none() && self.step == 1 { self.view.voxel_count() } else { 0 };
-        let mesher =
-            Mesher::new(self.to_mm(bounds), self.has(), sink).with_room(usize::try_from(room).unwrap_or(0));
-        Ok(Product::Mesh(mesher, coarse))
+    /// A mesher whose triangles go to a sink, or are kept without one.
+    fn mesher<'a>(&self, bounds: Bounds, sink: Option<&'a mut (dyn Sink + 'a)>) -> Mesher<'a> {
+        Mesher::new(self.to_mm(bounds), self.has(), sink)
     }
 
     /// Middles of cubes, in their numbers, to mm.
     fn to_mm(&self, bounds: Bounds) -> Affine {
         // Cube x has its middle half a voxel before sample x; a cell is a cube.
         let before = if self.cells() { 1.0 } else { 1.5 };
-        let low = bounds[0].map(|low| f64::from(low) - before);
-        let step = f64::from(self.step);
-        // Blocks begin one before the samples.
-        let first = if self.step == 1 { low } else { low.map(|c| c - step) };
-        let mut to_mm = self.affine.starting_at(first);
-        to_mm.rows.iter_mut().for_each(|row| row[..3].iter_mut().for_each(|v| *v *= step));
-        to_mm
+        self.affine.starting_at(bounds[0].map(|low| f64::from(low) - before))
     }
 
     fn mask(
@@ -470,13 +435,7 @@ impl Exporter<'_> {
         if done.is_none() {
             return Ok(None);
         }
-        let mut product = samples.product;
-        if let Product::Mesh(mesher, coarse) = &mut product
-            && let Some(coarse) = coarse.take()
-        {
-            coarse.finish(mesher, self.space)?;
-        }
-        Ok(Some((product, unknown)))
+        Ok(Some((samples.product, unknown)))
     }
 
     /// The skin of each slice, from the one before the first to the one behind the last, until the work gives `None`.
@@ -521,20 +480,14 @@ impl Exporter<'_> {
         }
         let height = if cells { boxes.height() - 1 } else { boxes.height() };
         match product {
-            Product::Mesh(mesher, Some(coarse)) => {
-                if let Some(lights) = lights {
-                    coarse.tint(self.view, lights, boxes, height);
-                }
-                coarse.add(samples, height, mesher, self.space)?;
-            }
             // A layer of cells is the slice between two slices of samples.
-            Product::Mesh(mesher, None) if *slices > 0 => {
+            Product::Mesh(mesher) if *slices > 0 => {
                 let items = [&below.items, &boxes.items];
                 let (lights, at) = (lights.as_ref(), (0, 0));
                 let mut layer = Layer { view: self.view, space: self.space, items, lights, at };
                 mesher.layer([before, samples], &mut layer, height, *slices)?;
             }
-            Product::Mesh(..) => {}
+            Product::Mesh(_) => {}
             Product::Slices(apart) => {
                 apart.send(if cells { &mut below.items } else { &mut boxes.items }, samples);
             }
@@ -677,7 +630,6 @@ mod tests {
             affine: model.affine(),
             space: &space,
             skin_only: false,
-            step: 1,
             error_mm: None,
             give_back: &|| {},
         };

@@ -36,7 +36,7 @@ pub(super) trait Spots {
 
 /// The same point, kept away from the faces of its cube.
 #[inline(always)]
-pub(super) fn held_within(at: [f64; 3]) -> [f64; 3] {
+fn held_within(at: [f64; 3]) -> [f64; 3] {
     let within = 0.5 - MARGIN;
     [at[0].clamp(-within, within), at[1].clamp(-within, within), at[2].clamp(-within, within)]
 }
@@ -52,7 +52,7 @@ pub(super) struct Patch {
 
 /// The unit normal of the world of a vector of index space.
 #[inline(always)]
-pub(super) fn in_world(space: &GridSpace, n: [f64; 3]) -> [f32; 3] {
+fn in_world(space: &GridSpace, n: [f64; 3]) -> [f32; 3] {
     unit(singles(space.index_normal_to_world(n)))
 }
 
@@ -244,7 +244,7 @@ fn patch_edges(place: Patch) -> impl Iterator<Item = usize> {
 
 /// The mean of where a patch crosses its edges: `along` gives how far along each, 0 to 1.
 #[inline(always)]
-pub(super) fn middle(place: Patch, along: impl Fn(usize) -> f64) -> [f64; 3] {
+fn middle(place: Patch, along: impl Fn(usize) -> f64) -> [f64; 3] {
     let mut sum = [0.0; 3];
     let mut count = 0.0;
     for edge in patch_edges(place) {

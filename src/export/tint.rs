@@ -1,10 +1,5 @@
 //! Colours of vertices: means of those of skin voxels, in linear light.
 
-use std::collections::HashMap;
-
-use super::signs::Boxes;
-use crate::geom::VoxelIndex;
-use crate::load::{ModelView, NodeView};
 use crate::render::shade::linear;
 
 /// Linear red, green and blue, in 65535ths.
@@ -28,11 +23,6 @@ impl Mixture {
     pub(super) fn add(&mut self, light: Light) {
         (0..3).for_each(|k| self.sum[k] += u64::from(light[k]));
         self.count += 1;
-    }
-
-    pub(super) fn join(&mut self, other: &Self) {
-        (0..3).for_each(|k| self.sum[k] += other.sum[k]);
-        self.count += other.count;
     }
 
     /// The mean, rounded; that of nothing is `nothing`.
@@ -62,37 +52,6 @@ impl Lights {
     /// The colour of vertices without a coloured voxel near them.
     pub(super) fn nothing(&self) -> Light {
         self.of(UNCOLORED)
-    }
-}
-
-/// Colours of blocks of a slice of blocks, as far as skin lies in them.
-#[derive(Debug, Default)]
-pub(super) struct BlockTints(HashMap<(u32, u32), Mixture>);
-
-impl BlockTints {
-    /// Adds the skin of a fine slice to blocks of `step` samples along each axis.
-    pub(super) fn add(
-        &mut self,
-        view: &ModelView<'_>,
-        lights: &Lights,
-        boxes: &Boxes,
-        step: u32,
-        height: usize,
-    ) {
-        for (row, number) in (0..height).zip(0_u32..) {
-            for item in boxes.items.row(row) {
-                if let Some(color) = view.voxel_color(VoxelIndex::new(item.number)) {
-                    self.0.entry((item.x / step, number / step)).or_default().add(lights.of(color));
-                }
-            }
-        }
-    }
-
-    /// Joins what a block holds to a mixture.
-    pub(super) fn mix(&self, block: (u32, u32), into: &mut Mixture) {
-        if let Some(own) = self.0.get(&block) {
-            into.join(own);
-        }
     }
 }
 

@@ -25,9 +25,6 @@ use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::{Short, data, shown};
 
-/// Most that triangles can be simplified.
-pub const MAX_SIMPLIFIED: u32 = 6;
-
 pub use crate::builder::MAX_SMOOTH;
 
 /// What to make of a model.
@@ -37,8 +34,6 @@ pub struct ExportRequest {
     pub form: ExportForm,
     /// In a mask only the skin is set, not what it encloses.
     pub skin_only: bool,
-    /// Triangles are made of blocks of 2^n samples along each axis: about 4^n times fewer.
-    pub simplify: u32,
     /// Corners are left out while the surface stays so close to the one that has them all, as far as is measured: in
     /// corners and middles of its triangles, and half a voxel apart on the new ones.
     pub error: Option<Tolerance>,
@@ -111,8 +106,8 @@ pub struct ExportReport {
 /// triangles take, and the unpacked model if it is packed. Cost: the checks of `oct verify`, and one pass over a model of
 /// cells, two over voxels.
 ///
-/// Of labels, memory: eight slices of 2 bytes a sample of the model's box, some 24 bytes more for each hollow; for STL 12
-/// bytes a corner. Temporary disk: 24 bytes a corner and 12 a triangle. Cost: two passes.
+/// Of labels, memory: two layers of cells; for STL 12 bytes a corner. Temporary disk: 24 bytes a corner and 12 a triangle.
+/// Cost: one pass.
 ///
 /// # Errors
 /// The model is damaged, or keeps only what can be seen and its inside is asked for; the format cannot hold it; the
@@ -238,7 +233,6 @@ fn exporter_of<'a>(
         affine: model.affine(),
         space,
         skin_only: request.skin_only,
-        step: 1 << request.simplify.min(MAX_SIMPLIFIED),
         error_mm: request.error.map(|error| error.mm(model.affine().spacing_mm())).filter(|mm| *mm > 0.0),
         give_back,
     }
@@ -323,14 +317,14 @@ fn export_page(
 
 /// The triangles of a model in memory: those of [`export`] to a PLY file, in the same order.
 ///
-/// `simplify` as [`ExportRequest::simplify`]. Memory: 24 bytes a triangle, beyond what [`export`] takes. Cost: one pass over
+/// Memory: 24 bytes a triangle, beyond what [`export`] takes. Cost: one pass over
 /// a model of cells, two over voxels. Its bytes are not verified as they are by [`export`]: [`verify`] does so.
 ///
 /// ```
 /// # fn main() -> Result<(), infobyte::Error> {
 /// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
 /// let model = infobyte::Model::open(path)?;
-/// let mesh = infobyte::triangles(&model, 0, &infobyte::progress::Silent)?;
+/// let mesh = infobyte::triangles(&model, &infobyte::progress::Silent)?;
 /// let corners = mesh.faces[0].map(|number| mesh.vertices[number as usize]);
 /// assert_eq!(mesh.vertices.len(), mesh.normals.len());
 /// # Ok(())
@@ -338,11 +332,10 @@ fn export_page(
 /// ```
 ///
 /// # Errors
-/// The model is damaged, its file is changed meanwhile, or it keeps only what can be seen; it has more than 2^32 corners,
-/// or is too broad to be simplified; [`Error::Stopped`].
+/// The model is damaged, its file is changed meanwhile, or it keeps only what can be seen; it has more than 2^32 corners;
+/// [`Error::Stopped`].
 pub fn triangles<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
-    simplify: u32,
     progress: &dyn Progress,
 ) -> Result<Mesh, Error> {
     let name = || PathBuf::from(&model.metadata().source.kind);
@@ -356,7 +349,6 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(
         affine: model.affine(),
         space: &space,
         skin_only: false,
-        step: 1 << simplify.min(MAX_SIMPLIFIED),
         error_mm: None,
         give_back: &|| {},
     };

@@ -284,12 +284,11 @@ impl Handle {
     fn triangles<'py>(
         &self,
         py: Python<'py>,
-        simplify: u32,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let mesh = watched(py, progress, |progress| {
             check(&self.bytes.0, &self.path)?;
-            let mesh = triangles(&self.model, simplify, progress);
+            let mesh = triangles(&self.model, progress);
             check(&self.bytes.0, &self.path)?;
             mesh
         })?;

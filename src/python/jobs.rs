@@ -182,7 +182,6 @@ pub(super) fn export(
     py: Python<'_>,
     files: (PathBuf, PathBuf),
     form: Option<&str>,
-    simplify: u32,
     error: Option<&str>,
     smooth: Option<f64>,
     progress: Watcher<'_, '_>,
@@ -197,7 +196,7 @@ pub(super) fn export(
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
-    let request = ExportRequest { form, skin_only: false, simplify, error, smooth };
+    let request = ExportRequest { form, skin_only: false, error, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

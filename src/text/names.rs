@@ -76,7 +76,6 @@ names! {
     ROI = "roi",
     SCRATCH = "scratch",
     SECTION = "section",
-    SIMPLIFY = "simplify",
     SKIN = "skin_only",
     SKIP = "skip",
     SMOOTH = "smooth",

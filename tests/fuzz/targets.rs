@@ -462,12 +462,11 @@ fn model(bytes: &[u8]) -> bool {
         // A page begins with a picture of its full size, which takes seconds with the counters of coverage.
         let of_pages = [ExportForm::Html, ExportForm::Linked];
         let written = ExportForm::ALL.into_iter().filter(|form| !of_pages.contains(form));
-        for (form, simplify) in written.zip(0..) {
-            // Surfaces of labels are not simplified, and others are not moved.
+        for form in written {
+            // Walls of labels alone are moved.
             let has_labels = view.labels().is_some();
-            let simplify = if has_labels { 0 } else { simplify % 3 };
             let smooth = has_labels.then(|| f64::from(bytes.last().copied().unwrap_or(0)) / 510.0);
-            let request = ExportRequest { form, skin_only: false, simplify, error: None, smooth };
+            let request = ExportRequest { form, skin_only: false, error: None, smooth };
             if let Err(refused) = export(&mapped, &folder().join("export"), request, &Silent) {
                 told(&refused.to_string());
             }

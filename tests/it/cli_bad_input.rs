@@ -203,7 +203,6 @@ fn wrong_usage_is_one_sentence_and_exit_code_2() {
         (&["build", "a.stl", "-o", &output, "--grid", "8", "--margin", "-1"], &["'-1'", "0 to 65535"]),
         (&["build", &input, "-o", &output, "--skip", "-1"], &["'-1'", "0 or more"]),
         (&["build", &input, "-o", &output, "--drop-below", "-5"], &["'-5'", "number of voxels"]),
-        (&["export", &input, "-o", &output, "--simplify", "-1"], &["-1 is not in 0..="]),
         (&["build", "a.csg", "b.csg", "-o", &output], &["built by itself", "union()"]),
         (&["build", "a.csg", "-o", &output, "--iso", "3"], &["--iso is for volumes, and"]),
         (&["selfcheck", &input, "--rays", "0"], &["--rays"]),

@@ -40,21 +40,17 @@ impl Case {
     }
 
     fn export(&self, name: &str) -> ExportReport {
-        self.simplified(name, 0)
-    }
-
-    fn simplified(&self, name: &str, simplify: u32) -> ExportReport {
-        let request = Self::request(name, simplify, None);
+        let request = Self::request(name, None);
         export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap()
     }
 
-    fn request(name: &str, simplify: u32, error: Option<Tolerance>) -> ExportRequest {
+    fn request(name: &str, error: Option<Tolerance>) -> ExportRequest {
         let form = ExportForm::of(Path::new(name)).unwrap();
-        ExportRequest { form, skin_only: false, simplify, error, smooth: None }
+        ExportRequest { form, skin_only: false, error, smooth: None }
     }
 
     fn within(&self, name: &str, error: Tolerance) -> (ExportReport, Mesh) {
-        let request = Self::request(name, 0, Some(error));
+        let request = Self::request(name, Some(error));
         let report = export(&self.path("m.oct"), &self.path(name), request, &Silent).unwrap();
         (report, Mesh::read(&self.path(name)))
     }
@@ -263,37 +259,6 @@ fn cells_are_exported_true_below_the_voxel() {
     assert_eq!(mesh.triangles.len(), skin.mesh().triangles.len());
 }
 
-#[test]
-fn simplified_meshes_are_closed_smaller_and_near() {
-    for surface in [SurfaceKind::Skin, SurfaceKind::Cells] {
-        let case = Case::new([70, 66, 71], surface, identity(), ball(33.2, 27.4));
-        let fine = case.export("m.ply").triangles;
-        // At the coarsest the ball is seven blocks wide, and an inscribed solid of such long edges is smaller.
-        for (n, most, less) in [(1, 0.5, 0.03), (2, 0.7, 0.04), (3, 1.6, 0.12)] {
-            let report = case.simplified("s.ply", n);
-            let mesh = Mesh::read(&case.path("s.ply"));
-            mesh.is_closed_manifold();
-            let fewer = fine as f64 / report.triangles as f64 / 4.0_f64.powi(n.cast_signed());
-            assert!((0.8..1.4).contains(&fewer), "{n}: {fewer}");
-            let radius = |p: &[f32; 3]| p.iter().map(|c| (f64::from(*c) - 33.2).powi(2)).sum::<f64>().sqrt();
-            let worst = mesh.corners.iter().map(|p| (radius(p) - 27.4).abs()).fold(0.0, f64::max);
-            assert!(worst < most, "{n}: {worst}");
-            let due = 4.0 / 3.0 * std::f64::consts::PI * 27.4_f64.powi(3);
-            assert!((mesh.volume() / due - 1.0).abs() < less, "{n}: {} {due}", mesh.volume());
-        }
-    }
-    // Whatever the samples are.
-    let mut random = Random(11);
-    let values: Vec<f32> = (0..40 * 30 * 20).map(|_| if random.below(2) == 0 { 1.0 } else { -1.0 }).collect();
-    let case = Case::new([40, 30, 20], SurfaceKind::Skin, identity(), |[x, y, z]| {
-        values[((z * 30 + y) * 40 + x) as usize]
-    });
-    for n in 1..=3 {
-        case.simplified("s.ply", n);
-        Mesh::read(&case.path("s.ply")).is_closed_manifold();
-    }
-}
-
 /// Triangles by the least x of their corners, and the most that one of them reaches along x.
 struct Surface {
     triangles: Vec<[[f64; 3]; 3]>,
@@ -461,7 +426,6 @@ fn the_surface_lies_where_the_model_lies() {
         let request = ExportRequest {
             form: ExportForm::Points,
             skin_only: false,
-            simplify: 0,
             error: None,
             smooth: None,
         };
@@ -600,12 +564,10 @@ fn options_that_do_not_apply() {
     let before = fs::read(&stl).unwrap();
     run(&stl, &["--as", "nrrd"]).refused(2, &["m.stl", "nrrd", "--force"]);
     run(&stl, &["--skin"]).refused(2, &["--skin", "masks"]);
-    run(&case.path("m.nrrd"), &["--simplify", "1"]).refused(2, &["--simplify", "triangles"]);
     run(&case.path("m.nrrd"), &["--error", "0.1"]).refused(2, &["--error", "triangles"]);
-    run(&stl, &["--error", "0.1", "--simplify", "1"]).refused(2, &["--error", "--simplify"]);
     run(&stl, &["--error", "-1"]).refused(2, &["--error", "-1"]);
-    run(&stl, &["--error", "1.01"]).refused(2, &["--error", "1.01 voxels", "--simplify"]);
-    run(&stl, &["--error", "1e300mm"]).refused(2, &["--error", "--simplify"]);
+    run(&stl, &["--error", "1.01"]).refused(2, &["--error", "1.01 voxels", "at most 1"]);
+    run(&stl, &["--error", "1e300mm"]).refused(2, &["--error", "at most 1"]);
     assert_eq!(fs::read(&stl).unwrap(), before);
     assert_eq!(run(&case.path("other.stl"), &["--as", "nrrd", "--force"]).code, 0);
     assert_eq!(run(&case.path("points.ply"), &["--as", "points"]).code, 0);

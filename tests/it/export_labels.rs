@@ -189,7 +189,6 @@ fn exported(model: &Path, name: &str, smooth: Option<f64>) -> (PathBuf, ExportRe
     let request = ExportRequest {
         form: ExportForm::of(&path).unwrap(),
         skin_only: false,
-        simplify: 0,
         error: None,
         smooth,
     };
@@ -337,7 +336,7 @@ fn every_format_has_a_part_a_label_with_its_name_and_colour() {
     exported(&model, "m.3mf", None);
     assert!(nodes(&at("m.3mf"), &grid) == of("1..300"));
     let request =
-        ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0, error: None, smooth: None };
+        ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, smooth: None };
     let report = export_each(&model, &folder.path().join("each"), request, &Silent).unwrap();
     let files: Vec<_> = report.surfaces.iter().map(|part| part.output.clone().unwrap()).collect();
     let expected = ["liver", "left__rib____more", "Liver_7", "label_9", "label_300"];
@@ -369,7 +368,6 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
         let request = ExportRequest {
             form: ExportForm::Nifti,
             skin_only: false,
-            simplify: 0,
             error: None,
             smooth: None,
         };
@@ -411,13 +409,12 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     oct(&["export", &p, "--each", &at("each")]).refused(2, &["no labels"]);
     oct(&["export", &p, "-o", &at("p.stl"), "--smooth", "0"]).refused(2, &["no labels"]);
     oct(&["export", &m, "-o", &at("m.stl"), "--smooth", "0.6"]).refused(2, &["from 0 to 0.5"]);
-    oct(&["export", &m, "-o", &at("m.stl"), "--simplify", "1"]).refused(2, &["cannot be simplified"]);
+    oct(&["export", &m, "-o", &at("m.stl"), "--error", "0.1"]).refused(2, &["cannot be simplified"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);
     oct(&["export", &m]).refused(2, &["--output"]);
     let nan = ExportRequest {
         form: ExportForm::Stl,
         skin_only: false,
-        simplify: 0,
         error: None,
         smooth: Some(f64::NAN),
     };

@@ -177,7 +177,7 @@ fn what_does_not_know_labels_refuses_them_by_name_and_info_lists_them() {
     let text = oct(&["info", path.to_str().unwrap()]);
     assert!(text.stdout.contains("label 1 ") && text.stdout.contains("voxels, "), "{}", text.stdout);
     let mesh = folder.path().join("m.ply");
-    let run = oct(&["export", path.to_str().unwrap(), "-o", mesh.to_str().unwrap(), "--simplify", "1"]);
+    let run = oct(&["export", path.to_str().unwrap(), "-o", mesh.to_str().unwrap(), "--error", "0.1"]);
     run.refused(2, &["has labels, and cannot be simplified"]);
     assert!(!mesh.exists());
     let page = folder.path().join("m.html");

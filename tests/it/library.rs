@@ -450,12 +450,12 @@ fn read_ply(bytes: &[u8], normals: bool, colors: bool) -> infobyte::Mesh {
 fn triangles_in_memory_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let (path, ply) = (folder.path().join("m.oct"), folder.path().join("m.ply"));
-    let compare = |normals: bool, colors: bool, simplify: u32| {
+    let compare = |normals: bool, colors: bool| {
         let request =
-            ExportRequest { form: ExportForm::Ply, skin_only: false, simplify, error: None, smooth: None };
+            ExportRequest { form: ExportForm::Ply, skin_only: false, error: None, smooth: None };
         let report = export(&path, &ply, request, &Silent).unwrap();
-        let mesh = infobyte::triangles(&Model::read(&path).unwrap(), simplify, &Silent).unwrap();
-        assert!(mesh == read_ply(&fs::read(&ply).unwrap(), normals, colors), "{normals} {colors} {simplify}");
+        let mesh = infobyte::triangles(&Model::read(&path).unwrap(), &Silent).unwrap();
+        assert!(mesh == read_ply(&fs::read(&ply).unwrap(), normals, colors), "{normals} {colors}");
         assert_eq!(
             (report.triangles, report.vertices),
             (mesh.faces.len() as u64, mesh.vertices.len() as u64)
@@ -464,12 +464,11 @@ fn triangles_in_memory_are_those_of_the_file() {
     };
     for surface in BOTH {
         infobyte::build(&voxels(), &options(surface), &path).unwrap();
-        compare(true, false, 0);
-        compare(true, false, 1);
+        compare(true, false);
     }
     let bare = BuildOptions { channels: Some(infobyte::Channels::NONE), ..options(SurfaceKind::Skin) };
     infobyte::build(&voxels(), &bare, &path).unwrap();
-    compare(false, false, 0);
+    compare(false, false);
 
     // A tetrahedron with a colour at each corner.
     let solid = folder.path().join("a.ply");
@@ -483,7 +482,7 @@ fn triangles_in_memory_are_those_of_the_file() {
     let mesh = on_grid(GridChoice::Side { voxels: 24, margin: 1 });
     let colored = BuildOptions { channels: Some(Channels::default().with(Channel::Color)), ..skin_options() };
     build_mesh(&[solid], &mesh, &colored, &path, &Silent).unwrap();
-    compare(true, true, 0);
+    compare(true, true);
     compare(true, true, 1);
     let colors: Vec<_> = Model::open(&path).unwrap().voxels().map(|v| v.color.unwrap()).collect();
     assert!(colors.iter().any(|c| c[0] > 200) && colors.iter().any(|c| c[2] > 200));

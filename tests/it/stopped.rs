@@ -162,7 +162,7 @@ fn exports_and_packing_are_stopped() {
         stop_everywhere(folder.path(), 60, &|progress| match (form, name) {
             (Some(form), _) => {
                 let request =
-                    ExportRequest { form, skin_only: false, simplify: 0, error: None, smooth: None };
+                    ExportRequest { form, skin_only: false, error: None, smooth: None };
                 export(&at("m.oct"), &at(name), request, progress).map(|_| ())
             }
             (None, "m.packed") => pack::pack_with(&at("m.oct"), &at(name), progress).map(|_| ()),
@@ -171,7 +171,7 @@ fn exports_and_packing_are_stopped() {
     }
     assert!(fs::read(at("m.oct")).unwrap() == fs::read(at("back.oct")).unwrap());
     let model = Model::open(at("m.oct")).unwrap();
-    let stopped = infobyte::triangles(&model, 0, &Stopper::new(5));
+    let stopped = infobyte::triangles(&model, &Stopper::new(5));
     assert!(matches!(stopped, Err(Error::Stopped)));
-    infobyte::triangles(&model, 0, &Silent).unwrap();
+    infobyte::triangles(&model, &Silent).unwrap();
 }

@@ -354,28 +354,26 @@ class Model:
         origins, directions, shape = _rays(origins, directions)
         return self._handle.any_hit(origins, directions, float(t_max), _threads(threads)).reshape(shape)
 
-    def to_mesh(self, simplify: int = 0, *, progress: Callable[[str, int, int], object] | None = None) -> Mesh:
+    def to_mesh(self, *, progress: Callable[[str, int, int], object] | None = None) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
-        Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `simplify`: 4 ** `simplify`
-        times fewer triangles, 0 to 6. `progress` as that of `build`.
+        Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `progress` as
+        that of `build`.
 
         Raises `UsageError` for a model that keeps only what can be seen.
         """
-        if not 0 <= simplify <= 6:
-            raise UsageError(f"simplify={simplify} is not a step; choose 0 to 6")
-        arrays = self._handle.triangles(simplify, progress)
+        arrays = self._handle.triangles(progress)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
         return Mesh(three["vertices"], three["faces"], *optional)
 
-    def to_trimesh(self, simplify: int = 0) -> Any:
+    def to_trimesh(self) -> Any:
         """`to_mesh` as a `trimesh.Trimesh`, in LPS mm."""
-        return self.to_mesh(simplify).to_trimesh()
+        return self.to_mesh().to_trimesh()
 
-    def to_pyvista(self, simplify: int = 0) -> Any:
+    def to_pyvista(self) -> Any:
         """`to_mesh` as a `pyvista.PolyData`, in LPS mm."""
-        return self.to_mesh(simplify).to_pyvista()
+        return self.to_mesh().to_pyvista()
 
     def voxels(self) -> NDArray[np.uint32]:
         """N x 3: indices (z, y, x) of the voxels or cells of the surface; `array[tuple(model.voxels().T)]` are the samples
@@ -417,7 +415,6 @@ class Model:
         output: Path,
         form: str | None = None,
         *,
-        simplify: int = 0,
         error: float | str | None = None,
         smooth: float | None = None,
     ) -> dict[str, Any]:
@@ -427,7 +424,7 @@ class Model:
         `'0.05mm'`. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`.
         """
         within = None if error is None else str(error)
-        return loads(_infobyte.export((self.path, os.fspath(output)), form, simplify, within, smooth, None))
+        return loads(_infobyte.export((self.path, os.fspath(output)), form, within, smooth, None))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""

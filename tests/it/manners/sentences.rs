@@ -202,7 +202,7 @@ fn the_library_names_its_own_options() {
     let point = ViewPoint::Free { eye: [0.0; 3], look_at: [0.0; 3], up: None };
     let picture = RenderRequest { point, ..Default::default() };
     let export =
-        ExportRequest { form: ExportForm::Stl, skin_only: false, simplify: 0, error: None, smooth: None };
+        ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, smooth: None };
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
     let (view, scene, outputs) =
         (ViewRequest::default(), SceneRequest::default(), Outputs::of(Path::new("p.png")));
