@@ -52,14 +52,8 @@ pub enum Gradient {
 
 impl Gradient {
     /// All of them.
-    pub const ALL: [Self; 6] = [
-        Self::Central,
-        Self::Sobel,
-        Self::Isotropic5,
-        Self::Modified,
-        Self::Label5,
-        Self::Auto,
-    ];
+    pub const ALL: [Self; 6] =
+        [Self::Central, Self::Sobel, Self::Isotropic5, Self::Modified, Self::Label5, Self::Auto];
 
     /// Its name on the command line and in the metadata.
     pub const fn name(self) -> &'static str {

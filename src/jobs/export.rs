@@ -334,10 +334,7 @@ fn export_page(
 /// # Errors
 /// The model is damaged, its file is changed meanwhile, or it keeps only what can be seen; it has more than 2^32 corners;
 /// [`Error::Stopped`].
-pub fn triangles<D: AsRef<[u8]> + Sync>(
-    model: &Model<D>,
-    progress: &dyn Progress,
-) -> Result<Mesh, Error> {
+pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progress) -> Result<Mesh, Error> {
     let name = || PathBuf::from(&model.metadata().source.kind);
     if let Some(seen_from) = model.metadata().seen_from() {
         return Err(UsageError::KeepsPart { path: name(), seen_from: seen_from.to_owned() }.into());

@@ -5,9 +5,8 @@
 //! needed, and no rank is ever used.
 
 use crate::format::{
-    Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind,
-    SelectionKind, Sum, SurfaceKind, WALL_BYTES, cell, label_directory_bytes, 
-    number, rank,
+    Channel, FormatError, LABEL_ENTRY, LABEL_GROUP, MeanRule, SectionEntry, SectionKind, SelectionKind, Sum,
+    SurfaceKind, WALL_BYTES, cell, label_directory_bytes, number, rank,
 };
 use crate::geom::{Level, NodeIndex, Octant, VoxelIndex};
 

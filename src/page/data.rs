@@ -20,7 +20,7 @@ const OPEN: &[u8] = b"<script type=\"text/plain\" data-part>";
 const CLOSE: &[u8] = b"</script>\n";
 
 /// Sections that a page has; directories are counted again there, and coarse levels not drawn.
-const KINDS: [SectionKind; 11] = [
+const KINDS: [SectionKind; 10] = [
     SectionKind::Nodes,
     SectionKind::Voxels(Channel::Normal),
     SectionKind::Voxels(Channel::Offset),

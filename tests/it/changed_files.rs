@@ -271,7 +271,7 @@ fn a_program_that_uses_the_library_is_told_that_its_model_was_changed() {
     touch(&path);
     let told: [infobyte::Error; 5] = [
         infobyte::render(&model, &request).unwrap_err(),
-        infobyte::triangles(&model, 0, &Silent).unwrap_err(),
+        infobyte::triangles(&model, &Silent).unwrap_err(),
         RayCaster::new(&model).unwrap_err().into(),
         caster.first_hits(&origins, &directions, &mut hits).unwrap_err().into(),
         caster.any_hit(&origins, &directions, 99.0, &mut met).unwrap_err().into(),

@@ -378,7 +378,7 @@ fn meshes_within_an_error_are_closed_smaller_and_near() {
     let (report, mesh) = case.within("e.ply", Tolerance::Voxels(0.2));
     mesh.is_closed_manifold();
     for name in ["e.stl", "e.obj", "e.glb", "e.3mf"] {
-        let request = Case::request(name, 0, Some(Tolerance::Voxels(0.2)));
+        let request = Case::request(name, Some(Tolerance::Voxels(0.2)));
         let other = export(&case.path("m.oct"), &case.path(name), request, &Silent).unwrap();
         assert_eq!((other.triangles, other.vertices), (report.triangles, report.vertices), "{name}");
     }
@@ -423,12 +423,7 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest {
-            form: ExportForm::Points,
-            skin_only: false,
-            error: None,
-            smooth: None,
-        };
+        let request = ExportRequest { form: ExportForm::Points, skin_only: false, error: None, smooth: None };
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();

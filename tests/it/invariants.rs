@@ -10,8 +10,6 @@ use crate::common::assembled::join_sections;
 use infobyte::format::SectionEntry;
 use infobyte::format::{ErrorBound, Selection, SelectionKind};
 use infobyte::geom::Level;
-use infobyte::jobs::pack::{pack, unpack};
-use infobyte::jobs::verify::verify_file;
 use infobyte::load::Fault;
 use support::shell;
 

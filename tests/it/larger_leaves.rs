@@ -469,11 +469,11 @@ fn triangles_are_closed_and_lie_as_near_as_the_leaves_and_measures_agree_with_th
     let folder = tempfile::tempdir().unwrap();
     for (name, voxels) in &bodies(58) {
         built(&folder.path().join("f"), voxels, 0.0, 64, 1);
-        let fine = infobyte::triangles(&Model::open(folder.path().join("f")).unwrap(), 0, &Silent).unwrap();
+        let fine = infobyte::triangles(&Model::open(folder.path().join("f")).unwrap(), &Silent).unwrap();
         for error in [0.1, 0.5, 1.0] {
             let path = folder.path().join("m");
             let model = built(&path, voxels, error, 64, 1);
-            let mesh = infobyte::triangles(&model, 0, &Silent).unwrap();
+            let mesh = infobyte::triangles(&model, &Silent).unwrap();
             assert!(
                 edges(&mesh).values().all(|count| *count == 2),
                 "{name} {error}: every edge has two triangles"

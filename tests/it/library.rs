@@ -451,8 +451,7 @@ fn triangles_in_memory_are_those_of_the_file() {
     let folder = tempfile::tempdir().unwrap();
     let (path, ply) = (folder.path().join("m.oct"), folder.path().join("m.ply"));
     let compare = |normals: bool, colors: bool| {
-        let request =
-            ExportRequest { form: ExportForm::Ply, skin_only: false, error: None, smooth: None };
+        let request = ExportRequest { form: ExportForm::Ply, skin_only: false, error: None, smooth: None };
         let report = export(&path, &ply, request, &Silent).unwrap();
         let mesh = infobyte::triangles(&Model::read(&path).unwrap(), &Silent).unwrap();
         assert!(mesh == read_ply(&fs::read(&ply).unwrap(), normals, colors), "{normals} {colors}");
@@ -483,7 +482,6 @@ fn triangles_in_memory_are_those_of_the_file() {
     let colored = BuildOptions { channels: Some(Channels::default().with(Channel::Color)), ..skin_options() };
     build_mesh(&[solid], &mesh, &colored, &path, &Silent).unwrap();
     compare(true, true);
-    compare(true, true, 1);
     let colors: Vec<_> = Model::open(&path).unwrap().voxels().map(|v| v.color.unwrap()).collect();
     assert!(colors.iter().any(|c| c[0] > 200) && colors.iter().any(|c| c[2] > 200));
 
@@ -491,6 +489,6 @@ fn triangles_in_memory_are_those_of_the_file() {
     let part =
         BuildOptions { visible_from: vec![builder::ViewedFrom::Outside], ..options(SurfaceKind::Skin) };
     infobyte::build(&voxels(), &part, &path).unwrap();
-    let error = infobyte::triangles(&Model::open(&path).unwrap(), 0, &Silent).unwrap_err();
+    let error = infobyte::triangles(&Model::open(&path).unwrap(), &Silent).unwrap_err();
     assert_eq!(error.kind(), ExitKind::Usage);
 }

@@ -434,11 +434,9 @@ fn colours_come_back_from_what_was_exported() {
         let wanted = voxels(&model.unwrap());
         // Beside the seam the walls between both halves are as near.
         assert!(wanted.iter().all(|v| (v.at[0] - 20.0).abs() < 1.0 || v.color == Some(color(v.at))));
-        for (name, form) in [
-            ("m.ply", ExportForm::Ply),
-            ("m.glb", ExportForm::Glb),
-            ("points.ply", ExportForm::Points),
-        ] {
+        for (name, form) in
+            [("m.ply", ExportForm::Ply), ("m.glb", ExportForm::Glb), ("points.ply", ExportForm::Points)]
+        {
             let request = ExportRequest { form, skin_only: false, error: None, smooth: None };
             export(&at("a.oct"), &at(name), request, &infobyte::progress::Silent).unwrap();
             if form == ExportForm::Points {

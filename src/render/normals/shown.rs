@@ -2,7 +2,7 @@
 
 use crate::format::Label;
 use crate::format::normal;
-use crate::geom::{BoxIndex, NodeIndex, VoxelIndex, add_scaled, dot};
+use crate::geom::{BoxIndex, NodeIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 
 use super::around::Surroundings;
@@ -371,6 +371,7 @@ impl<'a> Normals<'a> {
         let neighbourhood = match &near {
             Some(codes) => repair::neighbourhood_of(codes),
             None => repair::neighbourhood(|distance| match self.stored(seen, distance) {
+                Some(other) if cubes => repair::alike_whole(stored, other, normal::SCALE),
                 Some(other) => repair::alike(in_voxels, scale(other)),
                 None => true,
             }),
@@ -411,8 +412,7 @@ impl<'a> Normals<'a> {
 
     /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
     pub(in crate::render) fn judged_together(&self) -> Option<f64> {
-        let plain =
-            self.cells.is_none() && self.smoothing != Smoothing::Blended && self.has_cubes();
+        let plain = self.cells.is_none() && self.smoothing != Smoothing::Blended && self.has_cubes();
         plain.then(|| self.space.spacing_mm()[0])
     }
 
