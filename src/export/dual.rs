@@ -68,8 +68,7 @@ pub(super) struct Mesher<'a> {
     has: [bool; 2],
     below: Rows<Cube>,
     here: Rows<Cube>,
-    /// The cubes of four rows by their places: bit 0 and 1 of a row's number are set where it is one less along y and z.
-    near: [Vec<Cube>; 4],
+    near: Near<Cube>,
     knots: HashMap<Face, [Option<u32>; 2]>,
     surface: Surface,
     /// Number of the first vertex that is kept, of the first that is not written, and of the first of this layer.
@@ -90,7 +89,7 @@ impl<'a> Mesher<'a> {
             has,
             below: Rows::default(),
             here: Rows::default(),
-            near: Default::default(),
+            near: Near::default(),
             knots: HashMap::new(),
             surface: Surface::default(),
             start: 0,
@@ -200,12 +199,8 @@ impl<'a> Mesher<'a> {
     /// A vertex in a cube, or on its face.
     #[inline(always)]
     fn add(&mut self, cube: [u32; 3], spot: &Spot) -> io::Result<u32> {
-        let [x, y, z] = cube;
-        let [p, q, r] = spot.at;
-        let at = [f64::from(x) + p, f64::from(y) + q, f64::from(z) + r];
-        let rows = &self.to_mm.rows;
-        let mm = [along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)];
-        self.push(Vertex { at: singles(mm), normal: spot.normal, light: spot.light })
+        let at = placed(&self.to_mm, cube, spot.at);
+        self.push(Vertex { at, normal: spot.normal, light: spot.light })
     }
 
     #[inline(always)]
@@ -258,15 +253,9 @@ impl<'a> Mesher<'a> {
     /// Makes the polygons whose last cube lies in this layer.
     #[inline(always)]
     fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
-        self.near.iter_mut().for_each(|row| row.resize(width, Cube::default()));
+        self.near.widen(width);
         for row in 1..height {
-            self.near.swap(0, 1);
-            self.near.swap(2, 3);
-            for (cubes, near) in [(&self.here, 0), (&self.below, 2)] {
-                for cube in cubes.row(row) {
-                    self.near[near][cube.x as usize] = *cube;
-                }
-            }
+            self.near.take([self.here.row(row), self.below.row(row)], |cube| cube.x);
             for at in 0..self.here.row(row).len() {
                 let cube = self.here.row(row)[at];
                 // Corner 0 against those along the axes.
@@ -289,21 +278,12 @@ impl<'a> Mesher<'a> {
         self.write()
     }
 
-    /// A cube near the last of four rows: bit 0, 1, 2 of `less` say whether it is one less along x, y, z.
-    #[inline(always)]
-    fn cube(&self, x: usize, less: usize) -> Cube {
-        self.near[less >> 1][x - (less & 1)]
-    }
-
     /// The polygon around the edge along an axis in the lowest corner of the cube at `x`.
     #[inline(always)]
     fn polygon<const AXIS: usize>(&mut self, x: usize, at: [u32; 3]) -> io::Result<()> {
         let [b, c] = others(AXIS);
         // The samples around the edge say that its four cubes are crossed.
-        let p = self.cube(x, 1 << b | 1 << c);
-        let q = self.cube(x, 1 << c);
-        let r = self.cube(x, 0);
-        let s = self.cube(x, 1 << b);
+        let [p, q, r, s] = self.near.around(x, AXIS);
         let reversed = (r.case & 1 == 0) ^ (AXIS == 1) ^ self.mirrored;
         // The faces between two of them, each the high face of the lower one.
         let high = |cube: Cube| AMBIGUOUS_HIGH[usize::from(cube.case)];
@@ -416,6 +396,50 @@ impl<'a> Mesher<'a> {
     }
 }
 
+/// The cubes of the last two rows of two layers by their places, the last row of the upper layer first: bit 0 and 1 of a
+/// row's number are set where it is one less along y and z.
+#[derive(Debug, Default)]
+pub(super) struct Near<C>([Vec<C>; 4]);
+
+impl<C: Copy + Default> Near<C> {
+    /// Makes room for rows of so many cubes.
+    pub(super) fn widen(&mut self, width: usize) {
+        self.0.iter_mut().for_each(|row| row.resize(width, C::default()));
+    }
+
+    /// Takes the next row of a layer and of the one below; `x` is the place of a cube in its row.
+    #[inline(always)]
+    pub(super) fn take(&mut self, rows: [&[C]; 2], x: impl Fn(&C) -> u32) {
+        self.0.swap(0, 1);
+        self.0.swap(2, 3);
+        for (cubes, near) in rows.into_iter().zip([0, 2]) {
+            for cube in cubes {
+                self.0[near][x(cube) as usize] = *cube;
+            }
+        }
+    }
+
+    /// The four cubes around the edge along an axis in the lowest corner of the cube at `x` of the last row, in their order
+    /// around it: one less along both other axes, along the second, along none, along the first.
+    #[inline(always)]
+    pub(super) fn around(&self, x: usize, axis: usize) -> [C; 4] {
+        let [b, c] = others(axis);
+        // Bit 0, 1, 2 say whether a cube is one less along x, y, z.
+        let cube = |less: usize| self.0[less >> 1][x - (less & 1)];
+        [cube(1 << b | 1 << c), cube(1 << c), cube(0), cube(1 << b)]
+    }
+}
+
+/// A place within a cube, from its middle, in mm.
+#[inline(always)]
+pub(super) fn placed(to_mm: &Affine, cube: [u32; 3], within: [f64; 3]) -> [f32; 3] {
+    let [x, y, z] = cube;
+    let [p, q, r] = within;
+    let at = [f64::from(x) + p, f64::from(y) + q, f64::from(z) + r];
+    let rows = &to_mm.rows;
+    singles([along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)])
+}
+
 /// The square of the distance of two places.
 #[inline(always)]
 pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
@@ -425,7 +449,7 @@ pub(super) fn distance(a: [f32; 3], b: [f32; 3]) -> f32 {
 
 /// A row of an affine applied to a place.
 #[inline(always)]
-pub(super) fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
+fn along(row: &[f64; 4], at: [f64; 3]) -> f64 {
     row[0] * at[0] + row[1] * at[1] + row[2] * at[2] + row[3]
 }
 

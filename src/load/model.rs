@@ -425,7 +425,7 @@ impl<'a> ModelView<'a> {
         self.leaves.is_some()
     }
 
-    /// The labels of the voxels, if the model has them.
+    /// The labels of the cells, if the model has them.
     #[inline]
     pub fn labels(&self) -> Option<LabelItems<'a>> {
         self.labels

@@ -22,7 +22,7 @@ pub struct StoredVoxel {
     pub value: Option<f64>,
     /// Colour (sRGB), where the model has colours.
     pub color: Option<[u8; 3]>,
-    /// Number of its label, where the model has labels.
+    /// Number of its greatest label, where the model has labels.
     pub label: Option<u16>,
 }
 

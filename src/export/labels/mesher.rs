@@ -13,8 +13,8 @@ use super::parts::Parts;
 use super::walls::{Placing, Spot};
 use crate::enclosed::{Rows, SkinVoxel};
 use crate::export::cases::{EDGES, others};
-use crate::export::dual::{along, distance};
-use crate::export::patch::{corner_at, singles};
+use crate::export::dual::{Near, distance, placed};
+use crate::export::patch::corner_at;
 use crate::export::write::unit;
 use crate::format::{CornerLabels, Walls};
 use crate::geom::Affine;
@@ -33,7 +33,7 @@ struct Share {
 }
 
 /// A cell that a wall passes through.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 struct Cell {
     x: u32,
     corners: CornerLabels,
@@ -99,7 +99,7 @@ impl Stored<'_> {
 /// A knot: the axis across its face, the cell above that, and the corner of that cell that it goes around.
 type Knot = (usize, [u32; 3], usize);
 
-/// What the cells around an edge are: along the two other axes, whether they are one less.
+/// For each cell around an edge ([`Near::around`]), 1 along those of the two other axes where it is one less.
 const AROUND: [[usize; 2]; 4] = [[1, 1], [0, 1], [0, 0], [1, 0]];
 
 /// Makes the polygons of one layer of cells after the other.
@@ -110,8 +110,7 @@ pub(super) struct Mesher<'a> {
     mirrored: bool,
     here: Layer,
     below: Layer,
-    /// The cells of four rows by their places: bit 0 and 1 of a row's number are set where it is one less along y and z.
-    near: [Vec<Option<Cell>>; 4],
+    near: Near<Cell>,
     knots: HashMap<(Knot, u16), u32>,
     pub(super) parts: Parts,
 }
@@ -124,7 +123,7 @@ struct Edge {
 }
 
 impl Edge {
-    /// Is a cell around it of the layer below?
+    /// True of a cell in the layer below.
     fn is_below(&self, which: usize) -> bool {
         let [b, c] = others(self.axis);
         (AROUND[which][0] << b | AROUND[which][1] << c) >> 2 & 1 == 1
@@ -160,7 +159,7 @@ impl<'a> Mesher<'a> {
             placing,
             here: Layer::default(),
             below: Layer::default(),
-            near: Default::default(),
+            near: Near::default(),
             knots: HashMap::new(),
             parts,
         }
@@ -239,23 +238,14 @@ impl<'a> Mesher<'a> {
 
     #[inline(always)]
     fn mm(&self, cell: [u32; 3], within: [f64; 3]) -> [f32; 3] {
-        let at =
-            [f64::from(cell[0]) + within[0], f64::from(cell[1]) + within[1], f64::from(cell[2]) + within[2]];
-        let rows = &self.to_mm.rows;
-        singles([along(&rows[0], at), along(&rows[1], at), along(&rows[2], at)])
+        placed(&self.to_mm, cell, within)
     }
 
     /// Makes the polygons whose last cell lies in this layer.
     fn join(&mut self, height: usize, width: usize, z: u32) -> io::Result<()> {
-        self.near.iter_mut().for_each(|row| row.resize(width, None));
+        self.near.widen(width);
         for row in 1..height {
-            self.near.swap(0, 1);
-            self.near.swap(2, 3);
-            for (cells, near) in [(&self.here.cells, 0), (&self.below.cells, 2)] {
-                for cell in cells.row(row) {
-                    self.near[near][cell.x as usize] = Some(*cell);
-                }
-            }
+            self.near.take([self.here.cells.row(row), self.below.cells.row(row)], |cell| cell.x);
             for at in 0..self.here.cells.row(row).len() {
                 let cell = self.here.cells.row(row)[at];
                 for axis in 0..3 {
@@ -270,26 +260,11 @@ impl<'a> Mesher<'a> {
         Ok(())
     }
 
-    /// A cell near the last of four rows: bit 0, 1, 2 of `less` say whether it is one less along x, y, z.
-    #[inline(always)]
-    fn near(&self, x: u32, less: usize) -> Option<Cell> {
-        *self.near[less >> 1].get((x as usize).wrapping_sub(less & 1))?
-    }
-
     /// The polygon around the edge along an axis in the lowest corner of a cell, for both labels at its ends.
     #[inline(always)]
     fn polygon(&mut self, axis: usize, cell: [u32; 3], ends: [u16; 2]) -> io::Result<()> {
-        let [b, c] = others(axis);
-        let [i, j, k, l] = AROUND;
-        let (Some(p), Some(q), Some(r), Some(s)) = (
-            self.near(cell[0], i[0] << b | i[1] << c),
-            self.near(cell[0], j[0] << b | j[1] << c),
-            self.near(cell[0], k[0] << b | k[1] << c),
-            self.near(cell[0], l[0] << b | l[1] << c),
-        ) else {
-            return Ok(());
-        };
-        let edge = Edge { axis, cell, around: [p, q, r, s] };
+        let around @ [p, q, r, s] = self.near.around(cell[0] as usize, axis);
+        let edge = Edge { axis, cell, around };
         let found = [edge.knot(0), edge.knot(1), edge.knot(2), edge.knot(3)];
         let is_across = distance(q.at, s.at) < distance(p.at, r.at);
         for (which, label) in ends.into_iter().enumerate().filter(|(_, label)| *label != 0) {

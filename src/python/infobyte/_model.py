@@ -404,7 +404,7 @@ class Model:
         return self._handle.stored("color").reshape(-1, 3)
 
     def labels(self) -> NDArray[np.uint16]:
-        """N: numbers of the labels of the voxels, of models built with `labels`, otherwise 0; rows as those of `voxels`.
+        """N: number of the greatest label of each cell, of models built with `labels`, otherwise 0; rows as those of `voxels`.
 
         `info['labels']` has their names, colours and voxels.
         """
