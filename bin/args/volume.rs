@@ -283,14 +283,7 @@ pub(crate) struct SkinArgs {
 impl SkinArgs {
     fn options(&self) -> BuildOptions {
         let Self { surface, error, channels, gradient, connectivity } = *self;
-        BuildOptions {
-            surface,
-            error,
-            channels,
-            gradient,
-            connectivity,
-            ..BuildOptions::default()
-        }
+        BuildOptions { surface, error, channels, gradient, connectivity, ..BuildOptions::default() }
     }
 
     /// Refuses a flag that says nothing about cells, where these are built: they are asked for, or there are labels.
