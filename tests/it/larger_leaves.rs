@@ -1,20 +1,15 @@
-//! Models within a bound of their surface keep what they promise: larger leaves stand for their cells, no ray passes
-//! them to an inside sample, every form of the traversal finds what plain exact arithmetic over all leaves finds, bytes
-//! do not depend on memory or threads, damage is refused, and what cannot be done to them is said. If this fails, such
-//! models have holes, differ between machines, or are silently wrong.
+//! Models within a bound of their surface keep what they promise: larger leaves stand for their cells, bytes do not
+//! depend on memory or threads, damage is refused, and what cannot be done to them is refused by name. Their rays are in
+//! `traversal` and `light_leaks`. If this fails, such models have holes, differ between machines, or are silently wrong.
 #![expect(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 
-use crate::cells::{is_behind, passage};
-use crate::common;
 use crate::prelude::*;
 use infobyte::Mesh;
 use infobyte::builder::{Tolerance, ViewedFrom};
 use infobyte::load::{CellShape, Fault};
-use infobyte::render::batch::Batch;
-use infobyte::render::reference::walk;
 
 /// Voxels, and is a sample inside?
-type Body = (&'static str, Voxels<u8>);
+pub(crate) type Body = (&'static str, Voxels<u8>);
 
 /// Cells of values of 128 and more.
 fn options(error: f64, share_mib: u64, threads: usize) -> BuildOptions {
@@ -29,7 +24,7 @@ fn options(error: f64, share_mib: u64, threads: usize) -> BuildOptions {
 }
 
 /// Builds a model of cells.
-fn built(path: &Path, voxels: &Voxels<u8>, error: f64, share_mib: u64, threads: usize) -> Model {
+pub(crate) fn built(path: &Path, voxels: &Voxels<u8>, error: f64, share_mib: u64, threads: usize) -> Model {
     infobyte::build(voxels, &options(error, share_mib, threads), path).unwrap();
     let model = Model::open(path).unwrap();
     verify(&model).unwrap();
@@ -49,7 +44,7 @@ fn length(p: &[f64]) -> f64 {
     p.iter().map(|c| c * c).sum::<f64>().sqrt()
 }
 
-fn bodies(n: u32) -> [Body; 4] {
+pub(crate) fn bodies(n: u32) -> [Body; 4] {
     let (side, mut random) = (f64::from(n), Random(9));
     let rough: Vec<f64> = (0..4096).map(|_| random.unit() - 0.5).collect();
     let bump = move |p: [f64; 3]| {
@@ -91,199 +86,6 @@ fn leaves(model: &Model) -> Vec<Leaf> {
         }
     }
     found
-}
-
-/// Which leaf, and which sides, every cell of the grid has.
-struct Oracle<'a> {
-    side: u32,
-    leaves: Vec<Leaf>,
-    /// Number of the leaf and one more, by cell.
-    of: Vec<u32>,
-    voxels: &'a Voxels<u8>,
-    dims: [u32; 3],
-}
-
-impl<'a> Oracle<'a> {
-    fn new(model: &Model, voxels: &'a Voxels<u8>) -> Self {
-        let (side, leaves) = (1_u32 << model.depth(), leaves(model));
-        let mut of = vec![0; (side * side * side) as usize];
-        for (number, (low, edge, ..)) in (1..).zip(&leaves) {
-            for i in 0..edge.pow(3) {
-                let [x, y, z] = [i % edge, i / edge % edge, i / edge / edge];
-                let at = ((low[2] + z) * side + low[1] + y) * side + low[0] + x;
-                assert_eq!(std::mem::replace(&mut of[at as usize], number), 0, "leaves lie side by side");
-            }
-        }
-        let dims = model.metadata().dims;
-        Self { side, leaves, of, voxels, dims }
-    }
-
-    fn is_inside(&self, sample: [i64; 3]) -> bool {
-        let there = (0..3).all(|a| (0..i64::from(self.dims[a])).contains(&sample[a]));
-        let [x, y, z] = sample.map(|c| c as usize);
-        there && self.voxels.samples()[(z * self.dims[1] as usize + y) * self.dims[0] as usize + x] >= 128
-    }
-
-    /// Are all eight samples of a cell inside?
-    fn is_full(&self, cell: [u32; 3]) -> bool {
-        (0..8).all(|c| self.is_inside(std::array::from_fn(|a| i64::from(cell[a]) - 1 + (c >> a & 1))))
-    }
-
-    /// The first leaf in which a ray meets the inside; and does it come into a cell that is all inside, and no part of a
-    /// leaf, before? `None` where rounding could decide.
-    fn first(&self, ray: &Ray, empty: &BitVolume) -> Option<(Option<&Leaf>, bool)> {
-        let (mut visited, mut last, mut leaks) = (Vec::new(), 0, false);
-        walk(empty, ray, true, |cell| visited.push(cell));
-        for cell in visited {
-            let at = (cell[2] * self.side + cell[1]) * self.side + cell[0];
-            let number = self.of[at as usize];
-            leaks |= number == 0 && self.is_full(cell);
-            if number == 0 || number == last {
-                continue;
-            }
-            last = number;
-            let leaf = &self.leaves[number as usize - 1];
-            let (low, edge, _, shape) = *leaf;
-            let (enter, leave) = passage(ray, (low, edge));
-            if is_behind(shape, (low, edge), enter)? || is_behind(shape, (low, edge), leave)? {
-                return Some((Some(leaf), leaks));
-            }
-            if let CellShape::Corners(_) = shape {
-                return None;
-            }
-        }
-        Some((None, leaks))
-    }
-}
-
-/// A ray from outside at an inside sample, through a lattice point or near one.
-fn aimed(random: &mut Random, oracle: &Oracle<'_>) -> Option<Ray> {
-    let target = oracle.dims.map(|n| random.below(n));
-    if !oracle.is_inside(target.map(i64::from)) {
-        return None;
-    }
-    // Sample i lies between cells i and i + 1.
-    let target = target.map(|c| f64::from(c + 1));
-    let side = f64::from(oracle.side);
-    let origin: [f64; 3] = match random.below(3_u32) {
-        0 => std::array::from_fn(|_| side * (3.0 * random.unit() - 1.0)),
-        1 => std::array::from_fn(|a| target[a] + f64::from(random.below(41_u32)) - 20.0),
-        _ => {
-            let axis = random.below(3_u32) as usize;
-            std::array::from_fn(|a| if a == axis { -5.0 } else { target[a] })
-        }
-    };
-    let direction: [f64; 3] = std::array::from_fn(|a| target[a] - origin[a]);
-    let cell = origin.map(|c| c.floor() as i64);
-    // Not from within.
-    let is_outside = (0..8).all(|c| !oracle.is_inside(std::array::from_fn(|a| cell[a] - 1 + (c >> a & 1))));
-    if !is_outside {
-        return None;
-    }
-    Ray::new(oracle.side.ilog2(), origin, direction, 0.0).ok().flatten()
-}
-
-/// Rays of each body and bound; with INFOBYTE_LONG=500 ten million.
-fn rays() -> u64 {
-    20_000 * u64::from(common::long())
-}
-
-#[test]
-fn every_form_finds_what_plain_arithmetic_over_all_leaves_finds_and_nothing_leaks() {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, voxels) in &bodies(58) {
-        for error in [0.1, 0.5] {
-            let model = built(&folder.path().join("m"), voxels, error, 64, 2);
-            let (view, oracle) = (model.view(), Oracle::new(&model, voxels));
-            let larger = oracle.leaves.iter().filter(|leaf| leaf.1 > 1).count();
-            assert!(larger > 50, "{name}: {larger}");
-            let surface = Cells::new(view.cells().unwrap());
-            let empty = BitVolume::new(view.depth()).unwrap();
-            let (mut lot, mut random) = (infobyte::render::selfcheck::Random::new(5), Random(6));
-            let mut batch = Batch::new(Form::best());
-            let (mut hits, mut of_larger, mut open, mut tried) = (0_u64, 0_u64, 0_u64, 0_u64);
-            let mut met = Vec::new();
-            while tried < rays() {
-                let from_outside = tried % 2 == 0;
-                let ray = if from_outside {
-                    aimed(&mut random, &oracle)
-                } else {
-                    random_ray(&mut lot, view.depth())
-                };
-                let Some(ray) = ray else { continue };
-                tried += 1;
-                let got = single::trace(Form::Portable, &view, &surface, &ray, 0).hit;
-                for form in Form::available() {
-                    assert_eq!(single::trace(form, &view, &surface, &ray, 0).hit, got, "{name} {ray:?}");
-                }
-                batch.nearest(&view, &surface, &[ray], 0, &mut met);
-                assert_eq!(met, [got], "{name} {ray:?}");
-                let Some((want, leaks)) = oracle.first(&ray, &empty) else {
-                    open += 1;
-                    continue;
-                };
-                assert!(!leaks || !from_outside, "{name} {error}: {ray:?} passes");
-                let found = got.map(|hit| (hit.cell, 1 << hit.edge_log2, hit.box_number));
-                assert_eq!(found, want.map(|leaf| (leaf.0, leaf.1, leaf.2)), "{name} {error}: {ray:?}");
-                assert!(want.is_some() || !from_outside, "{name} {error}: {ray:?} passes all leaves");
-                hits += u64::from(want.is_some());
-                of_larger += u64::from(want.is_some_and(|leaf| leaf.1 > 1));
-            }
-            println!(
-                "{name} {error}: {larger} larger leaves, {tried} rays, {hits} hits, {of_larger} of larger leaves, {open} open, 0 leaks"
-            );
-            assert!(
-                hits > tried / 2 && of_larger > hits / 4 && open < tried / 4,
-                "{name}: {hits} {of_larger} {open}"
-            );
-        }
-    }
-}
-
-#[test]
-fn tiles_see_what_single_rays_see() {
-    let folder = tempfile::tempdir().unwrap();
-    for (name, voxels) in &bodies(58) {
-        let model = built(&folder.path().join("m"), voxels, 0.2, 64, 2);
-        let view = model.view();
-        let surface = Cells::new(view.cells().unwrap());
-        let space = GridSpace::new(model.dims(), &model.affine()).unwrap();
-        let (mut random, mut hits, mut larger) = (Random(3), 0, 0);
-        for round in 0..40 {
-            let mut point = |low: f64, high: f64| [0; 3].map(|_: i32| low + (high - low) * random.unit());
-            let (mut eye, mut look_at) = (point(-60.0, 120.0), point(20.0, 40.0));
-            if round % 4 == 0 {
-                (look_at, eye) = ([30.0; 3], [30.0; 3]);
-                eye[round / 4 % 3] -= 90.0;
-            }
-            let view_point = ViewPoint::Free { eye, look_at, up: None };
-            let projection = if round % 2 == 0 { Projection::Parallel } else { Projection::Perspective };
-            let Ok(camera) = Camera::new(view_point, projection, 50.0, 1.0, |_| 0.0) else { continue };
-            // Pixels from several cells to a fraction of one.
-            let pixels = [24, 64, 400][round % 3];
-            let sight = Sight::new(&space, &camera, pixels, pixels);
-            for _ in 0..12 {
-                let tiles = pixels as usize / TILE;
-                let corner = (random.below(tiles) * TILE, random.below(tiles) * TILE);
-                let lod_edge_log2 = [0, 0, 0, 1, 3][round % 5];
-                let tile = Tile { corner, limits: (TILE, TILE), lod_edge_log2 };
-                let want: [Option<Hit>; RAYS] = std::array::from_fn(|ray| {
-                    let (x, y) = ((corner.0 + ray % TILE) as f64 + 0.5, (corner.1 + ray / TILE) as f64 + 0.5);
-                    single::trace(Form::Portable, &view, &surface, &sight.ray(x, y)?, lod_edge_log2).hit
-                });
-                hits += want.iter().flatten().count();
-                larger += want.iter().flatten().filter(|hit| hit.edge_log2 > lod_edge_log2).count();
-                for form in Form::available() {
-                    let mut tracer = Tracer::new(form);
-                    let got = tracer.trace(&view, &surface, &sight, tile);
-                    for (ray, want) in want.iter().enumerate() {
-                        assert_eq!(got.hit(ray), *want, "{name} {form:?} round {round} ray {ray}");
-                    }
-                }
-            }
-        }
-        assert!(hits > 4000 && larger > hits / 10, "{name}: {hits} {larger}");
-    }
 }
 
 /// Corners of a leaf's box that are inside, and where the plane cuts the box's edges; of a cell, its box's corners.

@@ -6,9 +6,11 @@
 //! `hard_cases`.
 
 use crate::common::scenes as support;
+use crate::hard_cases::rays::hard_scenes;
 use crate::prelude::*;
+use crate::{cells, larger_leaves};
 
-use infobyte::render::selfcheck::{Random, mismatches};
+use infobyte::render::selfcheck::{Random, mismatches, tile_mismatches};
 
 /// Volumes of every kind that traversals were seen to fail on.
 fn scenes() -> Vec<Scene> {
@@ -21,14 +23,13 @@ fn scenes() -> Vec<Scene> {
         noise("noise 1 %", [64; 3], 0.01, 2),
         noise("noise 10 %", [32; 3], 0.1, 3),
         noise("noise in 37x5x64", [37, 5, 64], 0.03, 4),
-        Scene::set("checkerboard", [16; 3], |[x, y, z]| (x + y + z) % 2 == 0),
-        Scene::set("full solid", [16; 3], |_| true),
         Scene::skin("full box 37x5x64", [37, 5, 64], |_| true),
         Scene::set("comb", [32; 3], |[x, y, z]| (x % 2 == 0 && z < 31) || (z == 31 && y == 5)),
         Scene::set("1x1x1", [1; 3], |_| true),
         Scene::set("1x1x9", [1, 1, 9], |[_, _, z]| z % 4 == 3),
         Scene::set("empty", [32; 3], |_| false),
     ];
+    scenes.extend(hard_scenes());
     for corner in 0..8_u32 {
         let at: [u32; 3] = std::array::from_fn(|a| (corner >> a & 1) * 31);
         scenes.push(Scene::new(format!("one voxel in corner {corner}"), [32; 3], vec![at]));
@@ -54,7 +55,7 @@ fn scenes() -> Vec<Scene> {
 }
 
 /// The sealed hit of a ray, which every form of the traversal must have, too.
-fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
+pub(crate) fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
     let want = first_hit_sealed(tree, ray, lod_edge_log2).hit;
     for form in Form::available() {
         assert_eq!(
@@ -66,18 +67,50 @@ fn sealed_hit(tree: &MemoryTree, ray: &Ray, lod_edge_log2: u32) -> Option<Hit> {
     want
 }
 
+/// Models of cells and of larger leaves, by name.
+fn models() -> Vec<(String, Model)> {
+    let folder = tempfile::tempdir().unwrap();
+    let of_cells = [
+        ("ball of cells", cells::ball(50, 9)),
+        ("noise of cells", cells::noise([24; 3], 10)),
+        ("flat noise of cells", cells::noise([5, 30, 9], 7)),
+        ("one sample", Voxels::from_fn(Dims::new(1, 1, 1).unwrap(), |_| 200)),
+    ];
+    let of_cells = of_cells
+        .map(|(name, voxels)| (name.to_owned(), cells::built(folder.path(), &voxels, SurfaceKind::Cells)));
+    let bodies = larger_leaves::bodies(58);
+    let of_leaves = bodies.iter().flat_map(|body| [0.1, 0.5].map(|error| (body, error))).map(
+        |((name, voxels), error)| {
+            let path = folder.path().join("leaves");
+            (format!("{name} within {error}"), larger_leaves::built(&path, voxels, error, 64, 2))
+        },
+    );
+    of_cells.into_iter().chain(of_leaves).collect()
+}
+
+/// Rays alone, in batches, for any hit, and in tiles, by every instruction set, against the reference.
+fn conforms(name: &str, view: &ModelView<'_>, bits: &BitVolume, seed: u64) -> Mismatches {
+    let times = u64::from(long());
+    let counts =
+        mismatches(view, bits, 30_000 * times, seed).plus(tile_mismatches(view, 50_000 * times, seed));
+    assert_eq!(counts.total(), 0, "{name} (seed {seed}): {counts:?}");
+    counts
+}
+
 #[test]
-fn a_million_random_rays_hit_what_the_reference_hits() {
-    let rays_each = 30_000 * u64::from(long());
+fn every_entry_and_instruction_set_hits_what_the_reference_hits() {
     let mut all = Mismatches::default();
     for (i, scene) in scenes().iter().enumerate() {
-        let seed = 1000 + i as u64;
-        let counts = mismatches(&scene.tree.view(), &scene.bits, rays_each, seed);
-        assert_eq!(counts.total(), 0, "{} (seed {seed}): {counts:?}", scene.name);
-        all = all.plus(counts);
+        all = all.plus(conforms(&scene.name, &scene.tree.view(), &scene.bits, 1000 + i as u64));
     }
     println!("{all:?}");
-    assert!(all.rays >= 1_000_000 && all.hits > all.rays / 5, "too few rays or hits: {all:?}");
+    assert!(all.rays >= 1_000_000 && all.hits > all.rays / 5 && all.tile_rays > 1_500_000, "{all:?}");
+    for (i, (name, model)) in models().iter().enumerate() {
+        let mut bits = BitVolume::new(model.depth()).unwrap();
+        finest(model).iter().for_each(|(cell, _)| bits.set(*cell));
+        let counts = conforms(name, &model.view(), &bits, i as u64);
+        assert!(counts.cell_hits > counts.rays / 50, "{name}: {counts:?}");
+    }
 }
 
 #[test]

@@ -2,10 +2,12 @@
 //! sealed traversal hits, bit by bit, in every form that the machine has. If this file fails, pictures
 //! differ between machines, or a fast path shows what is not there.
 
+use crate::hard_cases::rays::hard_scenes;
 use crate::prelude::*;
+use crate::traversal::sealed_hit;
 
 use infobyte::render::batch::Batch;
-use infobyte::render::selfcheck::{Random, tile_mismatches};
+use infobyte::render::selfcheck::Random;
 use infobyte::render::surface::{Passage, Surface};
 
 /// A camera with its eye in a grid point, looking along a vector of the grid; spacing 1.
@@ -38,38 +40,6 @@ fn compare_picture(
         let limits = (size - corner.0, size - corner.1);
         counts.compare_tile(&view, &sight, Tile { corner, limits, lod_edge_log2 });
     }
-}
-
-fn hard_scenes() -> Vec<Scene> {
-    vec![
-        Scene::set("full solid", [16; 3], |_| true),
-        Scene::set("empty", [16; 3], |_| false),
-        Scene::set("checkerboard", [16; 3], |[x, y, z]| (x + y + z) % 2 == 0),
-        noise("noise 2 %", [16; 3], 0.02, 5),
-        Scene::skin("ball", [16; 3], |c| in_ball(c, 16)),
-        Scene::set("walls beside the middle", [16; 3], |c| c.contains(&7)),
-        Scene::set("far corner", [16; 3], |c| c == [15; 3]),
-        Scene::set("non-cubic dims beside padding", [16, 3, 9], |[x, y, z]| x == 15 || y == 2 || z == 8),
-    ]
-}
-
-#[test]
-fn random_tiles_of_every_kind_of_volume_agree() {
-    let mut scenes = vec![
-        Scene::skin("torus 128", [128; 3], |c| in_torus(c, 128)),
-        noise("noise 0.1 %", [64; 3], 0.001, 1),
-        noise("noise in 37x5x64", [37, 5, 64], 0.03, 4),
-        plane("plane".into(), 64, [1.0, 0.3, -0.2]),
-    ];
-    scenes.extend(hard_scenes());
-    scenes.extend((0..=7).map(|depth| noise("depth", [1 << depth; 3], 2.0 / f64::from(1 << depth), 9)));
-    let mut all = Mismatches::default();
-    for (i, scene) in scenes.iter().enumerate() {
-        let counts = tile_mismatches(&scene.tree.view(), 60_000, i as u64);
-        assert_eq!(counts.total(), 0, "{} (seed {i}): {counts:?}", scene.name);
-        all = all.plus(counts);
-    }
-    assert!(all.tile_rays > 900_000, "{all:?}");
 }
 
 #[test]
@@ -126,18 +96,12 @@ fn every_level_of_detail_agrees() {
         }
         let mut random = Random::new(u64::from(lod));
         let rays: Vec<Ray> = (0..3_000).filter_map(|_| random_ray(&mut random, 6)).collect();
-        rays.iter().for_each(|ray| alone_agrees(&scene.tree, ray, lod.min(6)));
+        for ray in &rays {
+            sealed_hit(&scene.tree, ray, lod.min(6));
+        }
         counts.compare_batch(&scene.tree.view(), &rays, lod);
     }
     assert_eq!(counts.total(), 0, "{counts:?}");
-}
-
-/// Traces a ray alone in every form.
-fn alone_agrees(tree: &MemoryTree, ray: &Ray, lod: u32) {
-    let want = first_hit_sealed(tree, ray, lod).hit;
-    for form in Form::available() {
-        assert_eq!(single::trace(form, &tree.view(), &Skin, ray, lod).hit, want, "{form:?} {ray:?}");
-    }
 }
 
 #[test]
@@ -175,7 +139,7 @@ fn the_deepest_and_the_flattest_grids_agree() {
             let origin = [0.0; 3].map(|_: f64| random.range(-1e5, 2e5));
             let direction = std::array::from_fn(|a| goal[a] - origin[a]);
             if let Some(ray) = Ray::new(tree.depth(), origin, direction, 0.0).unwrap() {
-                alone_agrees(&tree, &ray, 0);
+                sealed_hit(&tree, &ray, 0);
                 lot.push(ray);
                 // The same line from within, as rays that leave a surface start.
                 let inside = std::array::from_fn(|a| goal[a] - 3.0 * direction[a].signum());

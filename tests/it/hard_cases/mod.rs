@@ -20,7 +20,7 @@ use crate::prelude::*;
 
 mod cameras;
 mod places;
-mod rays;
+pub(crate) mod rays;
 mod shapes;
 mod values;
 
