@@ -49,7 +49,7 @@ impl MemoryCap {
     /// Bytes that count against the bound in addition to what the job allocates from now on: in a process, all that
     /// is allocated now, and code. What code is resident at the moment says little, as more is mapped while a
     /// job runs, and differs with every start; so the most that it comes to is counted.
-    pub fn held(self) -> u64 {
+    pub(crate) fn held(self) -> u64 {
         match self {
             Self::Process(_) => own_rss_bytes() + file_rss_bytes().max(costs::CODE_BYTES),
             Self::Share(_) => 0,
@@ -152,7 +152,7 @@ impl Budget {
     }
 
     /// Like `Budget::of_job` under a cap of this kind, but without a limit: what a job reserves from it is measured.
-    pub fn dry(kind: MemoryCap) -> Self {
+    pub(crate) fn dry(kind: MemoryCap) -> Self {
         let budget = Self::with(u64::MAX, kind.is_process(), None);
         budget.take(kind.held());
         budget.take_overhead();
@@ -185,12 +185,12 @@ impl Budget {
     }
 
     /// The bound.
-    pub fn limit_bytes(&self) -> u64 {
+    pub(crate) fn limit_bytes(&self) -> u64 {
         self.0.limit_bytes
     }
 
     /// The memory reserved now, and that held when the budget was made.
-    pub fn reserved_bytes(&self) -> u64 {
+    pub(crate) fn reserved_bytes(&self) -> u64 {
         self.0.lock().reserved
     }
 
@@ -200,7 +200,7 @@ impl Budget {
     }
 
     /// Has the process passed the limit before? A cap is on the peak, so that nothing fits any more.
-    pub fn is_passed(&self) -> bool {
+    pub(crate) fn is_passed(&self) -> bool {
         self.0.peak_bytes > self.0.limit_bytes
     }
 
@@ -224,7 +224,7 @@ impl Budget {
     ///
     /// # Errors
     /// There are never so many: more than the whole limit.
-    pub fn wait_for(&self, bytes: u64) -> Result<Reservation, TooSmall> {
+    pub(crate) fn wait_for(&self, bytes: u64) -> Result<Reservation, TooSmall> {
         let account = &*self.0;
         if bytes > account.limit_bytes {
             return Err(TooSmall { needed_bytes: bytes, left_bytes: account.limit_bytes });
@@ -270,7 +270,7 @@ impl Budget {
     ///
     /// In a process this is a limit that works in every run: what is resident at the beginning differs between them,
     /// and is read `readings` times by a job; and opening the input has had its peak.
-    pub fn smallest_limit(&self, readings: u64) -> u64 {
+    pub(crate) fn smallest_limit(&self, readings: u64) -> u64 {
         self.0.stated(self.0.lock().most, readings)
     }
 

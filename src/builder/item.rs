@@ -27,7 +27,7 @@ pub enum ItemForm {
 
 impl ItemForm {
     /// Singles of `extent` spread over 16 bits.
-    pub fn scaled(extent: (f32, f32)) -> Self {
+    pub(crate) fn scaled(extent: (f32, f32)) -> Self {
         let (low, high) = (f64::from(extent.0), f64::from(extent.1));
         Self::Scaled { low, step: if high > low { (high - low) / 65535.0 } else { 1.0 } }
     }
@@ -41,7 +41,7 @@ impl ItemForm {
     }
 
     /// Bytes of an item in the model.
-    pub fn stored_bytes(self) -> usize {
+    pub(crate) fn stored_bytes(self) -> usize {
         match self {
             Self::AsIs { bytes } => bytes,
             Self::Scaled { .. } => size_of::<u16>(),

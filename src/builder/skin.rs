@@ -23,7 +23,7 @@ pub enum Connectivity {
 
 impl Connectivity {
     /// 26 or 6, as on the command line and in the metadata.
-    pub fn code(self) -> u8 {
+    pub(crate) fn code(self) -> u8 {
         match self {
             Self::Thin26 => 26,
             Self::Thick6 => 6,

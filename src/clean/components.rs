@@ -54,7 +54,7 @@ pub enum ComponentConnectivity {
 
 impl ComponentConnectivity {
     /// The connectivity of what is left over: a surface that one cannot cross parts the other.
-    pub fn complement(self) -> Self {
+    pub(crate) fn complement(self) -> Self {
         match self {
             Self::Faces6 => Self::Corners26,
             Self::Corners26 => Self::Faces6,
@@ -62,7 +62,7 @@ impl ComponentConnectivity {
     }
 
     /// 6 or 26.
-    pub fn neighbours(self) -> u8 {
+    pub(crate) fn neighbours(self) -> u8 {
         match self {
             Self::Faces6 => 6,
             Self::Corners26 => 26,

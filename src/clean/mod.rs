@@ -201,7 +201,7 @@ impl CleanOptions {
     }
 
     /// Is nothing asked for?
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.roi.is_none() && self.downsample.is_none() && self.preset.is_none() && !self.works_on_bits()
     }
 

@@ -287,7 +287,7 @@ impl MeanRule {
 
     /// The mean of what was added.
     #[inline]
-    pub fn mean(self, sum: &Sum) -> MeanBytes {
+    pub(crate) fn mean(self, sum: &Sum) -> MeanBytes {
         match self {
             Self::Direction => {
                 let mut bytes = [0; LONGEST_MEAN];
@@ -311,7 +311,7 @@ pub(crate) fn number(item: &[u8]) -> u64 {
 
 impl Sum {
     /// Bytes of [`Sum::to_bytes`].
-    pub const BYTES: usize = 40;
+    pub(crate) const BYTES: usize = 40;
 
     /// Adds boxes that follow in Morton order.
     #[inline]
@@ -332,7 +332,7 @@ impl Sum {
     }
 
     /// The sum as bytes, for a scratch file.
-    pub fn to_bytes(self) -> [u8; Self::BYTES] {
+    pub(crate) fn to_bytes(self) -> [u8; Self::BYTES] {
         let [x, y, z] = self.parts.map(i64::cast_unsigned);
         let mut bytes = [0; Self::BYTES];
         for (to, word) in
@@ -344,7 +344,7 @@ impl Sum {
     }
 
     /// The sum that gave these bytes.
-    pub fn parse(bytes: &[u8; Self::BYTES]) -> Self {
+    pub(crate) fn parse(bytes: &[u8; Self::BYTES]) -> Self {
         let word = |i: usize| u64::from_le_bytes(std::array::from_fn(|k| bytes[8 * i + k]));
         #[expect(clippy::cast_possible_truncation, reason = "written from a u16")]
         Self { parts: std::array::from_fn(|a| word(a).cast_signed()), count: word(3), first: word(4) as u16 }

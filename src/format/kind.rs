@@ -14,7 +14,7 @@ pub enum SurfaceKind {
 
 impl SurfaceKind {
     /// By how much a volume's sides grow to those of its boxes.
-    pub const fn grown(self) -> u32 {
+    pub(crate) const fn grown(self) -> u32 {
         match self {
             Self::Skin => 0,
             Self::Cells => 1,

@@ -310,7 +310,7 @@ impl<'a> LabelItems<'a> {
     }
 
     /// Numbers of the labels behind and in front of a cell's plane, 0 for none (SPEC 4.12).
-    pub fn pair(&self, cell: u64) -> Option<[u16; 2]> {
+    pub(crate) fn pair(&self, cell: u64) -> Option<[u16; 2]> {
         if cell >= self.cells {
             return None;
         }
@@ -334,12 +334,12 @@ impl<'a> LabelItems<'a> {
     }
 
     /// A label of the table, by its number.
-    pub fn named(&self, number: u16) -> Option<&'a Label> {
+    pub(crate) fn named(&self, number: u16) -> Option<&'a Label> {
         self.table.binary_search_by_key(&number, |label| label.number).ok().map(|at| &self.table[at])
     }
 
     /// The label of [`LabelItems::get`] with its name and colour.
-    pub fn label(&self, cell: u64) -> Option<&'a Label> {
+    pub(crate) fn label(&self, cell: u64) -> Option<&'a Label> {
         self.named(self.get(cell)?)
     }
 }

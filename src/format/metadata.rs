@@ -143,7 +143,7 @@ impl Metadata {
     }
 
     /// From where what the model keeps can be seen; `None` for a whole model. A part does not tell what is inside.
-    pub fn seen_from(&self) -> Option<&str> {
+    pub(crate) fn seen_from(&self) -> Option<&str> {
         let [before, behind] = SEEN_FROM;
         self.source.kind.strip_suffix(behind)?.rsplit_once(before).map(|(_, places)| places)
     }
@@ -198,7 +198,7 @@ impl Metadata {
     ///
     /// # Errors
     /// Lengths that do not fit, unknown codes, values out of range, bytes left over.
-    pub fn parse(bytes: &[u8]) -> Result<Self, FormatError> {
+    pub(crate) fn parse(bytes: &[u8]) -> Result<Self, FormatError> {
         let config = bincode::config::standard()
             .with_little_endian()
             .with_fixed_int_encoding()

@@ -31,7 +31,7 @@ impl SectionKind {
     }
 
     /// The channel whose items or means the section holds.
-    pub fn channel(self) -> Option<Channel> {
+    pub(crate) fn channel(self) -> Option<Channel> {
         match self {
             Self::Means(channel) | Self::Voxels(channel) => Some(channel),
             _ => None,
@@ -39,7 +39,7 @@ impl SectionKind {
     }
 
     /// Does it describe larger leaves?
-    pub fn is_of_leaves(self) -> bool {
+    pub(crate) fn is_of_leaves(self) -> bool {
         matches!(self, Self::LeafNormals | Self::LeafOffsets | Self::LeafRank)
     }
 
@@ -78,7 +78,7 @@ impl SectionKind {
     }
 
     /// The codec of its packed section (SPEC 5.1): fixed, so that the same content gives the same bytes.
-    pub fn codec(self) -> u8 {
+    pub(crate) fn codec(self) -> u8 {
         match self {
             Self::Meta | Self::LabelTable | Self::Levels | Self::Rank => CODEC_NONE,
             Self::Nodes => CODEC_CUBES,

@@ -168,7 +168,7 @@ impl Walls {
 
     /// The label of a part: bit i of `fronts` says that it is in front of plane i.
     #[inline]
-    pub fn label(&self, fronts: usize) -> u16 {
+    pub(crate) fn label(&self, fronts: usize) -> u16 {
         self.labels[fronts % CORNERS]
     }
 

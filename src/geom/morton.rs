@@ -2,7 +2,7 @@
 
 /// Spreads the low 16 bits of `v` so that bit i moves to bit 3 i.
 #[inline]
-pub const fn spread(v: u32) -> u64 {
+pub(crate) const fn spread(v: u32) -> u64 {
     let x = v as u64 & 0xffff;
     // Each step halves the run length and doubles the gap between runs.
     let x = (x | x << 16) & 0x0000_0000_ff00_00ff;

@@ -55,7 +55,7 @@ impl Octant {
 
     /// The octant of the three lowest bits, such as those of a Morton code.
     #[inline]
-    pub const fn low_bits(bits: u32) -> Self {
+    pub(crate) const fn low_bits(bits: u32) -> Self {
         Self((bits & 7) as u8)
     }
 
@@ -74,7 +74,7 @@ impl Octant {
 
     /// Does a node with this infobyte have a child here?
     #[inline]
-    pub const fn is_in(self, infobyte: u8) -> bool {
+    pub(crate) const fn is_in(self, infobyte: u8) -> bool {
         infobyte.wrapping_shr(self.get()) & 1 == 1
     }
 
@@ -108,7 +108,7 @@ impl Level {
 
     /// The same as an index into arrays.
     #[inline]
-    pub const fn index(self) -> usize {
+    pub(crate) const fn index(self) -> usize {
         self.0 as usize
     }
 }

@@ -110,12 +110,12 @@ fn stored(frame: &Frame, kind: SectionKind) -> u64 {
 }
 
 /// Bytes stored for levels, infobytes and rank directory.
-pub fn structure_bytes(frame: &Frame) -> u64 {
+pub(crate) fn structure_bytes(frame: &Frame) -> u64 {
     [SectionKind::Levels, SectionKind::Nodes, SectionKind::Rank].map(|k| stored(frame, k)).iter().sum()
 }
 
 /// Name and stored bytes of every channel section, coarse means apart.
-pub fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
+pub(crate) fn channel_bytes(frame: &Frame) -> Vec<(&'static str, u64)> {
     frame
         .sections
         .iter()

@@ -67,7 +67,7 @@ pub struct Measures {
 impl Measures {
     /// The same of a model with larger leaves, which lie off the surface.
     #[must_use]
-    pub fn with_leaves(mut self, metadata: &Metadata) -> Self {
+    pub(crate) fn with_leaves(mut self, metadata: &Metadata) -> Self {
         if let (Some(found), Some((area, _)), Some((_, error))) =
             (metadata.error, self.area_mm2, &mut self.volume_mm3)
         {

@@ -210,7 +210,7 @@ pub fn render_view(
 ///
 /// # Errors
 /// As [`render_view`].
-pub fn render_view_watched(
+pub(crate) fn render_view_watched(
     view: &ModelView<'_>,
     dims: Dims,
     affine: &Affine,

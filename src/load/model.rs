@@ -411,7 +411,7 @@ impl<'a> ModelView<'a> {
 
     /// Infobytes of the eight nodes from `node` on, the first in the lowest byte.
     #[inline(always)]
-    pub fn infobytes(&self, node: NodeIndex) -> u64 {
+    pub(crate) fn infobytes(&self, node: NodeIndex) -> u64 {
         let rest = node.index().and_then(|at| self.nodes.get(at..)).unwrap_or(&[]);
         match rest.first_chunk() {
             Some(bytes) => u64::from_le_bytes(*bytes),
@@ -481,7 +481,7 @@ impl<'a> ModelView<'a> {
 
     /// Memory that the answers about a node are read from, for hints to the processor.
     #[inline(always)]
-    pub fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
+    pub(crate) fn sources(&self, node: NodeIndex) -> [&[u8]; 2] {
         let at = node.index().unwrap_or(usize::MAX);
         [
             self.nodes.get(at..).unwrap_or(&[]),

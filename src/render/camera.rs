@@ -71,7 +71,7 @@ impl NamedView {
     }
 
     /// The world direction that it looks along.
-    pub fn looks_along(self) -> [f64; 3] {
+    pub(crate) fn looks_along(self) -> [f64; 3] {
         self.row().1
     }
 
@@ -350,7 +350,7 @@ impl Camera {
     }
 
     /// Least and greatest depth in mm of a model with this support; nothing before the camera counts.
-    pub fn depth_range_mm(&self, support: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
+    pub(crate) fn depth_range_mm(&self, support: impl Fn([f64; 3]) -> f64) -> (f64, f64) {
         let at = dot(self.eye, self.forward);
         let near = (-support(self.forward.map(|c| -c)) - at).max(0.0);
         (near, (support(self.forward) - at).max(near))

@@ -176,7 +176,7 @@ pub(crate) fn check_size(width: u32, height: u32) -> Result<(), RenderError> {
 ///
 /// # Errors
 /// [`RenderError`] when the system does not start that many.
-pub fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
+pub(crate) fn pool(threads: usize) -> Result<rayon::ThreadPool, RenderError> {
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads.max(1))
         .stack_size(WORKER_STACK_BYTES)

@@ -99,14 +99,14 @@ impl<'a> Sight<'a> {
     }
 
     /// The place that the rays run in.
-    pub fn space(&self) -> &'a GridSpace {
+    pub(crate) fn space(&self) -> &'a GridSpace {
         self.space
     }
 
     /// Line of sight in the world through a point of the picture in pixels from its top left corner:
     /// origin, and direction.
     #[inline]
-    pub fn line(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
+    pub(crate) fn line(&self, x: f64, y: f64) -> ([f64; 3], [f64; 3]) {
         self.camera.ray((2.0 * x - self.width) / self.width, (self.height - 2.0 * y) / self.height)
     }
 

@@ -35,7 +35,7 @@ impl GridSpace {
     ///
     /// # Errors
     /// As [`GridSpace::new`].
-    pub fn placed(dims: Dims, affine: &Affine, placement: &Affine) -> Result<Self, RenderError> {
+    pub(crate) fn placed(dims: Dims, affine: &Affine, placement: &Affine) -> Result<Self, RenderError> {
         Self::of(dims, &placement.after(affine), affine.spacing_mm())
     }
 

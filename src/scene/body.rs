@@ -85,13 +85,13 @@ impl<'a> Part<'a> {
 
     /// The same, in colours of the model.
     #[must_use]
-    pub fn colored(self, colors: Option<Colors<'a>>) -> Self {
+    pub(crate) fn colored(self, colors: Option<Colors<'a>>) -> Self {
         Self { colors, ..self }
     }
 
     /// The same, with labels, of which some may be hidden or not solid.
     #[must_use]
-    pub fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
+    pub(crate) fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
         Self { opacity, ..self }
     }
 
@@ -138,7 +138,7 @@ impl<'a> Part<'a> {
     }
 
     /// Greatest `direction . p` over its points p, in mm.
-    pub fn support(&self, direction: [f64; 3]) -> f64 {
+    pub(crate) fn support(&self, direction: [f64; 3]) -> f64 {
         self.space.support(self.view, direction)
     }
 

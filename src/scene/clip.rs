@@ -41,12 +41,12 @@ impl Clip {
     }
 
     /// Is nothing cut away?
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         self.planes.is_empty()
     }
 
     /// The planes.
-    pub fn planes(&self) -> &[CutPlane] {
+    pub(crate) fn planes(&self) -> &[CutPlane] {
         &self.planes
     }
 

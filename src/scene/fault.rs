@@ -22,7 +22,7 @@ pub struct SceneError {
 
 impl SceneError {
     /// Who has to act on it, hence the exit code.
-    pub fn kind(&self) -> ExitKind {
+    pub(crate) fn kind(&self) -> ExitKind {
         ExitKind::Input
     }
 

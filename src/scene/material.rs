@@ -115,7 +115,7 @@ fn color_of(code: u32) -> [f64; 3] {
 
 impl Coloring {
     /// That of a preset.
-    pub fn preset(name: &str) -> Self {
+    pub(crate) fn preset(name: &str) -> Self {
         match RAMPS.iter().find(|(known, _)| *known == name) {
             Some((_, ramp)) => {
                 Self::Values(ramp.iter().map(|(value, code)| (*value, color_of(*code))).collect())
@@ -125,7 +125,7 @@ impl Coloring {
     }
 
     /// The channel that it needs.
-    pub fn channel(&self) -> Option<Channel> {
+    pub(crate) fn channel(&self) -> Option<Channel> {
         match self {
             Self::Own => None,
             Self::Stored => Some(Channel::Color),
@@ -210,7 +210,7 @@ impl Material {
     }
 
     /// Does light pass through?
-    pub fn is_clear(&self) -> bool {
+    pub(crate) fn is_clear(&self) -> bool {
         self.clear > 0.0 && self.mirror < 1.0
     }
 

@@ -24,9 +24,4 @@ impl Rays {
         add_counts!(self, other: primary, hits, shadow, mirrored, refracted, ambient);
         self
     }
-
-    /// All that did not come from the eye.
-    pub fn secondary(&self) -> u64 {
-        self.shadow + self.mirrored + self.refracted + self.ambient
-    }
 }

@@ -37,7 +37,7 @@ const CUT_COLOR: [f64; 3] = [0.50, 0.13, 0.09];
 
 impl Scene {
     /// One model by itself, in the usual light.
-    pub fn of_model(file: PathBuf) -> Self {
+    pub(crate) fn of_model(file: PathBuf) -> Self {
         let placement = Placement { scale: [1.0; 3], turn_deg: [0.0; 3], pivot: [0.0; 3], at: [0.0; 3] };
         let model = SceneModel {
             file,
@@ -61,7 +61,7 @@ impl Scene {
     }
 
     /// Cuts away what is outside of a box of the scene: low and high bounds along each axis in mm, which may be infinite.
-    pub fn cut(&mut self, bounds: [[f64; 2]; 3]) {
+    pub(crate) fn cut(&mut self, bounds: [[f64; 2]; 3]) {
         let mut planes = Vec::new();
         for (axis, [low, high]) in bounds.into_iter().enumerate() {
             let mut normal = [0.0; 3];

@@ -70,7 +70,8 @@ pub enum BurnedIn {
 
 impl BurnedIn {
     /// Every reason.
-    pub const ALL: [Self; 4] = [Self::Stated, Self::Ultrasound, Self::SecondaryCapture, Self::ScreenCapture];
+    pub(crate) const ALL: [Self; 4] =
+        [Self::Stated, Self::Ultrasound, Self::SecondaryCapture, Self::ScreenCapture];
 }
 
 /// The files behind a volume.

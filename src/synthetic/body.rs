@@ -96,7 +96,7 @@ impl Body {
     /// does not within `farthest`. Places in units; `direction` is taken at length 1.
     ///
     /// Cost: some ten distances, hundreds for a ray that nearly touches. One that touches within 1e-9 counts as a hit.
-    pub fn cast(&self, origin: [f64; 3], direction: [f64; 3], farthest: f64) -> Option<f64> {
+    pub(crate) fn cast(&self, origin: [f64; 3], direction: [f64; 3], farthest: f64) -> Option<f64> {
         let direction = unit(direction);
         let mut t = 0.0;
         for _ in 0..MAX_STEPS {

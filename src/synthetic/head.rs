@@ -70,9 +70,7 @@ pub struct SyntheticHead {
 
 impl SyntheticHead {
     /// Threshold for the skull.
-    pub const BONE_ISO_HU: f64 = 400.0;
-    /// Threshold for the skin.
-    pub const SKIN_ISO_HU: f64 = -400.0;
+    pub(crate) const BONE_ISO_HU: f64 = 400.0;
 
     /// A head of `side` voxels along each axis, or `None` unless that is 1..=65536.
     pub fn new(side: u32) -> Option<Self> {

@@ -83,7 +83,7 @@ impl AnalyticVolume {
     }
 
     /// The body.
-    pub fn body(&self) -> &Body {
+    pub(crate) fn body(&self) -> &Body {
         &self.body
     }
 
@@ -96,11 +96,6 @@ impl AnalyticVolume {
     /// Size in voxels.
     pub fn dims(&self) -> Dims {
         self.info.dims
-    }
-
-    /// Length in mm of a unit, the finest distance of samples.
-    pub fn unit_mm(&self) -> f64 {
-        self.unit_mm
     }
 
     /// The place in units, from the volume's low corner, of a point of the model's world in LPS mm.

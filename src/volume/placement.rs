@@ -24,7 +24,7 @@ const TOLERANCE: f64 = 1e-5;
 
 impl Placement {
     /// Is nothing stated?
-    pub fn is_empty(&self) -> bool {
+    pub(crate) fn is_empty(&self) -> bool {
         *self == Self::default()
     }
 

@@ -44,7 +44,7 @@ impl ScalarType {
     }
 
     /// Position in [`ScalarType::ALL`]: the code in the file format.
-    pub fn code(self) -> u8 {
+    pub(crate) fn code(self) -> u8 {
         self as u8
     }
 

@@ -30,7 +30,7 @@ pub struct Machine {
 
 impl Machine {
     /// This one, now.
-    pub fn here() -> Self {
+    pub(crate) fn here() -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").into(),
             measured: utc(SystemTime::now().duration_since(UNIX_EPOCH).map_or(0, |d| d.as_secs())),

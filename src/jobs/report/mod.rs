@@ -179,7 +179,7 @@ fn subjects(names: &[String]) -> Vec<String> {
 
 impl Report {
     /// One line for each row, with a head.
-    pub fn csv(&self) -> String {
+    pub(crate) fn csv(&self) -> String {
         let mut text = format!(
             "experiment,subject,choice,default,on_front,{},{}\n",
             Costs::NAMES.join(","),

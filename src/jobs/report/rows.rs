@@ -84,15 +84,15 @@ pub struct Costs {
 
 impl Costs {
     /// Names of the costs, in the order of [`Costs::values`].
-    pub const NAMES: [&'static str; 6] =
+    pub(crate) const NAMES: [&'static str; 6] =
         ["build_s", "ns_per_ray", "memory_bytes", "file_bytes", "boxes", "spread_percent"];
     /// The same for people.
-    pub const TITLES: [&'static str; 6] =
+    pub(crate) const TITLES: [&'static str; 6] =
         ["build, s", "ray, ns", "memory, bytes", "file, bytes", "boxes", "spread of times, %"];
 
     /// All as numbers.
     #[expect(clippy::cast_precision_loss, reason = "sizes far below 2^53")]
-    pub fn values(&self) -> [Option<f64>; 6] {
+    pub(crate) fn values(&self) -> [Option<f64>; 6] {
         [
             self.build_s,
             self.ns_per_ray,
@@ -161,7 +161,7 @@ pub enum Metric {
 
 impl Metric {
     /// All of them, in the order of tables.
-    pub const ALL: [Self; 9] = [
+    pub(crate) const ALL: [Self; 9] = [
         Self::DepthRms,
         Self::DepthP99,
         Self::DepthMax,
@@ -174,7 +174,7 @@ impl Metric {
     ];
 
     /// Its name in files.
-    pub fn key(self) -> &'static str {
+    pub(crate) fn key(self) -> &'static str {
         [
             "depth_rms_voxels",
             "depth_p99_voxels",
@@ -189,7 +189,7 @@ impl Metric {
     }
 
     /// The same for people.
-    pub fn title(self) -> &'static str {
+    pub(crate) fn title(self) -> &'static str {
         [
             "distance RMS, voxels",
             "distance p99, voxels",

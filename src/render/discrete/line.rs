@@ -126,11 +126,6 @@ impl Line {
         self.axis
     }
 
-    /// Depth of the grid.
-    pub fn depth(&self) -> u32 {
-        self.depth
-    }
-
     /// Points of floor, middle and ceiling of the boxes from `w` to `w + edge` along the main axis, in cells of the
     /// walk's frame (the paper, equation 1). The walk itself finds them by halving, with the same result.
     pub fn points(&self, w: u32, edge: u32) -> [Point; 3] {

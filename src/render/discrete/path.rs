@@ -119,7 +119,7 @@ impl Visits {
 
     /// The first, and what follows; `None` when all are visited.
     #[inline]
-    pub const fn pop(self) -> Option<(u32, Self)> {
+    pub(crate) const fn pop(self) -> Option<(u32, Self)> {
         if self.count() == 0 {
             return None;
         }
@@ -137,10 +137,10 @@ pub struct Table(Box<[u32]>);
 
 impl Table {
     /// Entries.
-    pub const ENTRIES: usize = 1 << 14;
+    pub(crate) const ENTRIES: usize = 1 << 14;
 
     /// The table of this process, made when it is first asked for.
-    pub fn shared() -> &'static Self {
+    pub(crate) fn shared() -> &'static Self {
         static SHARED: std::sync::OnceLock<Table> = std::sync::OnceLock::new();
         SHARED.get_or_init(Self::default)
     }
@@ -154,7 +154,7 @@ impl Table {
 
     /// The children to visit.
     #[inline]
-    pub fn visits(&self, index: usize) -> Visits {
+    pub(crate) fn visits(&self, index: usize) -> Visits {
         Visits(self.0[index % Self::ENTRIES])
     }
 }

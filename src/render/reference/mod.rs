@@ -21,7 +21,7 @@ pub struct BitVolume {
 
 impl BitVolume {
     /// Deepest grid that may be decoded: 2^30 cells in 128 MiB.
-    pub const MAX_DEPTH: u32 = 10;
+    pub(crate) const MAX_DEPTH: u32 = 10;
 
     /// An empty volume of 2^depth cells a side, or `None` over [`BitVolume::MAX_DEPTH`].
     pub fn new(depth: u32) -> Option<Self> {
@@ -53,11 +53,6 @@ impl BitVolume {
         Some(volume)
     }
 
-    /// Depth of the grid.
-    pub fn depth(&self) -> u32 {
-        self.depth
-    }
-
     fn index(&self, cell: [u32; 3]) -> Option<usize> {
         let side = 1_usize << self.depth;
         let [x, y, z] = cell.map(|c| c as usize);
@@ -76,14 +71,6 @@ impl BitVolume {
     /// Is the cell skin? Outside the grid nothing is.
     pub fn get(&self, cell: [u32; 3]) -> bool {
         self.index(cell).and_then(|at| self.words.get(at / 64).map(|w| w >> (at % 64) & 1)) == Some(1)
-    }
-
-    /// All skin cells, x fastest.
-    pub fn cells(&self) -> impl Iterator<Item = [u32; 3]> {
-        let side = 1_u32 << self.depth;
-        (0..side)
-            .flat_map(move |z| (0..side).flat_map(move |y| (0..side).map(move |x| [x, y, z])))
-            .filter(|cell| self.get(*cell))
     }
 }
 

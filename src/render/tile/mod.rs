@@ -231,7 +231,7 @@ impl TileHits {
 
     /// Bricks that a ray was compared with, alone or with its tile.
     #[inline]
-    pub fn steps(&self, ray: usize) -> u32 {
+    pub(crate) fn steps(&self, ray: usize) -> u32 {
         self.steps.get(ray).copied().unwrap_or(0)
     }
 }

@@ -260,7 +260,7 @@ impl DicomHeader {
     }
 
     /// Kind of object, in words without patient data: `CT image`, `DICOMDIR`, ...
-    pub fn kind(&self) -> String {
+    pub(crate) fn kind(&self) -> String {
         let class = self.sop_class.strip_prefix("1.2.840.10008.").unwrap_or(&self.sop_class);
         let known = match class {
             "1.3.10" => "DICOMDIR",
