@@ -110,8 +110,6 @@ impl Samples<'_> {
         }
         let to = match kind {
             Kind(SurfaceKind::Skin, _) => target.map(|c| c as f64 + 0.9 * (random.unit() - 0.5)),
-            // Larger leaves may lie before a point between samples, but never before a sample.
-            Kind(_, Some(_)) => target.map(|c| c as f64),
             Kind(..) if !self.is_solid(target) => return None,
             Kind(..) => target.map(|c| c as f64 + 0.01 + 0.98 * random.unit()),
         };
