@@ -27,7 +27,7 @@ use crate::builder::Progress;
 use crate::facts::{SourceError, SourceFault};
 use crate::geom::Affine;
 use crate::platform::FileExt;
-use crate::scratch::unnamed;
+use crate::scratch::{PageCache, unnamed};
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 
 /// Cells of a brick along each axis, and its samples: those at both ends.
@@ -41,7 +41,7 @@ const LAID: u32 = 32;
 /// Parts of the distance of two samples.
 const PARTS: i64 = 4096;
 
-const CACHE_BYTES: u64 = (SLOTS * (BRICK * size_of::<f32>() + size_of::<u64>())) as u64;
+const CACHE_BYTES: u64 = Cache::memory_bytes(SLOTS, BRICK);
 pub(super) const LAYING_BYTES: u64 =
     (SAMPLES * SAMPLES * (CELLS * LAID + 1) as usize * 4 + LAID as usize * BRICK * 4 + (64 << 10)) as u64;
 
@@ -60,17 +60,8 @@ pub(super) struct ResampledVolume<'a> {
     caches: Mutex<Vec<Cache>>,
 }
 
-/// Bricks in memory, each in the slot of its number.
-struct Cache {
-    numbers: Vec<u64>,
-    samples: Vec<f32>,
-}
-
-impl Cache {
-    fn new() -> Self {
-        Self { numbers: vec![u64::MAX; SLOTS], samples: vec![0.0; SLOTS * BRICK] }
-    }
-}
+/// Bricks in memory, by number.
+type Cache = PageCache<u64, f32>;
 
 /// The samples of a file, in native byte order, as singles.
 fn singles(scalar: ScalarType, bytes: &[u8], out: &mut [f32]) {
@@ -200,16 +191,12 @@ impl<'a> ResampledVolume<'a> {
     fn brick<'c>(&self, number: u64, cache: &'c mut Cache) -> Result<&'c [f32], SourceError> {
         // Neighbours along any axis fall into different slots, nearly always.
         let slot = (number.wrapping_mul(0x9e37_79b9_7f4a_7c15) >> 40) as usize % SLOTS;
-        let samples = &mut cache.samples[slot * BRICK..][..BRICK];
-        if cache.numbers[slot] != number {
-            cache.numbers[slot] = u64::MAX;
+        cache.get(slot, number, |samples| {
             let at = number * (BRICK * size_of::<f32>()) as u64;
-            self.file.read_exact_at(bytemuck::cast_slice_mut(samples), at).map_err(|cause| {
-                SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause })
-            })?;
-            cache.numbers[slot] = number;
-        }
-        Ok(samples)
+            self.file
+                .read_exact_at(bytemuck::cast_slice_mut(samples), at)
+                .map_err(|cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause }))
+        })
     }
 
     /// The value at a voxel's middle.
@@ -268,7 +255,7 @@ impl VolumeSource for ResampledVolume<'_> {
         out: &mut [u8],
     ) -> Result<(), SourceError> {
         let free = self.caches.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let mut cache = free.unwrap_or_else(Cache::new);
+        let mut cache = free.unwrap_or_else(|| Cache::new(SLOTS, BRICK, 0.0));
         let width = cols.len();
         for (y, row) in rows.zip(out.chunks_exact_mut(width * size_of::<f32>())) {
             for (x, out) in cols.clone().zip(row.chunks_exact_mut(size_of::<f32>())) {

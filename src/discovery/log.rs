@@ -9,13 +9,12 @@
 //! ```
 
 use std::ffi::OsStr;
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::facts::SourceFault;
-use crate::platform::{FileExt, OsStrExt};
-use crate::scratch::unnamed;
+use crate::platform::OsStrExt;
+use crate::scratch::Appended;
 use crate::volume::{Result, SourceError};
 
 /// No record: the end of a chain.
@@ -45,21 +44,18 @@ pub(super) struct Record {
     pub(super) path: PathBuf,
 }
 
-/// Records in an anonymous scratch file, the last ones in memory.
+/// Records in an unnamed scratch file, the last ones in memory.
 #[derive(Debug)]
-pub(super) struct Log {
-    folder: PathBuf,
-    file: Option<File>,
-    /// Bytes in the file.
-    written: u64,
-    /// The bytes after those.
-    tail: Vec<u8>,
-}
+pub(super) struct Log(Appended);
 
 impl Log {
     /// An empty log; `folder` takes the scratch file, once there is need of one.
     pub(super) fn new(folder: &Path) -> Self {
-        Self { folder: folder.to_path_buf(), file: None, written: 0, tail: Vec::new() }
+        Self(Appended::new(folder, MEMORY_BYTES))
+    }
+
+    fn failed(&self, cause: io::Error) -> SourceError {
+        SourceError::from(SourceFault::Scratch { path: self.0.folder().to_path_buf(), cause })
     }
 
     /// Adds a record and returns its offset.
@@ -69,35 +65,19 @@ impl Log {
     pub(super) fn push(&mut self, record: &Record) -> Result<u64> {
         let path = record.path.as_os_str().as_bytes();
         let path = path.get(..path.len().min(MAX_PATH_BYTES)).unwrap_or(&[]);
-        if self.tail.len() + HEAD_BYTES + path.len() > MEMORY_BYTES {
-            self.spill().map_err(|cause| {
-                SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause })
-            })?;
-        }
-        let offset = self.written + self.tail.len() as u64;
+        let mut bytes = Vec::with_capacity(HEAD_BYTES + path.len());
         for word in [record.before, record.size, record.changed] {
-            self.tail.extend_from_slice(&word.to_le_bytes());
+            bytes.extend_from_slice(&word.to_le_bytes());
         }
-        self.tail.extend_from_slice(&record.input.to_le_bytes());
-        self.tail.extend_from_slice(&u32::try_from(path.len()).unwrap_or(0).to_le_bytes());
-        self.tail.extend_from_slice(path);
-        Ok(offset)
+        bytes.extend_from_slice(&record.input.to_le_bytes());
+        bytes.extend_from_slice(&u32::try_from(path.len()).unwrap_or(0).to_le_bytes());
+        bytes.extend_from_slice(path);
+        self.0.push(&bytes).map_err(|cause| self.failed(cause))
     }
 
     /// Gives back memory that no record waits in.
     pub(super) fn shrink(&mut self) {
-        self.tail.shrink_to_fit();
-    }
-
-    fn spill(&mut self) -> io::Result<()> {
-        let file = match &self.file {
-            Some(file) => file,
-            None => self.file.insert(unnamed(&self.folder)?),
-        };
-        file.write_all_at(&self.tail, self.written)?;
-        self.written += self.tail.len() as u64;
-        self.tail.clear();
-        Ok(())
+        self.0.shrink();
     }
 
     /// The record at an offset that [`Log::push`] returned.
@@ -105,44 +85,18 @@ impl Log {
     /// # Errors
     /// [`SourceError`] when the disk fails.
     pub(super) fn get(&self, offset: u64) -> Result<Record> {
-        self.read(offset)
-            .map_err(|cause| SourceError::from(SourceFault::Scratch { path: self.folder.clone(), cause }))
+        self.read(offset).map_err(|cause| self.failed(cause))
     }
 
+    #[expect(clippy::cast_possible_truncation, reason = "two numbers of 32 bits in one of 64")]
     fn read(&self, offset: u64) -> io::Result<Record> {
         let mut head = [0; HEAD_BYTES];
-        self.bytes(offset, &mut head)?;
-        let word = |at: usize| {
-            let bytes = head.get(at..at + 8).and_then(|b| <[u8; 8]>::try_from(b).ok());
-            bytes.map_or(0, u64::from_le_bytes)
-        };
-        let half = |at: usize| {
-            let bytes = head.get(at..at + 4).and_then(|b| <[u8; 4]>::try_from(b).ok());
-            bytes.map_or(0, u32::from_le_bytes)
-        };
-        let mut path = vec![0; (half(28) as usize).min(MAX_PATH_BYTES)];
-        self.bytes(offset + HEAD_BYTES as u64, &mut path)?;
-        Ok(Record {
-            before: word(0),
-            size: word(8),
-            changed: word(16),
-            input: half(24),
-            path: PathBuf::from(OsStr::from_bytes(&path)),
-        })
-    }
-
-    fn bytes(&self, offset: u64, out: &mut [u8]) -> io::Result<()> {
-        if let Some(start) = offset.checked_sub(self.written) {
-            let start = usize::try_from(start).unwrap_or(usize::MAX);
-            let end = start.checked_add(out.len());
-            let part = end.and_then(|end| self.tail.get(start..end));
-            out.copy_from_slice(part.ok_or(io::ErrorKind::UnexpectedEof)?);
-            return Ok(());
-        }
-        match &self.file {
-            Some(file) => file.read_exact_at(out, offset),
-            None => Err(io::ErrorKind::UnexpectedEof.into()),
-        }
+        self.0.read_at(&mut head, offset)?;
+        let [before, size, changed, last] = bytemuck::cast::<_, [[u8; 8]; 4]>(head).map(u64::from_le_bytes);
+        let mut path = vec![0; ((last >> 32) as usize).min(MAX_PATH_BYTES)];
+        self.0.read_at(&mut path, offset + HEAD_BYTES as u64)?;
+        let (input, path) = (last as u32, PathBuf::from(OsStr::from_bytes(&path)));
+        Ok(Record { before, size, changed, input, path })
     }
 
     /// All records, in the order in which they were added.
@@ -150,7 +104,7 @@ impl Log {
     /// # Errors
     /// As [`Log::get`], for each.
     pub(super) fn all(&self) -> impl Iterator<Item = Result<Record>> + '_ {
-        let end = self.written + self.tail.len() as u64;
+        let end = self.0.len();
         let mut next = 0;
         std::iter::from_fn(move || {
             if next >= end {
@@ -198,9 +152,7 @@ mod tests {
         for i in 0..6000 {
             let before = last[i % 3];
             last[i % 3] = log.push(&record(i, before)).unwrap();
-            assert!(log.tail.capacity() <= 2 * MEMORY_BYTES);
         }
-        assert!(log.file.is_some() && !log.tail.is_empty());
         for (part, last) in last.into_iter().enumerate() {
             let found: Vec<Record> = log.chain(last).map(Result::unwrap).collect();
             assert_eq!(found.len(), 2000);
@@ -210,14 +162,5 @@ mod tests {
         }
         assert!(log.get(u64::MAX - 1).is_err());
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0, "the scratch file has no name");
-    }
-
-    #[test]
-    fn a_missing_scratch_folder_matters_only_when_it_is_needed() {
-        let mut log = Log::new(Path::new("missing/folder"));
-        let long = Record { before: NONE, size: 0, changed: 0, input: 0, path: "x".repeat(4000).into() };
-        let failed = (0..100).find_map(|i| log.push(&long).err().map(|e| (i, e)));
-        let (i, error) = failed.unwrap();
-        assert!(i > 10 && error.to_string().contains("missing/folder"), "{i}: {error}");
     }
 }

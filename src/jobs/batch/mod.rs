@@ -213,7 +213,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         threads: (request.build.threads / jobs).max(1),
         options: options_fingerprint(request),
         key: Key::of(&request.out).map_err(out_error)?,
-        journal: Journal::create(&scratch).map_err(out_error)?,
+        journal: Journal::new(&scratch),
         opening: Mutex::default(),
         claims: Claims::default(),
         broken: Mutex::default(),

@@ -1,7 +1,7 @@
 //! What a batch remembers of each volume: a record beside its model, by which a later run sees that the
 //! work is done, and the journal of this run, from which reports are written.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -10,8 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
 use crate::exit::ExitKind;
-use crate::platform::{FileExt, open_file};
-use crate::scratch::unnamed;
+use crate::platform::open_file;
+use crate::scratch::Appended;
 use crate::source::BurnedIn;
 
 /// What became of a volume.
@@ -270,10 +270,7 @@ impl Record {
 
 /// The items of this run, in an unnamed file; 32 bytes of memory for each.
 #[derive(Debug)]
-pub(super) struct Journal {
-    file: File,
-    index: Mutex<Vec<Place>>,
-}
+pub(super) struct Journal(Mutex<(Appended, Vec<Place>)>);
 
 #[derive(Clone, Copy, Debug)]
 struct Place {
@@ -283,27 +280,28 @@ struct Place {
     len: usize,
 }
 
+/// Bytes of items that wait in memory.
+const JOURNAL_BYTES: usize = 16 << 10;
+
 impl Journal {
-    pub(super) fn create(folder: &Path) -> io::Result<Self> {
-        Ok(Self { file: unnamed(folder)?, index: Mutex::default() })
+    pub(super) fn new(folder: &Path) -> Self {
+        Self(Mutex::new((Appended::new(folder, JOURNAL_BYTES), Vec::new())))
     }
 
     pub(super) fn add(&self, order: (usize, usize), item: &Item) -> io::Result<()> {
         let text = serde_json::to_vec(item)?;
-        let mut index = self.index.lock().unwrap_or_else(PoisonError::into_inner);
-        let offset = index.last().map_or(0, |place| place.offset + place.len as u64);
-        self.file.write_all_at(&text, offset)?;
-        index.push(Place { order, offset, len: text.len() });
+        let (texts, index) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
+        index.push(Place { order, offset: texts.push(&text)?, len: text.len() });
         Ok(())
     }
 
     /// Every item, in the order of the catalogue, whatever order they were finished in.
     pub(super) fn for_each(&self, work: &mut dyn FnMut(Item) -> io::Result<()>) -> io::Result<()> {
-        let mut places = self.index.lock().unwrap_or_else(PoisonError::into_inner).clone();
+        let (texts, places) = &mut *self.0.lock().unwrap_or_else(PoisonError::into_inner);
         places.sort_by_key(|place| place.order);
         for place in places {
             let mut text = vec![0; place.len];
-            self.file.read_exact_at(&mut text, place.offset)?;
+            texts.read_at(&mut text, place.offset)?;
             work(serde_json::from_slice(&text)?)?;
         }
         Ok(())
@@ -369,7 +367,7 @@ pub(super) mod tests {
     #[test]
     fn the_journal_gives_items_in_order() {
         let folder = tempfile::tempdir().unwrap();
-        let journal = Journal::create(folder.path()).unwrap();
+        let journal = Journal::new(folder.path());
         for (at, name) in [((2, 0), "c"), ((0, 1), "b"), ((0, 0), "a")] {
             journal.add(at, &item(name)).unwrap();
         }

@@ -27,7 +27,7 @@ use crate::geom::Level;
 use crate::load::{Cursor, Frame};
 use crate::platform::{FileExt, open_file};
 use crate::progress::Progress;
-use crate::scratch::unnamed;
+use crate::scratch::{Chains, unnamed};
 
 /// Most levels of nodes.
 const MAX_LEVELS: usize = 16;
@@ -41,8 +41,6 @@ const MAX_CHUNK: usize = 8 << 10;
 const ALL_CHUNKS: usize = 256 << 10;
 /// Bytes of a record's Morton code.
 const WORD: usize = size_of::<u64>();
-/// Bytes before a chunk: the place of the next one, and how long this one is.
-const HEAD: usize = 2 * WORD;
 
 /// Writes the model of each label of the model at `input` to the path of the same place in `outputs`, and gives its
 /// cells and bytes; 0 for a label of which nothing is to be seen, which has no model.
@@ -71,19 +69,22 @@ pub(crate) fn split(
         return Err(UsageError::Labels { path: input.to_path_buf(), doing: "split" }.into());
     }
     let layout = Layout::of(&frame);
-    let held = frame.labels.len() * (size_of::<Bucket>() + WORD + layout.chunk);
-    let _memory = Budget::of(memory).reserve(STREAMS + held as u64).map_err(|refused| {
+    let labels = frame.labels.len();
+    let held = Chains::memory_bytes(labels, layout.chunk) + (labels * size_of::<Bucket>()) as u64;
+    let _memory = Budget::of(memory).reserve(STREAMS + held).map_err(|refused| {
         let limit_bytes = memory.bytes();
         let minimum_bytes = limit_bytes.saturating_add(refused.missing_bytes());
         BuildError::from(BuildFault::BudgetTooSmall { name: name.to_owned(), limit_bytes, minimum_bytes })
     })?;
     let file = unnamed(scratch).map_err(unwritable)?;
-    let mut buckets = Buckets::new(&file, &frame, layout);
+    let mut buckets = Buckets::new(file, &frame, layout);
     buckets.fill(&source, &frame, progress).map_err(|stop| at(stop, scratch))?;
     progress.check().map_err(|_| Error::Stopped)?;
     progress.stage("labels", frame.labels.len() as u64);
     let mut made = Vec::with_capacity(frame.labels.len());
-    for ((bucket, label), output) in buckets.all.iter().zip(&frame.labels).zip(outputs) {
+    let buckets = &buckets;
+    for (((number, bucket), label), output) in buckets.all.iter().enumerate().zip(&frame.labels).zip(outputs)
+    {
         progress.step(1).map_err(|_| Error::Stopped)?;
         if bucket.voxels == 0 {
             made.push([0; 2]);
@@ -91,7 +92,8 @@ pub(crate) fn split(
         }
         let unwritable = |cause| Error::Output { path: output.clone(), cause };
         let out = AtomicFile::create(output).map_err(unwritable)?;
-        let model = write(&buckets, bucket, &frame, label, out.file()).map_err(|stop| at(stop, output))?;
+        let model =
+            write(buckets, (number, bucket), &frame, label, out.file()).map_err(|stop| at(stop, output))?;
         out.commit().map_err(unwritable)?;
         made.push([bucket.voxels, model.header.file_bytes]);
     }
@@ -262,12 +264,9 @@ impl<'a> Voxels<'a> {
     }
 }
 
-/// The records of one label: a chain of chunks.
+/// Totals of the records of one label.
 struct Bucket {
-    first: u64,
-    at: u64,
-    /// The present chunk, without its head.
-    records: Vec<u8>,
+    /// Code of the last record.
     last: u64,
     voxels: u64,
     /// Cells with an item of walls.
@@ -276,11 +275,11 @@ struct Bucket {
     nodes: [u64; MAX_LEVELS],
 }
 
-struct Buckets<'a> {
-    file: &'a File,
+/// The records of all labels.
+struct Buckets {
+    records: Chains,
     depth: usize,
     layout: Layout,
-    end: u64,
     all: Vec<Bucket>,
 }
 
@@ -290,21 +289,13 @@ fn shared_levels(a: u64, b: u64, depth: usize) -> usize {
     (depth + 1).saturating_sub(bits.div_ceil(3)).min(depth)
 }
 
-impl<'a> Buckets<'a> {
-    fn new(file: &'a File, frame: &Frame, layout: Layout) -> Self {
-        let step = (HEAD + layout.chunk) as u64;
-        let bucket = |at| Bucket {
-            first: at * step,
-            at: at * step,
-            records: Vec::with_capacity(layout.chunk),
-            last: 0,
-            voxels: 0,
-            items: 0,
-            nodes: [0; MAX_LEVELS],
-        };
-        let labels = frame.labels.len() as u64;
-        let all = (0..labels).map(bucket).collect();
-        Self { file, depth: frame.dims().depth() as usize, layout, end: labels * step, all }
+impl Buckets {
+    fn new(file: File, frame: &Frame, layout: Layout) -> Self {
+        let bucket = || Bucket { last: 0, voxels: 0, items: 0, nodes: [0; MAX_LEVELS] };
+        let labels = frame.labels.len();
+        let all = std::iter::repeat_with(bucket).take(labels).collect();
+        let records = Chains::new(file, labels, layout.chunk);
+        Self { records, depth: frame.dims().depth() as usize, layout, all }
     }
 
     /// Takes every cell of a model for each of its labels.
@@ -337,70 +328,38 @@ impl<'a> Buckets<'a> {
                 progress.check().map_err(io::Error::other).map_err(Stop::Output)?;
             }
         }
-        for at in 0..self.all.len() {
-            self.flush(at)?;
-        }
         Ok(())
     }
 
     fn push(&mut self, at: usize, record: &[u8]) -> Result<(), Stop> {
         let (depth, layout) = (self.depth, self.layout);
-        if self.all.get(at).is_some_and(|bucket| bucket.records.len() + record.len() > layout.chunk) {
-            self.flush(at)?;
-        }
         let Some((bucket, code)) = self.all.get_mut(at).zip(record.first_chunk()) else { return Ok(()) };
         let code = u64::from_le_bytes(*code);
         let shared = if bucket.voxels == 0 { 0 } else { shared_levels(bucket.last, code, depth) };
         bucket.nodes[shared..depth].iter_mut().for_each(|nodes| *nodes += 1);
         (bucket.last, bucket.voxels) = (code, bucket.voxels + 1);
         bucket.items += u64::from(layout.has_item(record));
-        bucket.records.extend_from_slice(record);
-        Ok(())
+        self.records.push(at, record).map_err(Stop::Output)
     }
 
-    fn flush(&mut self, at: usize) -> Result<(), Stop> {
-        let next = self.end;
-        self.end += (HEAD + self.layout.chunk) as u64;
-        let Some(bucket) = self.all.get_mut(at) else { return Ok(()) };
-        let (file, mut head) = (self.file, [0; HEAD]);
-        head[..WORD].copy_from_slice(&next.to_le_bytes());
-        head[WORD..].copy_from_slice(&(bucket.records.len() as u64).to_le_bytes());
-        let written = file.write_all_at(&head, bucket.at);
-        written
-            .and_then(|()| file.write_all_at(&bucket.records, bucket.at + HEAD as u64))
-            .map_err(Stop::Output)?;
-        bucket.at = next;
-        bucket.records.clear();
-        Ok(())
-    }
-
-    /// Calls `found` with the records of a bucket, in their order: code, items and that of walls.
+    /// Calls `found` with the records of a label, in their order: code, items and that of walls.
     fn for_each(
         &self,
-        bucket: &Bucket,
+        label: usize,
         mut found: impl FnMut(u64, &[u8], &[u8]) -> Result<(), Stop>,
     ) -> Result<(), Stop> {
-        let Layout { record, chunk, .. } = self.layout;
-        let (mut at, mut left, mut bytes) = (bucket.first, bucket.voxels, vec![0; chunk]);
-        while left > 0 {
-            let mut head = [0; HEAD];
-            self.file.read_exact_at(&mut head, at).map_err(Stop::Output)?;
-            let [next, length] =
-                [0, WORD].map(|from| head[from..].first_chunk().map_or(0, |word| u64::from_le_bytes(*word)));
-            let used = usize::try_from(length).unwrap_or(0).min(chunk);
-            let mut rest = &mut bytes[..used];
-            self.file.read_exact_at(rest, at + HEAD as u64).map_err(Stop::Output)?;
+        let record = self.layout.record;
+        self.records.for_each_chunk(label, Stop::Output, |mut rest| {
             while rest.len() >= record {
                 let length = if self.layout.has_item(rest) { record + WALL_BYTES } else { record };
-                let (one, after) = rest.split_at_mut(length.min(rest.len()));
+                let (one, after) = rest.split_at(length.min(rest.len()));
                 let (items, walls) = one.split_at(record);
                 let (code, items) = items.split_first_chunk().unwrap_or((&[0; WORD], &[]));
                 found(u64::from_le_bytes(*code), items, walls)?;
-                (rest, left) = (after, left.saturating_sub(1));
+                rest = after;
             }
-            at = next;
-        }
-        Ok(())
+            Ok(())
+        })
     }
 }
 
@@ -440,8 +399,8 @@ const LABEL_BLOCK: u64 = (LABEL_GROUP / 8) as u64;
 
 /// Writes the model of one label.
 fn write(
-    buckets: &Buckets<'_>,
-    bucket: &Bucket,
+    buckets: &Buckets,
+    (number, bucket): (usize, &Bucket),
     frame: &Frame,
     label: &Label,
     out: &File,
@@ -464,7 +423,7 @@ fn write(
             .try_for_each(|d| levels[d].write(&[std::mem::take(&mut open[d])]))
             .map_err(Stop::Output)
     };
-    buckets.for_each(bucket, |code, bytes, item| {
+    buckets.for_each(number, |code, bytes, item| {
         let shared = last.replace(code).map_or(0, |last| shared_levels(last, code, depth));
         if bucket.voxels > 0 && open[0] != 0 {
             close(&mut open, shared)?;

@@ -1,66 +1,27 @@
 //! Looks of triangles by their numbers: a scratch file for each kind, with holes where triangles lack it.
 
-use std::fs::File;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use crate::platform::FileExt;
+use crate::scratch::Appended;
 
 use super::super::read::Look;
 
-/// Numbers of a triangle's kinds: material with part and kinds, colours, places and normals.
-const NUMBERS: [usize; 4] = [2, 9, 6, 9];
 /// Bytes written at a time.
 const BUFFER: usize = 32 << 10;
 
-#[derive(Debug, Default)]
-struct Column {
-    file: Option<File>,
-    buffer: Vec<u8>,
-    /// Triangle that the buffer begins with.
-    first: u64,
-}
-
-impl Column {
-    fn flush(&mut self, record: usize) -> io::Result<()> {
-        if let (Some(file), false) = (&self.file, self.buffer.is_empty()) {
-            file.write_all_at(&self.buffer, self.first * record as u64)?;
-        }
-        self.buffer.clear();
-        Ok(())
-    }
-
-    fn put(&mut self, number: u64, values: &[u32], folder: &Path) -> io::Result<()> {
-        let record = 4 * values.len();
-        if self.file.is_none() {
-            self.file = Some(crate::scratch::unnamed(folder)?);
-        }
-        let next = self.first + (self.buffer.len() / record) as u64;
-        if next != number || self.buffer.len() + record > BUFFER {
-            self.flush(record)?;
-        }
-        if self.buffer.is_empty() {
-            self.first = number;
-        }
-        self.buffer.extend_from_slice(bytemuck::cast_slice(values));
-        Ok(())
-    }
-
-    fn get<const N: usize>(&self, number: u32) -> io::Result<[f32; N]> {
-        let mut values = [0.0_f32; N];
-        if let Some(file) = &self.file {
-            let bytes: &mut [u8] = bytemuck::cast_slice_mut(&mut values);
-            file.read_exact_at(bytes, u64::from(number) * 4 * N as u64)?;
-        }
-        Ok(values)
-    }
+/// The numbers of a triangle in a column.
+fn record<const N: usize>(column: &Appended, number: u32) -> io::Result<[f32; N]> {
+    let mut values = [0.0_f32; N];
+    column.read_at(bytemuck::cast_slice_mut(&mut values), u64::from(number) * 4 * N as u64)?;
+    Ok(values)
 }
 
 #[derive(Debug)]
 pub(super) struct Columns {
-    kinds: [Column; 4],
+    /// Material with part and kinds, colours, places and normals.
+    kinds: [Appended; 4],
     count: u64,
-    folder: PathBuf,
 }
 
 fn three<const N: usize>(flat: &[f32]) -> [[f32; N]; 3] {
@@ -71,7 +32,7 @@ fn three<const N: usize>(flat: &[f32]) -> [[f32; N]; 3] {
 
 impl Columns {
     pub(super) fn new(folder: &Path) -> Self {
-        Self { kinds: Default::default(), count: 0, folder: folder.to_path_buf() }
+        Self { kinds: std::array::from_fn(|_| Appended::new(folder, BUFFER)), count: 0 }
     }
 
     /// Appends what the next triangle carries.
@@ -85,11 +46,11 @@ impl Columns {
         let kinds = (0..3).fold(0, |kinds, k| kinds | u32::from(values[k].is_some()) << k);
         let number = self.count;
         self.count += 1;
-        let [base, others @ ..] = &mut self.kinds;
-        base.put(number, &[*material, part & 0xff | kinds << 8], &self.folder)?;
-        for (column, values) in others.iter_mut().zip(values) {
+        let base = [*material, part & 0xff | kinds << 8];
+        let values = [Some(bytemuck::cast_slice(&base)), values[0], values[1], values[2]];
+        for (column, values) in self.kinds.iter_mut().zip(values) {
             if let Some(values) = values {
-                column.put(number, bytemuck::cast_slice(values), &self.folder)?;
+                column.push_at(number * size_of_val(values) as u64, bytemuck::cast_slice(values))?;
             }
         }
         Ok(())
@@ -97,21 +58,21 @@ impl Columns {
 
     /// Writes what still waits.
     pub(super) fn flush(&mut self) -> io::Result<()> {
-        for (column, numbers) in self.kinds.iter_mut().zip(NUMBERS) {
-            column.flush(4 * numbers)?;
-            column.buffer = Vec::new();
+        for column in &mut self.kinds {
+            column.flush()?;
+            column.shrink();
         }
         Ok(())
     }
 
     pub(super) fn get(&self, number: u32) -> io::Result<Look> {
         let [base, colors, places, normals] = &self.kinds;
-        let [material, more] = base.get::<2>(number)?.map(f32::to_bits);
+        let [material, more] = record::<2>(base, number)?.map(f32::to_bits);
         let has = |kind: u32| more >> (8 + kind) & 1 == 1;
         Ok(Look {
-            colors: if has(0) { Some(three(&colors.get::<9>(number)?)) } else { None },
-            places: if has(1) { Some(three(&places.get::<6>(number)?)) } else { None },
-            normals: if has(2) { Some(three(&normals.get::<9>(number)?)) } else { None },
+            colors: if has(0) { Some(three(&record::<9>(colors, number)?)) } else { None },
+            places: if has(1) { Some(three(&record::<6>(places, number)?)) } else { None },
+            normals: if has(2) { Some(three(&record::<9>(normals, number)?)) } else { None },
             material,
             part: more & 0xff,
         })

@@ -12,6 +12,7 @@ use super::super::read::{Image, Texture as FileTexture, Wrap, linear};
 use super::image::{Rows, Stop, read};
 use crate::facts::{MeshFault, SourceError, SourceFault};
 use crate::platform::FileExt;
+use crate::scratch::PageCache;
 
 /// Bytes of a texel: three parts of 16 bits.
 const TEXEL: usize = 6;
@@ -255,39 +256,31 @@ fn texels_around(at: f32, whole: u32, level: usize, side: u32, wrap: Wrap) -> [(
     [(texel(low), 1.0 - more), (texel(low + 1), more)]
 }
 
-/// A worker's pages of textures.
-pub(super) struct Pages {
-    /// Image, size, row and first texel of each place, in units of a page.
-    held: Vec<Option<(u32, u32, u32, u32)>>,
-    texels: Vec<[u16; 3]>,
-}
+/// A worker's pages of textures, by image, size, row and number within the row.
+pub(super) struct Pages(PageCache<(u32, u32, u32, u32), [u16; 3]>);
 
 impl Pages {
-    pub(super) const BYTES: u64 = (PAGES * (PAGE * TEXEL + 20) + 1024) as u64;
+    pub(super) const BYTES: u64 =
+        PageCache::<(u32, u32, u32, u32), [u16; 3]>::memory_bytes(PAGES, PAGE) + 1024;
 
     pub(super) fn new() -> Self {
-        Self { held: vec![None; PAGES], texels: vec![[0; 3]; PAGES * PAGE] }
+        Self(PageCache::new(PAGES, PAGE, [0; 3]))
     }
 
     fn texel(&mut self, levels: &Levels, level: usize, x: u32, y: u32) -> io::Result<[u16; 3]> {
+        let Some(size) = levels.levels.get(level) else { return Ok([0; 3]) };
         #[expect(clippy::cast_possible_truncation, reason = "few sizes, pages of 32")]
         let key = (levels.number, level as u32, y, x / PAGE as u32);
         let mixed = [key.0, key.1, key.2, key.3]
             .into_iter()
             .fold(0_u64, |hash, part| (hash ^ u64::from(part)).wrapping_mul(0x9e37_79b9_7f4a_7c15));
-        let place = usize::try_from(mixed >> 33).unwrap_or(0) % PAGES;
-        let first = place * PAGE;
-        if self.held.get(place) != Some(&Some(key)) {
-            let Some(size) = levels.levels.get(level) else { return Ok([0; 3]) };
+        let slot = usize::try_from(mixed >> 33).unwrap_or(0) % PAGES;
+        let page = self.0.get(slot, key, |page| {
             let from = key.3 as usize * PAGE;
             let count = (size.width as usize).saturating_sub(from).min(PAGE);
             let offset = size.offset + (u64::from(y) * u64::from(size.width) + from as u64) * TEXEL as u64;
-            let page = self.texels.get_mut(first..first + count).unwrap_or_default();
-            levels.file.read_exact_at(bytemuck::cast_slice_mut(page), offset)?;
-            if let Some(held) = self.held.get_mut(place) {
-                *held = Some(key);
-            }
-        }
-        Ok(self.texels.get(first + x as usize % PAGE).copied().unwrap_or_default())
+            levels.file.read_exact_at(bytemuck::cast_slice_mut(&mut page[..count]), offset)
+        })?;
+        Ok(page[x as usize % PAGE])
     }
 }

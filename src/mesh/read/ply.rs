@@ -558,10 +558,10 @@ fn read_text(
 ) -> Result<Faces, Stop> {
     let mut words = Words::new(file, header.end, header.line);
     words.cr_alone = header.cr_alone;
-    let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
+    let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
     let (mut colors, mut normals, mut of_triangles) = (None, None, None);
     let spool = |fields: Option<[(usize, Number); 3]>| {
-        fields.map(|fields| Ok::<_, Stop>((Spool::new(scratch)?, color_scale(fields)))).transpose()
+        fields.map(|fields| (Spool::new(scratch), color_scale(fields)))
     };
     let mut has_vertices = false;
     for element in &header.elements {
@@ -574,8 +574,8 @@ fn read_text(
             Kind::Vertex => {
                 coordinates(element)?;
                 if looks {
-                    colors = spool(fields(element, COLOR))?.or(colors);
-                    normals = spool(fields(element, NORMAL))?.or(normals);
+                    colors = spool(fields(element, COLOR)).or(colors);
+                    normals = spool(fields(element, NORMAL)).or(normals);
                 }
                 has_vertices = true;
             }
@@ -586,7 +586,7 @@ fn read_text(
                 }
                 let own = fields(element, COLOR);
                 let own = own.filter(|_| colored && colors.is_none() && element.kind == Kind::Face);
-                of_triangles = spool(own)?.or(of_triangles);
+                of_triangles = spool(own).or(of_triangles);
             }
             Kind::Other => {}
         }

@@ -80,7 +80,7 @@ impl Faces {
         if vertex_count > bytes / 6 + 1 || face_count > bytes / 2 || vertex_count > u64::from(u32::MAX) {
             return Err(MeshFault::CountLies { stated: vertex_count.max(face_count), held: bytes / 6 }.into());
         }
-        let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
+        let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
         for _ in 0..vertex_count {
             words.must_anywhere()?;
             let x = words.as_number()?;

@@ -1,12 +1,12 @@
 //! Vertices by number: looked up where they are stored, through a small cache of pages.
 
 use std::fs::File;
-use std::io::{self, Write};
 use std::path::Path;
 
 use super::stop::Stop;
 use crate::facts::MeshFault;
 use crate::platform::FileExt;
+use crate::scratch::{Appended, PageCache};
 
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not
 /// fall upon each other.
@@ -73,8 +73,7 @@ pub(super) struct Vertices {
 
 /// Vertices of text formats on their way into a scratch file.
 pub(super) struct Spool {
-    file: File,
-    buffer: Vec<u8>,
+    records: Appended,
     pub(super) count: u64,
 }
 
@@ -82,17 +81,13 @@ impl Spool {
     /// Bytes written at a time.
     const BUFFER: usize = 32 << 10;
 
-    pub(super) fn new(folder: &Path) -> Result<Self, Stop> {
-        let file = crate::scratch::unnamed(folder).map_err(Stop::Scratch)?;
-        Ok(Self { file, buffer: Vec::with_capacity(Self::BUFFER), count: 0 })
+    pub(super) fn new(folder: &Path) -> Self {
+        Self { records: Appended::new(folder, Self::BUFFER), count: 0 }
     }
 
     #[inline]
     fn put(&mut self, record: &[u8]) -> Result<(), Stop> {
-        if self.buffer.len() + record.len() > Self::BUFFER {
-            self.flush().map_err(Stop::Scratch)?;
-        }
-        self.buffer.extend_from_slice(record);
+        self.records.push(record).map_err(Stop::Scratch)?;
         self.count += 1;
         Ok(())
     }
@@ -108,16 +103,9 @@ impl Spool {
         self.put(record.map(u32::to_le_bytes).as_flattened())
     }
 
-    fn flush(&mut self) -> io::Result<()> {
-        self.file.write_all(&self.buffer)?;
-        self.buffer.clear();
-        Ok(())
-    }
-
     /// The file and its number of records.
-    pub(super) fn finish(mut self) -> Result<(File, u64), Stop> {
-        self.flush().map_err(Stop::Scratch)?;
-        Ok((self.file, self.count))
+    pub(super) fn finish(self) -> Result<(File, u64), Stop> {
+        Ok((self.records.into_file().map_err(Stop::Scratch)?, self.count))
     }
 
     pub(super) fn into_vertices(self) -> Result<Vertices, Stop> {
@@ -132,9 +120,7 @@ pub(super) struct Pages<'a, P = [f64; 3]> {
     vertices: &'a Vertices,
     make: &'a dyn Fn([f64; 3]) -> P,
     places: u64,
-    /// Page in each place; a number beyond any for none.
-    held: Vec<u64>,
-    points: Vec<P>,
+    cache: PageCache<u64, P>,
     bytes: Vec<u8>,
 }
 
@@ -145,19 +131,12 @@ impl<'a> Pages<'a> {
     }
 }
 
+#[expect(clippy::cast_possible_truncation, reason = "places in memory")]
 impl<'a, P: Copy> Pages<'a, P> {
     /// With so many pages, of values made of vertices.
     pub(super) fn of(vertices: &'a Vertices, pages: u64, make: &'a dyn Fn([f64; 3]) -> P) -> Self {
-        let places = usize::try_from(pages).unwrap_or(1);
-        let page = usize::try_from(PAGE).unwrap_or(1);
-        Self {
-            vertices,
-            make,
-            places: pages,
-            held: vec![u64::MAX; places],
-            points: vec![make([0.0; 3]); places * page],
-            bytes: Vec::new(),
-        }
+        let cache = PageCache::new(pages as usize, PAGE as usize, make([0.0; 3]));
+        Self { vertices, make, places: pages, cache, bytes: Vec::new() }
     }
 
     pub(super) fn is_empty(&self) -> bool {
@@ -167,44 +146,45 @@ impl<'a, P: Copy> Pages<'a, P> {
     /// Vertex `at` of face `face`, which is counted from 0.
     #[inline]
     pub(super) fn get(&mut self, at: u64, face: u64) -> Result<P, Stop> {
-        if at >= self.vertices.count {
-            return Err(MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count }.into());
+        let Self { vertices, make, places, cache, bytes } = self;
+        if at >= vertices.count {
+            return Err(MeshFault::BadIndex { face: face + 1, vertices: vertices.count }.into());
         }
         let page = at / PAGE;
         // By a number that is known division is a product.
-        let place = if self.places == PAGES { page % PAGES } else { page % self.places };
-        #[expect(clippy::cast_possible_truncation, reason = "places in memory")]
-        let (place, within) = (place as usize, (at % PAGE) as usize);
-        if self.held[place] != page {
-            self.load(page, place)?;
-        }
-        #[expect(clippy::cast_possible_truncation, reason = "places in memory")]
-        let point = self.points[place * PAGE as usize + within];
-        Ok(point)
+        let place = if *places == PAGES { page % PAGES } else { page % *places };
+        let points = cache.get(place as usize, page, |points| vertices.load(page, bytes, points, *make))?;
+        Ok(points[(at % PAGE) as usize])
     }
+}
 
+impl Vertices {
+    /// Reads a page, and makes a point of each of its vertices.
     #[cold]
-    fn load(&mut self, page: u64, place: usize) -> Result<(), Stop> {
-        let v = self.vertices;
-        let count = (v.count - page * PAGE).min(PAGE);
-        let record = usize::try_from(v.record).unwrap_or(usize::MAX).max(1);
+    fn load<P>(
+        &self,
+        page: u64,
+        bytes: &mut Vec<u8>,
+        points: &mut [P],
+        make: &dyn Fn([f64; 3]) -> P,
+    ) -> Result<(), Stop> {
+        let count = (self.count - page * PAGE).min(PAGE);
+        let record = usize::try_from(self.record).unwrap_or(usize::MAX).max(1);
         // Nothing needs to stand behind the last number of the last vertex.
-        let last = v.fields.iter().map(|(at, number)| *at as u64 + number.bytes()).max().unwrap_or(0);
-        let bytes = count.saturating_sub(1) * v.record + last.min(v.record);
-        self.bytes.resize(usize::try_from(bytes).unwrap_or(0), 0);
-        v.file.read_exact_at(&mut self.bytes, v.offset + page * PAGE * v.record).map_err(Stop::reading)?;
-        let first = place * usize::try_from(PAGE).unwrap_or(0);
-        let simple = !v.big && v.fields.iter().all(|f| f.1 == Number::F32);
-        for (out, bytes) in self.points[first..].iter_mut().zip(self.bytes.chunks(record)) {
-            *out = (self.make)(if simple {
-                v.fields.map(|(at, _)| {
+        let last = self.fields.iter().map(|(at, number)| *at as u64 + number.bytes()).max().unwrap_or(0);
+        let length = count.saturating_sub(1) * self.record + last.min(self.record);
+        bytes.resize(usize::try_from(length).unwrap_or(0), 0);
+        self.file.read_exact_at(bytes, self.offset + page * PAGE * self.record).map_err(Stop::reading)?;
+        let simple = !self.big && self.fields.iter().all(|f| f.1 == Number::F32);
+        for (out, bytes) in points.iter_mut().zip(bytes.chunks(record)) {
+            *out = make(if simple {
+                self.fields.map(|(at, _)| {
                     bytes[at..].first_chunk::<4>().map_or(f64::NAN, |b| f64::from(f32::from_le_bytes(*b)))
                 })
             } else {
-                v.fields.map(|(at, number)| number.read(bytes.get(at..).unwrap_or_default(), v.big))
+                self.fields.map(|(at, number)| number.read(bytes.get(at..).unwrap_or_default(), self.big))
             });
         }
-        self.held[place] = page;
         Ok(())
     }
 }

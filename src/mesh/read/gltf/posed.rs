@@ -149,8 +149,8 @@ fn bend(
     if sets.is_empty() {
         return Ok(None);
     }
-    let mut positions = Spool::new(limits.scratch)?;
-    let mut normals = prepared.normals.is_some().then(|| Spool::new(limits.scratch)).transpose()?;
+    let mut positions = Spool::new(limits.scratch);
+    let mut normals = prepared.normals.is_some().then(|| Spool::new(limits.scratch));
     for vertex in 0..prepared.positions.count {
         let (mut sum, mut rows) = (0.0, [[0.0; 4]; 3]);
         for (numbers, weights) in &sets {

@@ -50,14 +50,14 @@ struct Spools {
 }
 
 impl Spools {
-    fn new(scratch: &Path) -> Result<Self, Stop> {
-        Ok(Self {
-            triangles: Spool::new(scratch)?,
-            places: Spool::new(scratch)?,
-            normals: Spool::new(scratch)?,
-            colors: Spool::new(scratch)?,
+    fn new(scratch: &Path) -> Self {
+        Self {
+            triangles: Spool::new(scratch),
+            places: Spool::new(scratch),
+            normals: Spool::new(scratch),
+            colors: Spool::new(scratch),
             colored: false,
-        })
+        }
     }
 
     fn finish(self) -> Result<Carried, Stop> {
@@ -85,8 +85,8 @@ fn line_numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
 pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
     let mut words = Words::new(file, 0, 1);
     let scratch = limits.scratch;
-    let (mut vertices, mut triangles) = (Spool::new(scratch)?, Spool::new(scratch)?);
-    let mut spools = if limits.looks { Some(Spools::new(scratch)?) } else { None };
+    let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
+    let mut spools = limits.looks.then(|| Spools::new(scratch));
     let mut materials = Materials::new(path, limits);
     let mut material = NO_MATERIAL;
     let mut parts = Parts::default();

@@ -49,7 +49,7 @@ pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member, u64), St
 pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
     let (archive, first, starts) = root(&file, bytes)?;
     let mut inflated = first.checked_bytes()?;
-    let mut reader = Reader::new(limits)?;
+    let mut reader = Reader::new(limits);
     if starts > 1 {
         reader.lacks.push(MeshLack::Starts { texts: starts });
     }

@@ -71,12 +71,12 @@ pub(super) struct Reader<'a> {
 }
 
 impl<'a> Reader<'a> {
-    pub(super) fn new(limits: &'a Limits<'a>) -> Result<Self, Stop> {
-        Ok(Self {
+    pub(super) fn new(limits: &'a Limits<'a>) -> Self {
+        Self {
             limits,
-            vertices: Spool::new(limits.scratch)?,
-            triangles: Spool::new(limits.scratch)?,
-            values: Spool::new(limits.scratch)?,
+            vertices: Spool::new(limits.scratch),
+            triangles: Spool::new(limits.scratch),
+            values: Spool::new(limits.scratch),
             objects: BTreeMap::new(),
             groups: BTreeMap::new(),
             textures: Vec::new(),
@@ -85,7 +85,7 @@ impl<'a> Reader<'a> {
             texts: vec![String::new()],
             lacks: Vec::new(),
             held_bytes: 0,
-        })
+        }
     }
 
     fn hold(&mut self, bytes: u64) -> Result<(), Stop> {

@@ -1,5 +1,23 @@
 //! Unnamed files for what does not fit into memory: gone with their last descriptor, even when the
 //! process is killed.
+//!
+//! | type | what it holds |
+//! |---|---|
+//! | [`Appended`] | bytes in the order in which they come |
+//! | [`Chains`] | records by key |
+//! | [`PageCache`] | pages of a file that is only read |
+//!
+//! None of them reserves memory: a stage reserves what they name with its own. The builder's fragments
+//! (`builder::swap`) are written by several threads, and triangles in bins wait in one pool for all of them; these have
+//! files of their own kind.
+
+mod appended;
+mod cache;
+mod chains;
+
+pub(crate) use appended::Appended;
+pub(crate) use cache::PageCache;
+pub(crate) use chains::Chains;
 
 use std::fs::File;
 use std::io;
@@ -47,6 +65,17 @@ pub(crate) fn unnamed_for(folder: &Path, bytes: u64) -> io::Result<File> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_full_disk_is_an_error_of_whoever_writes() {
+        let full = || std::fs::OpenOptions::new().write(true).open("/dev/full").unwrap();
+        let mut chains = Chains::new(full(), 1, 16);
+        chains.push(0, &[0; 16]).unwrap();
+        assert_eq!(chains.push(0, &[0; 16]).unwrap_err().kind(), io::ErrorKind::StorageFull);
+        let mut appended = Appended::with_file(full(), 16);
+        appended.push(&[0; 16]).unwrap();
+        assert_eq!(appended.push(&[0; 16]).unwrap_err().kind(), io::ErrorKind::StorageFull);
+    }
 
     #[test]
     fn more_than_the_disk_has_is_refused_at_once() {
