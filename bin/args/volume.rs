@@ -260,7 +260,7 @@ impl SelectionArgs {
 pub(crate) struct SkinArgs {
     /// Surface of the model: cells between samples (for meshes and trees: voxel centres) with a plane in each, true
     /// to a few hundredths of a voxel; or skin voxels. By default cells, but skin for what only skin has: channels
-    /// other than normals, mesh colours, sheets and thin walls, --gradient, --connectivity 6
+    /// other than normals, sheets and thin walls, --gradient, --connectivity 6
     #[arg(long, value_name = "skin|cells", value_parser = parse::surface)]
     pub(crate) surface: Option<SurfaceKind>,
     /// Join cells into larger leaves that stay this close to the surface: in voxels of the finest spacing (0.1), or
@@ -268,7 +268,7 @@ pub(crate) struct SkinArgs {
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
     /// Attributes per skin voxel: normal (the default), value, or none; offset implies --surface cells; for the
-    /// skin of meshes normal, color (also stored by default if they have colours), and material, the number of
+    /// skin of meshes normal, color (stored by default if they have colours), and material, the number of
     /// the part from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,

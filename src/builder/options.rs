@@ -89,8 +89,8 @@ pub struct BuildOptions {
     /// Which of several masks wins where more than one contains a voxel.
     pub overlap: Overlap,
     /// Skin voxels or cells, for volumes, meshes and trees. If not given, cells, but skin voxels for options that only
-    /// these have: channels other than normals, a gradient, connectivity 6, thin walls of meshes, and
-    /// colours of meshes. [`Channel::Offset`] among the channels always means cells. Other solids define their own
+    /// these have: channels other than normals, a gradient, connectivity 6, and thin walls of
+    /// meshes. [`Channel::Offset`] among the channels always means cells. Other solids define their own
     /// surface.
     pub surface: Option<SurfaceKind>,
     /// Which neighbours make a voxel skin; ignored for cells.

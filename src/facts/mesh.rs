@@ -5,7 +5,7 @@ use std::fmt;
 use thiserror::Error;
 
 use crate::budget::Bytes;
-use crate::text::names::{CHANNELS, FILL, FOLLOW_LINKS, GRID, KEEP_THIN, MEMORY, VOXEL};
+use crate::text::names::{CHANNELS, FILL, FOLLOW_LINKS, GRID, KEEP_THIN, MEMORY, SURFACE, VOXEL};
 use crate::text::{Short, shown};
 
 /// What is wrong with a mesh or with the grid that it is to be built on.
@@ -222,6 +222,8 @@ pub(crate) enum MeshLack {
         shown(.name)
     )]
     Colors { name: String },
+    #[error("has colours; add {SURFACE} skin to keep them")]
+    ColorsOfCells,
     #[error("names places in a texture (vt) that it does not hold; the model lacks the texture")]
     Places,
     #[error("names normals (vn) that it does not hold; those of its triangles are used")]

@@ -36,8 +36,7 @@ use crate::facts::{Fill, SourceFault, sentences};
 use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
-    GridChoice, MeshOptions, UpAxis, has_colors, least_share, states_place, sufficient_share, usual_channels,
-    with_mesh,
+    GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
 };
 use crate::platform::{give_back, open_file};
 use crate::render::NamedView;
@@ -240,20 +239,6 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
 /// Voxels this many times as long along one axis as along another make stairs of a surface.
 const UNEVEN: f64 = 3.0;
 
-/// Options with which a mesh keeps its colours.
-fn skin_of_mesh(options: &BuildOptions) -> BuildOptions {
-    let surface = SurfaceKind::Skin;
-    BuildOptions { surface: Some(surface), channels: Some(usual_channels(surface)), ..options.clone() }
-}
-
-/// Is it a mesh whose files do not say what is up?
-fn lies_as_it_is(subject: &Subject) -> bool {
-    match subject {
-        Subject::Mesh(files) => !files.iter().any(|file| states_place(file)),
-        Subject::Volume(_) | Subject::Tree(_) => false,
-    }
-}
-
 /// What may be wanted besides: of a CT whose threshold was not chosen, and of uneven spacing.
 fn hints(
     source: &dyn VolumeSource,
@@ -332,7 +317,6 @@ impl BuildJob<'_> {
     /// As [`builder::build_volume`], [`CleanOptions::clean`], [`with_mesh`] and [`with_tree`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let is_solid = !matches!(subject, Subject::Volume(_));
-        let may_lie = self.grid.up == UpAxis::Z && lies_as_it_is(&subject);
         let Built { report, cleaned, warnings, mut hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
@@ -343,9 +327,7 @@ impl BuildJob<'_> {
         let info = read_info(self.output)?;
         if is_solid {
             let (dims, spacing_mm) = (info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm);
-            let lies = Hint::of_shape(dims, spacing_mm).filter(|_| may_lie);
-            hints
-                .extend(Hint::of_size(dims, spacing_mm).into_iter().chain(lies).map(|hint| hint.to_string()));
+            hints.extend(Hint::of_size(dims, spacing_mm).map(|hint| hint.to_string()));
         }
         Ok(BuildSummary {
             input,
@@ -445,16 +427,8 @@ impl BuildJob<'_> {
     }
 
     fn mesh<T>(&self, inputs: &[PathBuf], then: &mut UseSolid<'_, T>) -> Result<(T, Vec<String>), Error> {
-        let mut options = self.mesh_options();
+        let options = self.mesh_options();
         let mesh = self.grid.mesh_or_usual(inputs, &options);
-        let BuildOptions { surface, channels, error, .. } = self.options;
-        let may_choose = surface.is_none() && channels.is_none() && error.is_none();
-        if may_choose && options.volume_surface() == SurfaceKind::Cells {
-            let skin = skin_of_mesh(&options);
-            if has_colors(inputs, &mesh, &skin, self.output, self.progress) {
-                options = skin;
-            }
-        }
         let scratch = options.scratch_folder(self.output);
         let (done, facts, notes) = with_mesh(inputs, &mesh, &options, scratch, self.progress, then)?;
         let notes = notes.iter().map(ToString::to_string);

@@ -5,7 +5,7 @@ use std::ops::RangeInclusive;
 
 use crate::clean::Preset;
 use crate::text::Short;
-use crate::text::names::{PRESET, SURFACE, UNIT, UP};
+use crate::text::names::{PRESET, SURFACE, UNIT};
 
 /// Something to know of a model that was built as asked.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -29,11 +29,6 @@ pub(super) enum Hint {
         /// The longest side of its grid.
         longest_mm: f64,
     },
-    /// A mesh from a file that does not say what is up is taller along y than along z.
-    Lies {
-        /// Its sides.
-        size_mm: [f64; 3],
-    },
 }
 
 /// Longest sides that bodies have whose unit is right, in millimetres.
@@ -45,13 +40,6 @@ impl Hint {
         let longest_mm =
             dims.iter().zip(spacing_mm).map(|(n, step)| f64::from(*n) * step).fold(0.0, f64::max);
         (!LIKELY_MM.contains(&longest_mm)).then_some(Self::Size { longest_mm })
-    }
-
-    /// Of a mesh on such a grid that may lie on its back: busts, figures and the bunny are then longest along y.
-    pub(super) fn of_shape(dims: [u32; 3], spacing_mm: [f64; 3]) -> Option<Self> {
-        let size_mm = std::array::from_fn(|a| f64::from(dims[a]) * spacing_mm[a]);
-        let [x, y, z] = size_mm;
-        (y > 1.2 * z && y > 0.9 * x).then_some(Self::Lies { size_mm })
     }
 }
 
@@ -78,10 +66,6 @@ impl fmt::Display for Hint {
                 "the longest side is {} mm; if that is wrong, say with `{UNIT}` what one unit of the file is",
                 Short(*longest_mm)
             ),
-            Self::Lies { size_mm } => {
-                let [_, y, z] = size_mm.map(Short);
-                write!(f, "{y} mm along y, {z} mm along z: if it lies on its back, `{UP} y` sets it upright")
-            }
         }
     }
 }

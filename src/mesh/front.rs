@@ -316,7 +316,11 @@ impl Front<'_> {
             let note = |lack: &MeshLack| MeshNote { mesh: mesh.clone(), lack: lack.clone() };
             file.summary.lacks.iter().map(note).collect::<Vec<_>>()
         };
-        files.iter().zip(self.inputs).flat_map(of).collect()
+        let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
+        if self.is_of_cells() && self.placed.is_none() && files.iter().any(|file| file.summary.looks[0]) {
+            notes.push(MeshNote { mesh: self.mesh_name(), lack: MeshLack::ColorsOfCells });
+        }
+        notes
     }
 
     /// Takes memory for a part of the work; [`super::least_share`] counts it.
@@ -350,13 +354,6 @@ impl Front<'_> {
             parts: channels.contains(Channel::Material),
             normals: channels.contains(Channel::Normal) && has(1),
         }
-    }
-
-    /// Are there colours that are asked for?
-    pub(super) fn has_colors(&self) -> bool {
-        let budget = Budget::of_job(self.options.memory);
-        let Ok(_reading) = self.reserve(&budget, READER_BYTES) else { return false };
-        self.open(budget.left_bytes() / 2).is_ok_and(|files| self.wanted(&files).colors)
     }
 
     fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {

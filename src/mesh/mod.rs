@@ -169,19 +169,6 @@ pub fn with_mesh<T>(
     Ok((done, facts, notes))
 }
 
-/// Has a mesh colours that would be stored? Its files are opened for it, not read, but for OBJ; what cannot be opened has
-/// none.
-pub(crate) fn has_colors(
-    inputs: &[PathBuf],
-    mesh: &MeshOptions,
-    options: &BuildOptions,
-    output: &Path,
-    progress: &dyn Progress,
-) -> bool {
-    let scratch = options.scratch_folder(output);
-    Front { inputs, mesh, options, scratch, progress, placed: None, reach: Arc::default() }.has_colors()
-}
-
 /// A mesh as a part of something else: `placed` leads from the units of the file to voxels, counted from the low
 /// corner of the first. So many `parts` share the memory.
 ///

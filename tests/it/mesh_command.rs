@@ -152,15 +152,12 @@ fn y_may_be_up_in_files_that_do_not_say_what_is() {
             let content = |bytes: &[u8], more: &[&str]| {
                 let (_folder, mesh, model) = put(name, bytes);
                 let line = ["build", &mesh, "-o", &model, "--grid", "60", "--json", "--surface", surface];
-                let hints = oct(&[&line[..], more].concat()).json()["hints"].to_string();
-                (oct(&["info", &model, "--json"]).json()["checksum"].clone(), hints)
+                oct(&[&line[..], more].concat()).json();
+                oct(&["info", &model, "--json"]).json()["checksum"].clone()
             };
-            let (set_up, hints) = content(&lying, &["--up", "y"]);
-            assert!(!hints.contains("--up y"), "{name}: {hints}");
-            assert_eq!(set_up, content(&standing, &[]).0, "{name}, {surface}");
-            let (as_it_is, hints) = content(&lying, &["--up", "z"]);
-            assert!(hints.contains("lies on its back, `--up y`"), "{name}: {hints}");
-            assert_ne!(set_up, as_it_is, "{name}, {surface}");
+            let set_up = content(&lying, &["--up", "y"]);
+            assert_eq!(set_up, content(&standing, &[]), "{name}, {surface}");
+            assert_ne!(set_up, content(&lying, &["--up", "z"]), "{name}, {surface}");
         }
     }
 }
@@ -337,13 +334,17 @@ fn cells_are_the_default_but_for_what_only_skin_has() {
         (format!("{sphere} --gradient central"), "skin"),
         (format!("{sphere} --connectivity 6"), "skin"),
         (format!("{} --grid 12", at("plain.obj")), "cells"),
-        (format!("{} --grid 12", at("red.obj")), "skin"),
-        (format!("{} --grid 12 --surface cells", at("red.obj")), "cells"),
+        (format!("{} --grid 12", at("red.obj")), "cells"),
         (format!("{} --grid 12 --keep-thin", at("plain.obj")), "skin"),
     ] {
         let script =
             format!("\"$OCT\" build {what} -o \"$1\" --force --quiet && \"$OCT\" info \"$1\" --json");
         let info = shell(&script, &[at("m.oct")]).json();
         assert_eq!(info["surface"].as_str(), Some(surface), "{what}");
+    }
+    for (name, is_said) in [("plain.obj", false), ("red.obj", true)] {
+        let script = "\"$OCT\" build \"$1\" -o \"$2\" --grid 12 --force --json";
+        let report = shell(script, &[at(name), at("n.oct")]).json();
+        assert_eq!(report["warnings"].to_string().contains("add --surface skin to keep them"), is_said);
     }
 }

@@ -104,7 +104,7 @@ pub(crate) fn is_named(path: &Path) -> bool {
     Format::ALL.iter().any(|format| has_suffix(path, format.name())) || has_suffix(path, "glb")
 }
 
-/// Does a mesh of this name state its unit, and what is up?
+/// True for a mesh whose file, by its name, states the unit and the axis that is up.
 pub fn states_place(path: &Path) -> bool {
     ["gltf", "glb", "3mf"].iter().any(|suffix| has_suffix(path, suffix))
 }
@@ -185,7 +185,7 @@ pub(super) struct Summary {
     /// Memory of its description.
     pub(super) held_bytes: u64,
     parts: u64,
-    /// Has it colours, and normals of vertices? For a mesh that was opened with looks.
+    /// True where it has colours, and normals of vertices; as far as it shows, for a mesh that was opened without looks.
     pub(super) looks: [bool; 2],
 }
 

@@ -96,7 +96,7 @@ def build(
     - `each`: a folder for a model of each label, too, named by the label; `report['each']` lists them. Neighbours
       share their walls. Files of these names are replaced.
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
-      cells, but skin for what only that has: other channels, colours of meshes, `gradient`, thin walls.
+      cells, but skin for what only that has: other channels, `gradient`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
 
     Place

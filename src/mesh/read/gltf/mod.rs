@@ -177,7 +177,10 @@ pub(super) fn open(
     let primitives = || open.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let colored = primitives().any(|p| p.attributes.color.is_some());
     let smooth = primitives().any(|p| p.attributes.normal.is_some());
-    let looks = [colored || !materials.iter().all(plain), smooth];
+    // Materials are looked into only where colours are wanted.
+    let painted =
+        if limits.colors { !materials.iter().all(plain) } else { !open.described.root.materials.is_empty() };
+    let looks = [colored || painted, smooth];
     let files = resolver.files;
     Ok((open, Summary { materials, files, lacks, held_bytes, parts, looks }))
 }

@@ -90,7 +90,7 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     let mut materials = Materials::new(path, limits);
     let mut material = NO_MATERIAL;
     let mut parts = Parts::default();
-    let (mut faces, mut understood) = (0, false);
+    let (mut faces, mut understood, mut has_colors) = (0, false, false);
     // Places and normals that faces name, and places that there are.
     let (mut named, mut places) = ([false; 2], 0_u64);
     loop {
@@ -106,8 +106,10 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
                     let ([r, g, b, _], count) = line_numbers(&mut words)?;
                     spools.colored |= count == 3;
                     spools.colors.vertex(if count == 3 { [r, g, b] } else { [1.0; 3] })?;
-                } else {
+                } else if understood {
                     words.skip_line()?;
+                } else {
+                    has_colors |= line_numbers(&mut words)?.1 == 3;
                 }
                 understood = true;
             }
@@ -129,6 +131,10 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
                 material = materials.number(&words.rest_of_line(1024)?)?
             }
             (b"mtllib", Some(_)) if limits.colors => materials.read(&words.rest_of_line(1024)?)?,
+            (b"mtllib", None) => {
+                has_colors = true;
+                words.skip_line()?;
+            }
             (b"o", _) => parts.object(words.rest_of_line(1024)?.as_bytes()),
             (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
             (b"f", spools) => {
@@ -149,7 +155,7 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     let mut summary = materials.summary();
     let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
     summary.lacks.extend(lacks.filter(|(_, is_so)| *is_so).map(|(lack, _)| lack));
-    let looks = carried.as_ref().map_or([false; 2], |carried: &Carried| {
+    let looks = carried.as_ref().map_or([has_colors, false], |carried: &Carried| {
         [carried.colors.is_some() || !summary.materials.is_empty(), carried.normals.count > 0]
     });
     let held_bytes = summary.held_bytes + Parts::BYTES;
