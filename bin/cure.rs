@@ -25,7 +25,7 @@ const OTHERWISE: [(&str, &str); 26] = [
     ("jobs::pack::strip", "oct strip"),
     ("jobs::pack::unpack", "oct unpack"),
     ("jobs::scan", "oct scan"),
-    ("jobs::scene", "oct render"),
+    ("jobs::picture", "oct render"),
     ("jobs::verify", "oct verify"),
     ("jobs::view", "oct view"),
 ];

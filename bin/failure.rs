@@ -31,13 +31,6 @@ pub(crate) enum Refusal {
     SeveralTrees,
     /// This flag says something about a mesh or a tree, and the input is a volume.
     ForMeshes(&'static str),
-    /// This flag says something about the picture of one model, and a scene is shown.
-    ForModels(&'static str),
-    /// This flag says something about the picture of a whole model, and one is cut.
-    ForWhole {
-        flag: &'static str,
-        by: &'static str,
-    },
     /// Standard input, or output, where it cannot be used.
     Dash(Dash),
     /// Words of a plan that its file of JSON cannot hold.
@@ -156,12 +149,6 @@ impl fmt::Display for Refusal {
                     f,
                     "{flag} is for meshes (STL, PLY, OBJ, OFF, glTF, 3MF) and trees (.csg), and the input is a volume; leave it out"
                 );
-            }
-            Self::ForModels(flag) => {
-                return write!(f, "{flag} is for pictures of one model, and the input is a scene; leave it out");
-            }
-            Self::ForWhole { flag, by } => {
-                return write!(f, "{flag} is for pictures of whole models, and {by} leaves out parts of this one; leave one out");
             }
             Self::Dash(dash) => match dash {
                 Dash::Volume => {

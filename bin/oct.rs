@@ -47,7 +47,7 @@ use serde::Serialize;
 use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
 use failure::{Dash, Failure, Refusal, Written, one_line, tell};
-use pictures::{print_picture, print_scene};
+use pictures::print_picture;
 use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
 
 fn main() -> ExitCode {
@@ -479,15 +479,7 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let layers = || depth.into_iter().chain(normals).chain(ids);
     refuse_dash(layers(), Dash::Layer)?;
     check_suffixes(layers(), Written::Picture, args.force)?;
-    let is_scene = is_scene(&args.model);
-    args.refuse_ignored(is_scene)?;
-    // A model that is cut is a scene of its own.
-    let cutting = args.cutting();
-    let as_scene = is_scene || cutting.is_some();
-    if let Some(flag) = args.model_flag(is_scene).filter(|_| as_scene) {
-        let whole = || cutting.map(|by| Refusal::ForWhole { flag, by });
-        return Err(if is_scene { None } else { whole() }.unwrap_or(Refusal::ForModels(flag)).into());
-    }
+    args.refuse_ignored(is_scene(&args.model))?;
     let written = if args.turntable.is_some() { Written::Turntable } else { Written::Picture };
     let output = Output::of(&args.output, written, args.force, args.json)?;
     let (title, legend) = (args.title.as_deref(), args.legend);
@@ -495,13 +487,6 @@ fn render(args: &args::RenderArgs) -> Result<ExitCode, Failure> {
     let bars = Bars::new(args.json);
     platform::tell_of(&args.model, args.json);
     let model = Input::of(&args.model)?;
-    if as_scene {
-        let report = jobs::scene::render_scene(model.path(), &outputs, &args.scene_request(), &bars);
-        bars.finish();
-        let report = report?;
-        return output
-            .finish(|| print_scene(args.json, (&args.model, &args.output), depth.is_some(), report));
-    }
     let report = picture::render_file(model.path(), &outputs, &args.request(), &bars);
     bars.finish();
     let report = report?;

@@ -28,7 +28,7 @@
 //!     assert!(point.normal.is_some_and(|n| n[2] < -0.99));
 //! }
 //!
-//! let request = RenderRequest { point: ViewPoint::Named(NamedView::Iso), ..Default::default() };
+//! let request = RenderRequest { point: Some(ViewPoint::Named(NamedView::Iso)), ..Default::default() };
 //! let (image, report) = infobyte::render(&model, &request)?;
 //! image.write_png("ball.png")?;
 //! assert!(report.hits > 100_000);
@@ -83,7 +83,7 @@
 //! # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
 //! let model = infobyte::Model::open(path)?;
 //! println!("{} skin voxels in {}", model.header().voxels, model.dims());
-//! infobyte::render(&model, &infobyte::RenderRequest { width: 64, height: 64, ..Default::default() })?;
+//! infobyte::render(&model, &infobyte::RenderRequest { size: Some([64, 64]), ..Default::default() })?;
 //! # Ok(())
 //! # }
 //! ```
@@ -298,13 +298,14 @@ pub fn build_subject(
 /// Renders a picture of a model. It depends only on the model and the request, not on the machine.
 ///
 /// # Errors
-/// [`Error::Render`] for an invalid camera or size, or a model without a volume; [`Error::Load`] if the model's file
+/// [`Error::Render`] for an invalid camera or size, or a model without a volume; [`Error::Usage`] for labels or a section
+/// that the model has not; [`Error::Load`] if the model's file
 /// changes during the call, see [`Model::open`].
 pub fn render<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), Error> {
     model.unchanged_during(|| {
-        Ok(jobs::render::render_view(&model.view(), model.dims(), &model.affine(), request)?)
+        jobs::scene::picture_of(Path::new("the model"), model, request, &progress::Silent)
     })
 }

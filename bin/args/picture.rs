@@ -5,7 +5,6 @@ use std::path::PathBuf;
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
 use infobyte::jobs::render::RenderRequest;
-use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
@@ -28,10 +27,6 @@ pub(crate) enum Shade {
     /// Plain light by normals blended between the boxes around a hit
     Blended,
 }
-
-/// Options of views, which slices lack.
-const SLICED: [&str; 11] =
-    ["view", "eye", "up", "projection", "fov", "clip", "contact", "turntable", "depth", "normals", "shading"];
 
 #[derive(Debug, Args)]
 pub(crate) struct RenderArgs {
@@ -75,7 +70,7 @@ pub(crate) struct RenderArgs {
     /// Colour behind the model, #rrggbb; transparent by default, for a scene its own
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) background: Option<parse::Rgb>,
-    /// Colour of a model without colours of its own, #rrggbb; that of bone by default
+    /// Colour of models without colours of their own, #rrggbb; by default that of bone, or of a scene's materials
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) color: Option<parse::Rgb>,
     /// Show only these labels, by number, range or name, such as 5,7..20,liver; the others are invisible
@@ -104,10 +99,12 @@ pub(crate) struct RenderArgs {
     /// Blend the normals of voxels between the boxes around a hit, in any light: no facets in close-ups
     #[arg(long)]
     pub(crate) blended: bool,
-    /// Colour rays per pixel: eight where neighbours differ in depth or normal, else one; or a fixed number
-    #[arg(long, default_value = "auto", value_parser = parse::samples())]
-    pub(crate) samples: Samples,
-    /// Ambient occlusion rays per pixel; by default 1 for soft light, 4 for ambient occlusion (32 in scenes)
+    /// Colour rays per pixel: eight where neighbours differ in depth or normal, else one (auto); or a fixed number; by
+    /// default that of the scene, or auto
+    #[arg(long, value_parser = parse::samples())]
+    pub(crate) samples: Option<Samples>,
+    /// Ambient occlusion rays per pixel; by default 1 for soft light, 4 for ambient occlusion, for a scene with lights its
+    /// own number
     #[arg(long, value_name = "1..1024", value_parser = clap::value_parser!(u32).range(1..=1024))]
     pub(crate) ao_rays: Option<u32>,
     /// What rays hit: the first voxel that the line intersects, or that of a discrete 6-connected ray
@@ -120,8 +117,9 @@ pub(crate) struct RenderArgs {
     /// in a folder (turn/) or with a number in the name (turn-%03d.png)
     #[arg(long, value_name = "N", conflicts_with_all = ["eye", "depth", "normals", "ids"], value_parser = clap::value_parser!(u32).range(2..=3600))]
     pub(crate) turntable: Option<u32>,
-    /// A slice instead of a view: the filled section at a position on an axis, such as z=40 in mm (LPS), to scale
-    #[arg(long, value_name = "AXIS=MM", value_parser = parse::section, conflicts_with_all = SLICED)]
+    /// A slice instead of a view: the filled section at a position on an axis, such as z=40 in mm (LPS), to scale; it has
+    /// no light and no depth
+    #[arg(long, value_name = "AXIS=MM", value_parser = parse::section, conflicts_with_all = ["view", "eye", "contact", "turntable", "depth", "normals", "ids"])]
     pub(crate) section: Option<Section>,
     /// Add a scale bar below the picture, and a cube with the patient's sides: R, L, A, P, S, I
     #[arg(long)]
@@ -141,7 +139,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "F.png")]
     pub(crate) normals: Option<PathBuf>,
     /// Also write a picture of the numbers of the visible voxels, 48 bits in three channels, counted from 1; for a
-    /// label model, of the numbers of the labels
+    /// label model, of the numbers of the labels; the first channel counts the models of a scene from 0
     #[arg(long, value_name = "F.png")]
     pub(crate) ids: Option<PathBuf>,
     /// Print one JSON object
@@ -179,33 +177,28 @@ impl RenderArgs {
         }
     }
 
-    fn ambient_rays(&self) -> Option<u32> {
-        (self.shading == Some(Shade::Ao)).then_some(self.ao_rays.unwrap_or(32))
-    }
-
-    /// The light of a picture of a model, and the normals that it falls on.
-    fn light(&self) -> (Shading, Smoothing) {
+    /// The light of the picture, if that is said, and the normals that it falls on.
+    fn light(&self) -> (Option<Shading>, Smoothing) {
         let (shading, smoothing) = match self.shading {
-            None | Some(Shade::Soft) => (Shading::Soft, Smoothing::Smooth),
-            Some(Shade::Plain) => (Shading::Plain, Smoothing::Smooth),
-            Some(Shade::Ao) => (Shading::Ao, Smoothing::Smooth),
-            Some(Shade::Stored) => (Shading::Plain, Smoothing::Stored),
-            Some(Shade::Blended) => (Shading::Plain, Smoothing::Blended),
+            None => (None, Smoothing::Smooth),
+            Some(Shade::Soft) => (Some(Shading::Soft), Smoothing::Smooth),
+            Some(Shade::Plain) => (Some(Shading::Plain), Smoothing::Smooth),
+            Some(Shade::Ao) => (Some(Shading::Ao), Smoothing::Smooth),
+            Some(Shade::Stored) => (Some(Shading::Plain), Smoothing::Stored),
+            Some(Shade::Blended) => (Some(Shading::Plain), Smoothing::Blended),
         };
         (shading, if self.blended { Smoothing::Blended } else { smoothing })
     }
 
-    /// Refuses a flag that would change nothing; a scene has a projection of its own.
+    /// Refuses a flag that changes nothing without another one; a scene has a projection of its own.
     pub(crate) fn refuse_ignored(&self, is_scene: bool) -> Result<(), Refusal> {
         let is_flat = match self.projection {
             Some(projection) => projection == Projection::Parallel,
             None => !is_scene,
         };
-        let looks_around = self.shading == Some(Shade::Ao)
-            || (!is_scene && self.cutting().is_none() && self.light().0 == Shading::Soft);
         let given = [
             (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
-            (self.ao_rays.is_some() && !looks_around, "--ao-rays", "--shading ao"),
+            (self.ao_rays.is_some() && self.light().0 == Some(Shading::Plain), "--ao-rays", "--shading ao"),
             (self.lod_bias != 0 && self.lod == Switch::Off, "--lod-bias", "--lod on"),
         ];
         match given.into_iter().find(|(given, ..)| *given) {
@@ -214,50 +207,32 @@ impl RenderArgs {
         }
     }
 
-    /// What is asked of the picture of a model.
+    /// The picture that is asked for.
     pub(crate) fn request(&self) -> RenderRequest {
         let usual = RenderRequest::default();
-        let [width, height] = self.size.unwrap_or([usual.width, usual.height]);
         let (shading, smoothing) = self.light();
         RenderRequest {
-            width,
-            height,
-            point: self.point().unwrap_or(usual.point),
-            projection: self.projection.unwrap_or(usual.projection),
-            fov_deg: self.fov.unwrap_or(usual.fov_deg),
-            threads: self.threads.count(),
-            lod: self.lod == Switch::On,
-            lod_bias: self.lod_bias,
-            memory_bytes: self.memory,
-            shading,
-            color: self.color.map(|color| color.0),
-            background: self.background.map(|color| color.0),
-            zoom: self.zoom.unwrap_or(usual.zoom),
-            smoothing,
-            samples: self.samples,
-            ambient_rays: self.ao_rays.unwrap_or(0),
-            traversal: self.traversal,
-            annotate: self.annotate,
-            ..usual
-        }
-    }
-
-    /// What is asked of the picture of a scene.
-    pub(crate) fn scene_request(&self) -> SceneRequest {
-        SceneRequest {
             size: self.size,
             point: self.point(),
             projection: self.projection,
             fov_deg: self.fov,
-            ambient_rays: self.ambient_rays(),
-            zoom: self.zoom,
-            background: self.background.map(|color| color.0),
+            zoom: self.zoom.unwrap_or(usual.zoom),
+            shading,
+            smoothing,
+            ambient_rays: self.ao_rays.unwrap_or(0),
+            samples: self.samples,
+            lod: self.lod == Switch::On,
+            lod_bias: self.lod_bias,
+            traversal: self.traversal,
             color: self.color.map(|color| color.0),
+            background: self.background.map(|color| color.0),
             clip_mm: self.clip.map(|bounds| bounds.0),
             section: self.section,
             labels: self.label_rules(),
             annotate: self.annotate,
             threads: self.threads.count(),
+            memory_bytes: self.memory,
+            ..usual
         }
     }
 
@@ -274,18 +249,6 @@ impl RenderArgs {
         only.chain(opacity).chain(hidden).collect()
     }
 
-    /// The flag that makes a model a scene of its own.
-    pub(crate) fn cutting(&self) -> Option<&'static str> {
-        let given = [
-            (self.clip.is_some(), "--clip"),
-            (self.section.is_some(), "--section"),
-            (self.only.is_some(), "--only"),
-            (self.hide.is_some(), "--hide"),
-            (!self.opacity.is_empty(), "--opacity"),
-        ];
-        given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
-    }
-
     /// How many pictures.
     pub(crate) fn shots(&self) -> Shots {
         match self.turntable {
@@ -293,25 +256,5 @@ impl RenderArgs {
             None if self.contact => Shots::Contact,
             None => Shots::One,
         }
-    }
-
-    /// A flag that says something about the picture of one whole model, if it was given.
-    pub(crate) fn model_flag(&self, is_scene: bool) -> Option<&'static str> {
-        let given = [
-            (is_scene && self.color.is_some(), "--color"),
-            (is_scene && self.only.is_some(), "--only"),
-            (is_scene && self.hide.is_some(), "--hide"),
-            (is_scene && !self.opacity.is_empty(), "--opacity"),
-            (self.lod == Switch::On, "--lod"),
-            (self.memory.is_some(), "--memory"),
-            (self.shading == Some(Shade::Blended), "--shading blended"),
-            (self.shading == Some(Shade::Plain), "--shading plain"),
-            (self.shading == Some(Shade::Soft), "--shading soft"),
-            (self.blended, "--blended"),
-            (self.samples != Samples::Auto, "--samples"),
-            (self.traversal != Traversal::Exact, "--traversal"),
-            (self.ids.is_some(), "--ids"),
-        ];
-        given.into_iter().find(|(given, _)| *given).map(|(_, flag)| flag)
     }
 }

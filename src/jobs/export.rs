@@ -11,7 +11,8 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::opened::open_model;
-use super::render::{RenderRequest, render_view_watched};
+use super::render::RenderRequest;
+use super::scene::picture_of;
 use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
@@ -267,8 +268,8 @@ pub(super) const STILL: u32 = 720;
 /// # Errors
 /// [`RenderError`](crate::render::RenderError).
 pub(super) fn still(model: &Model, side: u32, progress: &dyn Progress) -> Result<Vec<u8>, Error> {
-    let request = RenderRequest { width: side, height: side, ..RenderRequest::default() };
-    let (image, _) = render_view_watched(&model.view(), model.dims(), &model.affine(), &request, progress)?;
+    let request = RenderRequest { size: Some([side; 2]), ..RenderRequest::default() };
+    let (image, _) = picture_of(Path::new(""), model, &request, progress)?;
     let mut png = Vec::new();
     image.write_png_to(&mut png).map_err(|_| Error::Internal)?;
     Ok(png)

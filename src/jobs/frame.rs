@@ -49,7 +49,7 @@ impl Frame {
         self.size
     }
 
-    /// Is the picture to be finished before anything can be written?
+    /// True if the picture has to be finished before anything can be written.
     pub(super) fn has_legend(&self) -> bool {
         self.legend.is_some()
     }
@@ -110,15 +110,4 @@ pub(super) fn label_entries<'a>(model: usize, labels: impl Iterator<Item = &'a L
         Entry { color: label.color, name, plain }
     };
     labels.into_iter().map(|label| ((model, label.number), entry(label))).collect()
-}
-
-/// The labels that a picture shows, whose numbers it has.
-pub(super) fn seen_labels(image: &Image, seen: &mut BTreeSet<Seen>) {
-    let mut last = 0;
-    for [.., label] in image.ids.iter().flat_map(|ids| ids.as_chunks::<3>().0) {
-        if *label != last && *label > 0 {
-            seen.insert((0, *label));
-        }
-        last = *label;
-    }
 }

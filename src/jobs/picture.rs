@@ -1,20 +1,24 @@
-//! `oct render` and `oct thumbnail`: a model on disk into pictures on disk.
+//! `oct render` and `oct thumbnail`: a model or a scene on disk into pictures on disk.
 
+use std::collections::BTreeSet;
 use std::path::Path;
 
 use serde::Serialize;
 
-use super::frame::{Frame, label_entries, seen_labels, size_title};
+use super::frame::{Frame, size_title};
 use super::opened::open_model;
 use super::relief::Relief;
-use super::render::{RenderReport, RenderRequest, render_view_parts, render_view_relieved, thumbnail};
+use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whole, thumbnail};
+use super::scene::OpenScene;
 use super::shots::{self, FrameNames, Shots};
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
+#[cfg(feature = "python")]
 use crate::load::Model;
 use crate::progress::Progress;
 use crate::render::image::{ImageFile, PngLayer, PngRows};
-use crate::render::{GridSpace, Image, RenderError};
+use crate::render::{Image, RenderError};
+use crate::scene::Seen;
 use crate::text::{data, shown};
 
 /// Where the pictures of one call go.
@@ -142,85 +146,73 @@ impl LayerRows {
     }
 }
 
-/// Renders the model at `model` to what is named in `outputs`.
+/// Renders the model or the scene at `path` to what is named in `outputs`.
 ///
 /// The files are begun before the picture is: a folder that cannot be written is reported at once. One picture is made and
-/// written band by band and is never held as a whole; several are held one at a time.
+/// written band by band and is never held as a whole; several, and those with a legend, are held one at a time.
 ///
 /// # Errors
-/// The model cannot be used, the camera makes no sense, or a picture cannot be written.
+/// The scene is wrong, a model cannot be used, the camera makes no sense, or a picture cannot be written.
 pub fn render_file(
-    model: &Path,
+    path: &Path,
     outputs: &Outputs<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<RenderReport, Error> {
-    outputs.refuse_clash(model)?;
-    let path = model;
-    let model = open_model(path)?;
+    outputs.refuse_clash(path)?;
+    let scene = OpenScene::open(path, request)?;
+    scene.paths().iter().try_for_each(|model| outputs.refuse_clash(model))?;
     let layers = outputs.create()?;
     let request = RenderRequest {
         depth: outputs.depth.is_some(),
         normals: outputs.normals.is_some(),
-        ids: outputs.ids.is_some() || outputs.legend,
-        ..*request
+        ids: outputs.ids.is_some(),
+        ..request.clone()
     };
-    let (view, dims, affine) = (model.view(), model.dims(), model.affine());
-    let whole = [request.width, request.height];
-    crate::render::picture::check_size(whole[0], whole[1])?;
-    let frame = frame_of(&model, path, outputs, &request)?;
-    let size = frame.inner();
-    let request = RenderRequest { width: size[0], height: size[1], ..request };
-    let give_back = || model.give_back();
-    let held_pixels = outputs.shots.held_pixels(whole, frame.has_legend());
-    let pages = (model.bytes().len() as u64, &give_back as &(dyn Fn() + Sync));
-    let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, pages);
-    let touched = || if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
-    let mut report = if outputs.shots == Shots::One && !frame.has_legend() {
-        let mut rows = layers.begin(whole)?;
-        let mut begun = false;
-        let mut take = |part: &Image| {
-            let title = if std::mem::replace(&mut begun, true) { None } else { frame.title(part) };
-            title.map_or(Ok(()), |title| rows.put(&title))?;
-            rows.put(part)
-        };
-        let report = render_view_parts(&view, dims, &affine, &request, progress, &relief, &mut take)?;
-        model.check_unchanged(path)?;
-        rows.finish()?;
-        report
-    } else {
-        let mut report: Option<RenderReport> = None;
-        shots::write(
-            outputs.shots,
-            layers,
-            &frame,
-            Some(request.point),
-            progress,
-            |shot, seen, progress| {
-                let ([width, height], point) = (shot.size, shot.point.unwrap_or(request.point));
-                let request = RenderRequest { width, height, point, ..request };
-                let (image, own) = render_view_relieved(&view, dims, &affine, &request, progress, &relief)?;
-                model.check_unchanged(path)?;
-                match request.lod {
-                    // Coarse boxes have several.
-                    true => seen.extend(model.frame().labels.iter().map(|label| (0, label.number))),
-                    false => seen_labels(&image, seen),
-                }
+    let begin = request.point.or(scene.view());
+    scene.with((&request, outputs.legend), |bodies| {
+        let whole = bodies.size(&request);
+        let frame = frame_of(bodies, path, outputs, &request);
+        let request = RenderRequest { size: Some(frame.inner()), ..request.clone() };
+        let give_back = || scene.give_back();
+        let held_pixels = outputs.shots.held_pixels(whole, frame.has_legend());
+        let pages = (scene.bytes(), &give_back as &(dyn Fn() + Sync));
+        let relief = Relief::new(request.memory_bytes, request.threads, held_pixels, pages);
+        let mut report = if outputs.shots == Shots::One && !frame.has_legend() {
+            let mut rows = layers.begin(whole)?;
+            let mut begun = false;
+            let mut take = |part: &Image| {
+                let title = if std::mem::replace(&mut begun, true) { None } else { frame.title(part) };
+                title.map_or(Ok(()), |title| rows.put(&title))?;
+                rows.put(part)
+            };
+            let (report, _) = paint_parts(bodies, &request, progress, &relief, &mut take)?;
+            scene.check_unchanged()?;
+            rows.finish()?;
+            report
+        } else {
+            let mut report: Option<RenderReport> = None;
+            shots::write(outputs.shots, layers, &frame, begin, progress, |shot, seen, progress| {
+                let (size, point) = (Some(shot.size), shot.point.or(request.point));
+                let request = RenderRequest { size, point, ..request.clone() };
+                let (image, own, shown) = paint_whole(bodies, &request, progress, &relief)?;
+                scene.check_unchanged()?;
+                seen.extend(shown_of(bodies, &request, shown));
                 report = Some(report.take().map_or(own.clone(), |all| all.and(&own)));
                 Ok(image)
-            },
-        )?;
-        report.unwrap_or_default()
-    };
-    [report.width, report.height] = whole;
-    report.bytes_touched = touched();
-    Ok(report)
+            })?;
+            report.unwrap_or_default()
+        };
+        [report.width, report.height] = whole;
+        report.bytes_touched = if relief.gave_back() { None } else { scene.bytes_touched() };
+        Ok(report)
+    })
 }
 
 /// A picture in memory, with title and legend as `outputs` says, whose `image` is the model's path.
 ///
 /// # Errors
-/// The camera makes no sense, or the model has no labels for a legend.
+/// The camera makes no sense, the plane of a slice does not meet the model, or the model has no labels for a legend.
 #[cfg(feature = "python")]
 pub(crate) fn framed<D: AsRef<[u8]>>(
     model: &Model<D>,
@@ -228,34 +220,28 @@ pub(crate) fn framed<D: AsRef<[u8]>>(
     request: &RenderRequest,
     progress: &dyn Progress,
 ) -> Result<Image, Error> {
-    crate::render::picture::check_size(request.width, request.height)?;
-    let frame = frame_of(model, outputs.image, outputs, request)?;
-    let [width, height] = frame.inner();
-    let request = RenderRequest { width, height, ids: outputs.legend, ..*request };
-    let view = model.view();
-    let (image, _) =
-        super::render::render_view_watched(&view, model.dims(), &model.affine(), &request, progress)?;
-    let mut seen = std::collections::BTreeSet::new();
-    seen_labels(&image, &mut seen);
-    // Coarse boxes have several labels.
-    Ok(frame.around(image, Some(&seen).filter(|_| !request.lod)))
+    super::scene::with_model(outputs.image, model, (request, outputs.legend), |bodies| {
+        let frame = frame_of(bodies, outputs.image, outputs, request);
+        let request = RenderRequest { size: Some(frame.inner()), ..request.clone() };
+        let (image, _, seen) = paint_whole(bodies, &request, progress, &Relief::none())?;
+        Ok(frame.around(image, Some(&shown_of(bodies, &request, seen))))
+    })
 }
 
-/// What is written around the picture of a model.
-fn frame_of<D: AsRef<[u8]>>(
-    model: &Model<D>,
-    path: &Path,
-    outputs: &Outputs<'_>,
-    request: &RenderRequest,
-) -> Result<Frame, Error> {
-    let labels = &model.frame().labels;
-    if outputs.legend && labels.is_empty() {
-        return Err(UsageError::NoLegend { path: path.to_path_buf() }.into());
+/// The parts of a legend that a picture shows; coarse boxes have several labels, so that of these all are taken.
+fn shown_of(bodies: &Bodies<'_>, request: &RenderRequest, seen: BTreeSet<Seen>) -> BTreeSet<Seen> {
+    match &bodies.legend {
+        Some(legend) if request.lod && request.section.is_none() => {
+            legend.iter().map(|(key, _)| *key).collect()
+        }
+        _ => seen,
     }
-    let space = GridSpace::new(model.dims(), &model.affine())?;
-    let title = outputs.title_of(path, |direction| space.support(&model.view(), direction));
-    let legend = outputs.legend.then(|| label_entries(0, labels.iter()));
-    Ok(Frame::new([request.width, request.height], request.background, title, legend))
+}
+
+/// Title and legend around a picture.
+fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &RenderRequest) -> Frame {
+    let title = outputs.title_of(path, |direction| bodies.support(direction));
+    Frame::new(bodies.size(request), bodies.ground(request), title, bodies.legend.clone())
 }
 
 /// Writes a square thumbnail of the model at `model` to `output`.
@@ -277,23 +263,23 @@ pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) ->
 /// A picture, or several, of a model or a scene, in files.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
-pub struct PictureReport<R> {
+pub struct PictureReport {
     /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
     /// Output as named on the command line.
     pub output: String,
     /// Size, rays and times.
     #[serde(flatten)]
-    pub picture: R,
+    pub picture: RenderReport,
     /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
 }
 
-impl<R> PictureReport<R> {
+impl PictureReport {
     /// The report of a picture that is finished now.
-    pub fn new(input: &Path, output: &Path, picture: R, warnings: Vec<String>) -> Self {
+    pub fn new(input: &Path, output: &Path, picture: RenderReport, warnings: Vec<String>) -> Self {
         let (input, output) = (data(input), data(output));
         Self { input, output, picture, warnings, peak_rss_bytes: peak_rss_bytes() }
     }

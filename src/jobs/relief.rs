@@ -11,14 +11,14 @@ use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
 use crate::budget::{costs, own_rss_bytes, resident_bytes};
 use crate::platform;
-use crate::render::picture::{Canvas, parts_bytes};
 use crate::render::{RenderError, RenderFault};
+use crate::scene::Look;
 
 /// Most that a step adds: pages of the model, of which the system maps 16 at a time. The farther apart the boxes are that
 /// neighbouring pixels show, the more it is. Measured on cells at 1024^3 and skin at 4096^3, in MiB: 1.3 at 16 boxes to a
 /// pixel, 2.4 at 32, 4 at 80. No step looks at more than [`MAX_STEP`].
 const STEP: u64 = 3 << 19;
-/// The same of cells, of which more sections are read: in noise of 384^3 at two boxes to a pixel 2.1 MiB.
+/// Most that a step of cells adds, of which more sections are read: in noise of 384^3 at two boxes to a pixel 2.1 MiB.
 const STEP_OF_CELLS: u64 = 5 << 19;
 const STEP_A_BOX: f64 = 50.0 * 1024.0;
 const MAX_STEP: u64 = 20 << 20;
@@ -52,9 +52,9 @@ pub(super) struct Relief<'a> {
     held_pixels: u64,
     /// Pages that the model has.
     model_bytes: u64,
-    /// Is there room for all of them, so that nothing has to be looked at?
+    /// True if there is room for all of them, so that nothing has to be looked at.
     fits_whole: AtomicBool,
-    /// What there is in any case: known before the first picture is made.
+    /// Bytes that there are in any case: known before the first picture is made.
     base_bytes: OnceLock<u64>,
 }
 
@@ -85,20 +85,26 @@ impl<'a> Relief<'a> {
         }
     }
 
+    /// Without a cap.
+    pub(super) fn none() -> Self {
+        Self::new(None, 1, 0, (0, &|| {}))
+    }
+
     /// Pixels of a band that fit, `None` for as many as usual; a pixel is so many boxes, or cells, wide.
     ///
     /// # Errors
     /// [`RenderError`] when the fewest do not fit.
     pub(super) fn band_pixels(
         &self,
-        canvas: &Canvas,
+        look: &Look,
+        files: usize,
         boxes_wide: f64,
         cells: bool,
     ) -> Result<Option<u32>, RenderError> {
         let Some(limit_bytes) = self.limit_bytes else { return Ok(None) };
         // A flat picture has fewer rays to a tile.
         let side = |pixels: u32| f64::from(pixels.min(TILE)) / f64::from(TILE);
-        let wide = boxes_wide.max(0.0) * side(canvas.width) * side(canvas.height);
+        let wide = boxes_wide.max(0.0) * side(look.width) * side(look.height);
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "held to a limit")]
         let step_bytes =
             (if cells { STEP_OF_CELLS } else { STEP } + (STEP_A_BOX * wide) as u64).min(MAX_STEP);
@@ -109,7 +115,7 @@ impl<'a> Relief<'a> {
         let base = *self.base_bytes.get_or_init(|| self.base()) + pages.min(self.model_bytes);
         let mut most = None;
         loop {
-            let minimum_bytes = base + parts_bytes(&Canvas { most_band_pixels: most, ..*canvas });
+            let minimum_bytes = base + look.parts_bytes(files, most);
             if minimum_bytes <= limit_bytes {
                 return Ok(most);
             }
@@ -121,7 +127,7 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// Were pages given back?
+    /// True if pages were given back.
     pub(super) fn gave_back(&self) -> bool {
         self.gave.load(Ordering::Relaxed)
     }
@@ -139,7 +145,7 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// The same where the steps before cannot be counted.
+    /// [`Relief::look`] where the steps before cannot be counted.
     pub(super) fn look_now(&self) {
         let Some(limit_bytes) = self.limit_bytes else { return };
         let room = limit_bytes.saturating_sub(resident_bytes());
@@ -159,7 +165,7 @@ impl<'a> Relief<'a> {
         }
     }
 
-    /// What the process has in any case, and whole pictures.
+    /// Bytes that the process has in any case, with whole pictures.
     fn base(&self) -> u64 {
         let held = WHOLE_PIXEL * self.held_pixels;
         own_rss_bytes() + costs::CODE_BYTES + held

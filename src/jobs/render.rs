@@ -1,5 +1,6 @@
-//! `oct render`, `oct thumbnail` and the traversal's self-check.
+//! Pictures of models and scenes in memory: what is asked of one, and how it was made; and the traversal's self-check.
 
+use std::collections::BTreeSet;
 use std::time::{Duration, Instant};
 
 use rayon::prelude::*;
@@ -9,106 +10,107 @@ use super::relief::Relief;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 use crate::progress::{Progress, Silent};
-use crate::render::annotate::Style;
-use crate::render::picture::{self, Canvas, Counts, Traversal, Watch};
+use crate::render::annotate::{Entry, Style};
+use crate::render::picture::{Traversal, check_size, pool};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
+use crate::render::shade::{Shader, linear_of};
 use crate::render::{
-    Camera, GridSpace, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing,
-    ViewPoint,
+    Camera, Image, NamedView, Projection, RenderError, RenderFault, Samples, Shading, Smoothing, ViewPoint,
 };
+use crate::scene::{self, Counts, LabelRule, Look, Part, Scene, Section, Seen, Watch};
 
-/// What picture to make.
-#[derive(Clone, Copy, Debug, PartialEq)]
+/// A picture of a model or of a scene. `None` leaves an option to the scene; a model by itself has the defaults that are
+/// named.
+#[derive(Clone, Debug, PartialEq)]
 pub struct RenderRequest {
-    /// Pixels in a row.
-    pub width: u32,
-    /// Rows of pixels.
-    pub height: u32,
-    /// Where the camera stands.
-    pub point: ViewPoint,
-    /// How its lines of sight run.
-    pub projection: Projection,
-    /// Angle in degrees between the bottom and the top of the picture.
-    pub fov_deg: f64,
-    /// Threads; 0 counts as 1. The picture does not depend on them.
-    pub threads: usize,
-    /// Stop at nodes about as small as a pixel instead of at voxels.
+    /// Pixels in a row, and rows; 1024 x 1024.
+    pub size: Option<[u32; 2]>,
+    /// Where the camera stands; the front.
+    pub point: Option<ViewPoint>,
+    /// How its lines of sight run; parallel.
+    pub projection: Option<Projection>,
+    /// Angle in degrees between the bottom and the top of the picture; [`RenderRequest::FOV_DEG`].
+    pub fov_deg: Option<f64>,
+    /// Magnification about the picture's middle, 0.01 to 1000.
+    pub zoom: f64,
+    /// The light; soft, or a scene's own lights.
+    pub shading: Option<Shading>,
+    /// The normals that are shown, in the normal image, too.
+    pub smoothing: Smoothing,
+    /// Ambient occlusion rays per pixel, at most 1024, unless light is plain; averaging over nearby pixels makes them
+    /// about sixteen times as many. 0 for the default: 1 for soft light, 4 for ambient occlusion, or the scene's own
+    /// number. Cost: half a microsecond each, one in cells.
+    pub ambient_rays: u32,
+    /// Rays of a pixel's colours; `Auto`.
+    pub samples: Option<Samples>,
+    /// Stop at nodes about as small as a pixel instead of at voxels. Models of which labels are hidden, translucent or cut
+    /// are shown exactly.
     pub lod: bool,
     /// With `lod`, boxes 2^this times as large as they would be.
     pub lod_bias: i8,
-    /// Cap of the whole process's resident memory in bytes; looked after by what renders files.
-    pub memory_bytes: Option<u64>,
-    /// Rays of a pixel's colours.
-    pub samples: Samples,
+    /// Target of the rays: the first box that the line intersects, or the voxel of the paper's discrete ray.
+    pub traversal: Traversal,
+    /// Colour (sRGB) of models without colours of their own; that of bone, or of a scene's materials.
+    pub color: Option<[u8; 3]>,
+    /// Colour (sRGB) behind everything; transparent.
+    pub background: Option<[u8; 3]>,
+    /// The part of all models that is left: low and high bounds along each axis in mm, which may be infinite.
+    pub clip_mm: Option<[[f64; 2]; 3]>,
+    /// A slice instead of a view; it counts before where the camera stands, and has no light.
+    pub section: Option<Section>,
+    /// Which labels are seen, later rules before earlier ones, and before those of a scene.
+    pub labels: Vec<LabelRule>,
+    /// Draw a scale bar and the patient's sides below the picture.
+    pub annotate: bool,
     /// Make a depth image, too.
     pub depth: bool,
     /// Make a normal image, too.
     pub normals: bool,
-    /// Make an image of the numbers of boxes, too ([`Image::ids`]).
+    /// Make an image of the numbers of boxes or labels, too ([`Image::ids`]).
     pub ids: bool,
-    /// The light.
-    pub shading: Shading,
-    /// Colour (sRGB) of a model without colours of its own; `None` for that of bone.
-    pub color: Option<[u8; 3]>,
-    /// Colour (sRGB) behind the model; `None` leaves it transparent.
-    pub background: Option<[u8; 3]>,
-    /// Magnification about the picture's middle, 0.01 to 1000.
-    pub zoom: f64,
-    /// The normals that are shown, in the normal image, too.
-    pub smoothing: Smoothing,
-    /// Ambient occlusion rays per pixel, at most 1024, unless light is plain; averaging over nearby pixels makes them
-    /// about sixteen times as many. 0 for the default: 1 for soft light, 4 for ambient occlusion. Cost: half a
-    /// microsecond each, one in cells.
-    pub ambient_rays: u32,
-    /// What the rays hit: the box that the line pierces first, or the voxel of the paper's discrete ray.
-    pub traversal: Traversal,
-    /// Draw a scale bar and the patient's sides below the picture.
-    pub annotate: bool,
+    /// Threads; 0 counts as 1. The picture does not depend on them.
+    pub threads: usize,
+    /// Cap of the whole process's resident memory in bytes; kept by what renders files.
+    pub memory_bytes: Option<u64>,
 }
 
 impl RenderRequest {
     /// Default angle of perspective pictures, in degrees.
     pub const FOV_DEG: f64 = 35.0;
 
-    /// How scale bar and sides are written, if they are.
-    fn style(&self) -> Option<Style> {
-        Style::of([self.width, self.height], self.background).filter(|_| self.annotate)
-    }
-
-    /// Puts the background behind the model.
-    fn finish(&self, part: &mut Image) {
-        if let Some(background) = self.background {
-            part.lay_on(background);
-        }
-    }
+    /// Default sides of pictures in pixels.
+    pub(super) const SIZE: [u32; 2] = [1024; 2];
 }
 
 impl Default for RenderRequest {
-    /// 1024 x 1024, parallel from the front, exact voxels, soft light, smooth edges, one thread per core.
+    /// 1024 x 1024, parallel from the front, exact voxels, soft light, smooth edges, one thread per core; of a scene what it
+    /// says.
     fn default() -> Self {
         Self {
-            width: 1024,
-            height: 1024,
-            point: ViewPoint::Named(NamedView::Front),
-            projection: Projection::Parallel,
-            fov_deg: Self::FOV_DEG,
-            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            size: None,
+            point: None,
+            projection: None,
+            fov_deg: None,
+            zoom: 1.0,
+            shading: None,
+            smoothing: Smoothing::Smooth,
+            ambient_rays: 0,
+            samples: None,
             lod: false,
             lod_bias: 0,
-            memory_bytes: None,
-            samples: Samples::Auto,
+            traversal: Traversal::Exact,
+            color: None,
+            background: None,
+            clip_mm: None,
+            section: None,
+            labels: Vec::new(),
+            annotate: false,
             depth: false,
             normals: false,
             ids: false,
-            shading: Shading::Soft,
-            color: None,
-            background: None,
-            zoom: 1.0,
-            smoothing: Smoothing::Smooth,
-            ambient_rays: 0,
-            traversal: Traversal::Exact,
-            annotate: false,
+            threads: std::thread::available_parallelism().map_or(1, usize::from),
+            memory_bytes: None,
         }
     }
 }
@@ -123,26 +125,37 @@ pub struct RenderReport {
     pub height: u32,
     /// Worker threads.
     pub threads: usize,
+    /// Models in the picture.
+    pub models: usize,
+    /// Files of the models; models may share a file.
+    pub files: usize,
     /// Traversal of the rays.
     pub traversal: Traversal,
-    /// Light.
-    pub shading: Shading,
+    /// Light; null for a scene's own lights.
+    pub shading: Option<Shading>,
     /// Rays of a pixel.
     pub samples: Samples,
     /// Rays traced, those for soft edges included.
     pub rays: u64,
     /// Rays that hit the model.
     pub hits: u64,
-    /// Seconds of setup: camera and threads; for a scene everything but tracing.
+    /// Rays towards lights.
+    pub shadow_rays: u64,
+    /// Mirrored rays.
+    pub mirrored_rays: u64,
+    /// Refracted rays.
+    pub refracted_rays: u64,
+    /// Rays of ambient occlusion.
+    pub ambient_rays: u64,
+    /// Seconds of setup: camera and threads.
     pub setup_s: f64,
-    /// Seconds of tracing; for a scene with shading.
+    /// Seconds of tracing rays from the eye.
     pub trace_s: f64,
     /// Seconds of shading.
     pub shade_s: f64,
-    /// Seconds of looking around for soft light or ambient occlusion, whose rays are not in `rays`; 0 without it.
+    /// Seconds of looking around for soft light or ambient occlusion, whose rays are not in `rays`; 0 without it. With
+    /// several models, or one that is cut, this is part of the shading.
     pub ambient_s: f64,
-    /// Rays of ambient occlusion.
-    pub ambient_rays: u64,
     /// Pixels of several rays.
     pub refined_pixels: u64,
     /// Seconds from start to end.
@@ -167,33 +180,24 @@ pub struct RenderReport {
 impl RenderReport {
     /// This picture and another one, as one.
     pub(super) fn and(self, other: &Self) -> Self {
-        let trace_s = self.trace_s + other.trace_s;
-        let rays = self.rays + other.rays;
-        Self {
-            rays,
-            hits: self.hits + other.hits,
-            setup_s: self.setup_s + other.setup_s,
-            trace_s,
-            shade_s: self.shade_s + other.shade_s,
-            ambient_s: self.ambient_s + other.ambient_s,
-            ambient_rays: self.ambient_rays + other.ambient_rays,
-            refined_pixels: self.refined_pixels + other.refined_pixels,
-            wall_s: self.wall_s + other.wall_s,
-            #[expect(clippy::cast_precision_loss, reason = "a rate")]
-            rays_per_s: if trace_s > 0.0 { rays as f64 / trace_s } else { 0.0 },
-            steps: self.steps + other.steps,
-            max_steps: self.max_steps.max(other.max_steps),
-            smallest_box: self.smallest_box.min(other.smallest_box),
-            depth_near_mm: self.depth_near_mm.min(other.depth_near_mm),
-            depth_far_mm: self.depth_far_mm.max(other.depth_far_mm),
-            ..self
-        }
+        let mut sum = self;
+        crate::render::add_counts!(sum, other: rays, hits, shadow_rays, mirrored_rays, refracted_rays, ambient_rays,
+            setup_s, trace_s, shade_s, ambient_s, refined_pixels, wall_s, steps);
+        #[expect(clippy::cast_precision_loss, reason = "a rate")]
+        let rays = sum.rays as f64;
+        sum.rays_per_s = if sum.trace_s > 0.0 { rays / sum.trace_s } else { 0.0 };
+        sum.max_steps = sum.max_steps.max(other.max_steps);
+        sum.smallest_box = sum.smallest_box.min(other.smallest_box);
+        sum.depth_near_mm = sum.depth_near_mm.min(other.depth_near_mm);
+        sum.depth_far_mm = sum.depth_far_mm.max(other.depth_far_mm);
+        sum
     }
 }
 
 /// Makes a picture of a model placed by `dims` and `affine`.
 ///
-/// The picture depends on the model and the request only: not on the machine, nor on the threads.
+/// The picture depends on the model and the request only: not on the machine, nor on the threads. Rules about labels need
+/// a table of labels, which a view has not.
 ///
 /// # Errors
 /// [`RenderError`] for a camera or a size that makes no sense, and for a model without a volume.
@@ -203,202 +207,273 @@ pub fn render_view(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), RenderError> {
-    render_view_watched(view, dims, affine, request, &Silent)
+    let scene = Scene::of_model(std::path::PathBuf::new()).shown_as(request.color, request.clip_mm);
+    let parts = scene
+        .models
+        .iter()
+        .map(|model| Ok(Part::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
+    let parts: Vec<Part<'_>> = parts.collect::<Result<_, RenderError>>()?;
+    let (image, report, _) = paint_whole(
+        &Bodies { parts: &parts, scene: &scene, legend: None },
+        request,
+        &Silent,
+        &Relief::none(),
+    )?;
+    Ok((image, report))
 }
 
-/// As [`render_view`]; `progress` gets the rows that are done.
+/// Models in their places, and what their scene says of the picture.
+pub(super) struct Bodies<'a> {
+    pub(super) parts: &'a [Part<'a>],
+    pub(super) scene: &'a Scene,
+    /// Lines for what may be seen, if a legend is wanted.
+    pub(super) legend: Option<Vec<(Seen, Entry)>>,
+}
+
+impl Bodies<'_> {
+    /// Greatest `direction . p` over the points p of all models, in mm.
+    pub(super) fn support(&self, direction: [f64; 3]) -> f64 {
+        self.parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max)
+    }
+
+    /// The colour behind a picture (sRGB).
+    pub(super) fn ground(&self, request: &RenderRequest) -> Option<[u8; 3]> {
+        let own = || Some(self.scene.background?.map(|light| Shader::new().encode(light)));
+        request.background.or_else(own)
+    }
+
+    /// The size of a picture in pixels.
+    pub(super) fn size(&self, request: &RenderRequest) -> [u32; 2] {
+        request.size.or(self.scene.size).unwrap_or(RenderRequest::SIZE)
+    }
+
+    /// Model files.
+    fn files(&self) -> usize {
+        self.parts.iter().map(|part| part.file() + 1).max().unwrap_or(0)
+    }
+}
+
+/// A picture in memory, and what it shows if the request or a legend asks for that.
 ///
 /// # Errors
-/// As [`render_view`].
-pub(crate) fn render_view_watched(
-    view: &ModelView<'_>,
-    dims: Dims,
-    affine: &Affine,
-    request: &RenderRequest,
-    progress: &dyn Progress,
-) -> Result<(Image, RenderReport), RenderError> {
-    render_view_relieved(view, dims, affine, request, progress, &Relief::new(None, 1, 0, (0, &|| {})))
-}
-
-/// As [`render_view_watched`], with a look at the process's memory now and then.
-pub(super) fn render_view_relieved(
-    view: &ModelView<'_>,
-    dims: Dims,
-    affine: &Affine,
+/// Errors of [`render_view`].
+pub(super) fn paint_whole(
+    bodies: &Bodies<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
     relief: &Relief<'_>,
-) -> Result<(Image, RenderReport), RenderError> {
-    let mut scene = Prepared::new(view, dims, affine, request, relief)?;
-    scene.canvas.most_band_pixels =
-        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
-    progress.stage("render", scene.canvas.height.into());
-    let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
-    let Prepared { space, camera, canvas, .. } = &scene;
-    let (mut image, counts) = picture::paint_watched(view, space, camera, *canvas, watch)?;
-    request.finish(&mut image);
-    if let Some(strip) = scene.strip(request, &image) {
-        image.append(&strip);
-    }
-    Ok((image, scene.report(request, &counts)))
+) -> Result<(Image, RenderReport, BTreeSet<Seen>), RenderError> {
+    let [_, height] = bodies.size(request);
+    let mut whole: Option<Image> = None;
+    let (report, seen) = paint_parts(bodies, request, progress, relief, &mut |part| {
+        let whole = whole.get_or_insert_with(|| {
+            let mut empty = Image::blank([part.width, 0], part.layers());
+            empty.reserve(height);
+            empty
+        });
+        whole.append(part);
+        Ok(())
+    })?;
+    Ok((whole.unwrap_or_else(|| Image::blank([0; 2], [false; 3])), report, seen))
 }
 
-/// As [`render_view_watched`], but hands on some rows after the others: the picture is never held as a whole. Each part
-/// has the width of the picture.
+/// [`paint_whole`] some rows after the others: the picture is never held as a whole. Each part has the width of the
+/// picture.
 ///
 /// # Errors
-/// As [`render_view`], and what `take` says.
-pub(super) fn render_view_parts(
-    view: &ModelView<'_>,
-    dims: Dims,
-    affine: &Affine,
+/// Errors of [`render_view`] and of `take`.
+pub(super) fn paint_parts(
+    bodies: &Bodies<'_>,
     request: &RenderRequest,
     progress: &dyn Progress,
     relief: &Relief<'_>,
     take: &mut (dyn FnMut(&Image) -> Result<(), RenderError> + Send),
-) -> Result<RenderReport, RenderError> {
-    let mut scene = Prepared::new(view, dims, affine, request, relief)?;
-    progress.stage("render", scene.canvas.height.into());
-    scene.canvas.most_band_pixels =
-        relief.band_pixels(&scene.canvas, scene.boxes_wide(), view.cells().is_some())?;
+) -> Result<(RenderReport, BTreeSet<Seen>), RenderError> {
+    let mut prepared = Prepared::new(bodies, request, relief)?;
+    let has_cells = bodies.parts.iter().any(|part| part.view().cells().is_some());
+    prepared.look.max_band_pixels =
+        relief.band_pixels(&prepared.look, bodies.files(), prepared.boxes_wide(bodies), has_cells)?;
+    progress.stage("render", prepared.look.height.into());
     let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
-    let Prepared { space, camera, canvas, .. } = &scene;
-    let mut strip = None;
-    let counts = picture::paint_parts(view, space, camera, *canvas, watch, &mut |part| {
-        request.finish(part);
-        strip = strip.take().or_else(|| scene.strip(request, part));
+    let (mut strip, ground) = (None, bodies.ground(request));
+    let (counts, seen) = scene::paint_parts(bodies.parts, &prepared.look, watch, &mut |part| {
+        ground.into_iter().for_each(|ground| part.lay_on(ground));
+        strip = strip.take().or_else(|| prepared.strip(part));
         take(part)
     })?;
     strip.map_or(Ok(()), |strip| take(&strip))?;
-    Ok(scene.report(request, &counts))
+    Ok((prepared.report(bodies, request, &counts), seen))
 }
 
-/// The camera of a picture, and the place of the model before it.
-///
-/// # Errors
-/// As [`render_view`].
-#[cfg(feature = "python")]
-pub(crate) fn camera(
-    view: &ModelView<'_>,
-    dims: Dims,
-    affine: &Affine,
-    request: &RenderRequest,
-) -> Result<(GridSpace, Camera), RenderError> {
-    let request = RenderRequest { annotate: false, ..*request };
-    let prepared = Prepared::new(view, dims, affine, &request, &Relief::new(None, 1, 0, (0, &|| {})))?;
-    Ok((prepared.space, prepared.camera))
-}
-
-/// A model in its place before its camera.
-struct Prepared {
+/// A picture whose camera stands.
+pub(super) struct Prepared {
     start: Instant,
-    space: GridSpace,
-    camera: Camera,
-    canvas: Canvas,
+    pub(super) look: Look,
+    /// The strip below the picture.
+    style: Option<Style>,
     /// Time that it took to get here.
     setup: Duration,
-    /// Depths of the model in mm.
+    /// Depths of the models in mm.
     range_mm: (f64, f64),
 }
 
 impl Prepared {
-    fn new(
-        view: &ModelView<'_>,
-        dims: Dims,
-        affine: &Affine,
+    pub(super) fn new(
+        bodies: &Bodies<'_>,
         request: &RenderRequest,
         relief: &Relief<'_>,
     ) -> Result<Self, RenderError> {
         let start = Instant::now();
-        picture::check_size(request.width, request.height)?;
-        let space = GridSpace::new(dims, affine)?;
-        let height = request.height - request.style().map_or(0, Style::bar_rows);
-        let aspect = f64::from(request.width) / f64::from(height);
-        let (mut lod_edge_log2, mut finest) = (0, 0);
-        if request.lod {
+        let Bodies { parts, scene, .. } = *bodies;
+        let [width, height] = bodies.size(request);
+        check_size(width, height)?;
+        let style = Style::of([width, height], bodies.ground(request)).filter(|_| request.annotate);
+        let height = height - style.map_or(0, Style::bar_rows);
+        let mut levels = vec![0; parts.len()];
+        if request.lod && request.section.is_none() {
             // A first look, by boxes of which there are few, tells how large the boxes of the picture are; more of the
             // file is not needed to place the camera.
-            let few = dims.depth().saturating_sub(FIRST_LOOK_LEVELS);
-            let support = |direction| {
-                relief.look_now();
-                space.support_to(view, direction, few)
-            };
-            let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?
-                .zoomed(request.zoom)?;
-            let near_mm = camera.depth_range_mm(support).0;
-            lod_edge_log2 = level_of_detail(view, &space, &camera, (height, request.lod_bias), near_mm);
-            finest = lod_edge_log2;
+            let few = |part: &Part<'_>| part.space().dims().depth().saturating_sub(FIRST_LOOK_LEVELS);
+            let first = |number: usize| parts.get(number).map_or(0, few);
+            let camera = place(bodies, request, [width, height], relief, &first)?;
+            for (level, part) in levels.iter_mut().zip(parts) {
+                let support = |direction| part.support_to(direction, few(part));
+                let near_mm = camera.depth_range_mm(support).0;
+                *level = part.level(level_of_detail(part, &camera, (height, request.lod_bias), near_mm));
+            }
         }
-        let support = |direction| {
+        let level = |number: usize| levels.get(number).copied().unwrap_or(0);
+        let camera = place(bodies, request, [width, height], relief, &level)?;
+        let range_mm = camera.depth_range_mm(|direction| {
             relief.look_now();
-            space.support_to(view, direction, finest)
-        };
-        let camera = Camera::new(request.point, request.projection, request.fov_deg, aspect, support)?
-            .zoomed(request.zoom)?;
-        let range_mm = camera.depth_range_mm(support);
-        let canvas = Canvas {
-            width: request.width,
+            support(parts, direction, &level)
+        });
+        let mut ambient = scene.ambient;
+        if request.ambient_rays > 0 || request.shading.is_some() {
+            ambient.rays = request.ambient_rays;
+        }
+        let look = Look {
+            width,
             height,
-            threads: request.threads,
-            lod_edge_log2,
-            samples: request.samples,
+            near_mm: scene.camera.near_mm,
+            shading: request.shading.or(scene.shading),
+            lights: scene.lights.clone(),
+            ambient,
+            background: bodies.ground(request).map(linear_of),
+            bounces: scene.bounces,
+            samples: request.samples.or(scene.samples).unwrap_or_default(),
             // Pictures by level of detail are made for speed.
             creases: !request.lod,
-            shading: request.shading,
-            color: request.color,
             smoothing: request.smoothing,
+            traversal: request.traversal,
+            levels,
+            section: request.section,
+            threads: request.threads,
             depth_range_mm: request.depth.then_some(range_mm),
             normals: request.normals,
             ids: request.ids,
-            ambient_rays: request.ambient_rays,
-            traversal: request.traversal,
-            most_band_pixels: None,
+            seen: bodies.legend.is_some(),
+            max_band_pixels: None,
+            camera,
         };
-        Ok(Self { start, space, camera, canvas, setup: start.elapsed(), range_mm })
+        Ok(Self { start, look, style, setup: start.elapsed(), range_mm })
     }
 
-    /// Boxes side by side in the farthest pixel.
-    fn boxes_wide(&self) -> f64 {
-        let least_mm = self.space.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-        let edge_mm = least_mm * f64::from(1_u32 << self.canvas.lod_edge_log2.min(31));
-        self.camera.pixel_mm(self.canvas.height, self.range_mm.1) / edge_mm
+    /// Boxes side by side in the farthest pixel, of the model with the smallest ones.
+    fn boxes_wide(&self, bodies: &Bodies<'_>) -> f64 {
+        let pixel_mm = self.look.camera.pixel_mm(self.look.height, self.range_mm.1);
+        let wide = bodies.parts.iter().zip(&self.look.levels).map(|(part, level)| {
+            let least_mm = part.space().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+            pixel_mm / (least_mm * f64::from(1_u32 << level.min(&31)))
+        });
+        wide.fold(0.0, f64::max)
     }
 
-    /// The strip below the picture, whose bar is true at the model's middle; with the layers of `like`.
-    fn strip(&self, request: &RenderRequest, like: &Image) -> Option<Image> {
+    /// The strip below the picture, whose bar is true at the models' middle; with the layers of `like`.
+    fn strip(&self, like: &Image) -> Option<Image> {
         let middle_mm = (self.range_mm.0 + self.range_mm.1) / 2.0;
-        Some(request.style()?.bar(like, &self.camera, (self.canvas.height, middle_mm)))
+        Some(self.style?.bar(like, &self.look.camera, (self.look.height, middle_mm)))
     }
 
-    fn report(&self, request: &RenderRequest, counts: &Counts) -> RenderReport {
+    fn report(&self, bodies: &Bodies<'_>, request: &RenderRequest, counts: &Counts) -> RenderReport {
         let wall = self.start.elapsed();
         let trace_s = counts.trace.as_secs_f64();
+        let [width, height] = bodies.size(request);
         RenderReport {
-            width: request.width,
-            height: request.height,
+            width,
+            height,
             threads: request.threads.max(1),
+            models: bodies.parts.len(),
+            files: bodies.files(),
             traversal: request.traversal,
-            shading: request.shading,
-            samples: request.samples,
+            shading: self.look.shading,
+            samples: self.look.samples,
             rays: counts.rays,
             hits: counts.hits,
+            shadow_rays: counts.shadow,
+            mirrored_rays: counts.mirrored,
+            refracted_rays: counts.refracted,
+            ambient_rays: counts.ambient,
             setup_s: self.setup.as_secs_f64(),
             trace_s,
             shade_s: counts.shade.as_secs_f64(),
-            ambient_s: counts.ambient.as_secs_f64(),
-            ambient_rays: counts.ambient_rays,
+            ambient_s: counts.around.as_secs_f64(),
             refined_pixels: counts.refined,
             wall_s: wall.as_secs_f64(),
             #[expect(clippy::cast_precision_loss, reason = "a rate")]
             rays_per_s: if trace_s > 0.0 { counts.rays as f64 / trace_s } else { 0.0 },
             steps: counts.steps,
             max_steps: counts.max_steps,
-            smallest_box: 1 << self.canvas.lod_edge_log2,
+            smallest_box: 1 << self.look.levels.iter().min().copied().unwrap_or(0),
             bytes_touched: None,
             depth_near_mm: self.range_mm.0,
             depth_far_mm: self.range_mm.1,
         }
     }
+}
+
+/// Greatest `direction . p` over the points p of boxes of 2^`finest` voxels of all models, in mm.
+fn support(parts: &[Part<'_>], direction: [f64; 3], finest: &dyn Fn(usize) -> u32) -> f64 {
+    let all = parts.iter().enumerate().map(|(number, part)| part.support_to(direction, finest(number)));
+    all.fold(f64::NEG_INFINITY, f64::max)
+}
+
+/// The camera of a picture of this size, before models as boxes of 2^`finest` voxels.
+fn place(
+    bodies: &Bodies<'_>,
+    request: &RenderRequest,
+    [width, height]: [u32; 2],
+    relief: &Relief<'_>,
+    finest: &dyn Fn(usize) -> u32,
+) -> Result<Camera, RenderError> {
+    let Bodies { parts, scene, .. } = *bodies;
+    let own = &scene.camera;
+    let of_scene = match (own.eye, own.view) {
+        (Some([eye, look_at]), _) => Some(ViewPoint::Free { eye, look_at, up: own.up }),
+        (None, view) => view.map(ViewPoint::Named),
+    };
+    let slice = request.section.map(|section| ViewPoint::Named(section.view()));
+    let point = slice.or(request.point).or(of_scene).unwrap_or(ViewPoint::Named(NamedView::Front));
+    let framed: Vec<_> = parts
+        .iter()
+        .enumerate()
+        .zip(&scene.models)
+        .filter(|(_, model)| model.framed)
+        .map(|(part, _)| part)
+        .collect();
+    let frame = |direction| {
+        relief.look_now();
+        let framed = framed.iter().map(|(number, part)| part.support_to(direction, finest(*number)));
+        let most = framed.fold(f64::NEG_INFINITY, f64::max);
+        if most.is_finite() { most } else { support(parts, direction, finest) }
+    };
+    let projection = match request.section {
+        Some(_) => Projection::Parallel,
+        None => request.projection.or(own.projection).unwrap_or_default(),
+    };
+    let fov = request.fov_deg.or(own.fov_deg).unwrap_or(RenderRequest::FOV_DEG);
+    let aspect = f64::from(width) / f64::from(height);
+    Camera::new(point, projection, fov, aspect, frame)?.zoomed(request.zoom)
 }
 
 /// Levels of the octree that tell roughly where a model is.
@@ -407,13 +482,8 @@ const FIRST_LOOK_LEVELS: u32 = 6;
 /// Largest k such that boxes of 2^k voxels are no larger than 1.5 pixels, at the model's nearest point, or as much more
 /// as is asked for; 0 when that is under 4 voxels, below which there are no mean normals, or when the model has normals
 /// but no mean ones.
-fn level_of_detail(
-    view: &ModelView<'_>,
-    space: &GridSpace,
-    camera: &Camera,
-    (height, bias): (u32, i8),
-    near_mm: f64,
-) -> u32 {
+fn level_of_detail(part: &Part<'_>, camera: &Camera, (height, bias): (u32, i8), near_mm: f64) -> u32 {
+    let (view, space) = (part.view(), part.space());
     if view.voxel_normal(VoxelIndex::new(0)).is_some() && view.node_normal(NodeIndex::ROOT).is_none() {
         return 0;
     }
@@ -448,7 +518,7 @@ fn thumbnail_view(dims: Dims, affine: &Affine) -> NamedView {
 /// transparent background.
 ///
 /// # Errors
-/// As [`render_view`].
+/// Errors of [`render_view`].
 pub fn thumbnail(
     view: &ModelView<'_>,
     dims: Dims,
@@ -457,9 +527,8 @@ pub fn thumbnail(
     threads: usize,
 ) -> Result<(Image, RenderReport), RenderError> {
     let request = RenderRequest {
-        width: size,
-        height: size,
-        point: ViewPoint::Named(thumbnail_view(dims, affine)),
+        size: Some([size; 2]),
+        point: Some(ViewPoint::Named(thumbnail_view(dims, affine))),
         threads,
         lod: true,
         ..RenderRequest::default()
@@ -496,7 +565,7 @@ pub fn selfcheck(
         selfcheck::mismatches(view, &bits, count, task_seed)
     };
     let all = || (0..tasks).into_par_iter().map(task).reduce(Mismatches::default, Mismatches::plus);
-    Ok(picture::pool(threads)?.install(all))
+    Ok(pool(threads)?.install(all))
 }
 
 #[cfg(test)]

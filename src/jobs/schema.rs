@@ -21,10 +21,8 @@ use super::intersect::IntersectReport;
 use super::pack::PackReport;
 use super::parts::{MergeReport, PartReport, PlanReport, StageReport};
 use super::picture::PictureReport;
-use super::render::RenderReport;
 use super::report::Report;
 use super::scan::{Listed, ScanReport};
-use super::scene::SceneReport;
 use super::verify::VerifyReport;
 use crate::exit::ErrorReport;
 use crate::render::selfcheck::Mismatches;
@@ -54,8 +52,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("pack", "`oct pack --json`, `oct unpack --json` and `oct strip --json`", schema::<PackReport>()),
         ("export", "`oct export --json`", schema::<ExportReport>()),
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),
-        ("render", "`oct render --json` and `oct thumbnail --json`", schema::<PictureReport<RenderReport>>()),
-        ("scene", "`oct render SCENE.toml --json`", schema::<PictureReport<SceneReport>>()),
+        ("render", "`oct render --json` and `oct thumbnail --json`", schema::<PictureReport>()),
         ("scan", "`oct scan --json`", schema::<List<ScanReport, Listed>>()),
         ("batch", "`oct batch --json`, and its `report.json`", schema::<List<BatchReport, Item>>()),
         ("demo", "`oct demo --json`", schema::<DemoFigures>()),

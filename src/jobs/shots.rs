@@ -38,7 +38,7 @@ pub(super) enum FrameNames {
 const DIGITS: usize = 4;
 
 impl FrameNames {
-    /// What an output says; `None` where it is one file.
+    /// Names by an output; `None` where it is one file.
     pub(super) fn of(output: &Path) -> Option<Self> {
         if output.as_os_str().as_encoded_bytes().ends_with(b"/") || output.is_dir() {
             return Some(Self::In(output.to_path_buf()));
@@ -134,7 +134,7 @@ impl Progress for Several<'_> {
     }
 }
 
-/// What is asked of one picture: where the camera stands, if it does not stand where it would; and the size.
+/// One picture: the place of the camera, unless it is the usual one, and the size.
 pub(super) struct Shot {
     pub(super) point: Option<ViewPoint>,
     pub(super) size: [u32; 2],

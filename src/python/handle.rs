@@ -21,8 +21,7 @@ use crate::jobs::export::triangles;
 use crate::jobs::info::{Info, Measured};
 use crate::jobs::opened::unpacked;
 use crate::jobs::picture::{Outputs, framed};
-use crate::jobs::render::camera;
-use crate::jobs::scene::sliced;
+use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
 use crate::render::sight::Sight;
@@ -97,16 +96,10 @@ impl Handle {
         asked: &PictureAsked,
         progress: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Image> {
-        let wrong = |sentence: String| usage(py, &sentence);
-        let (request, section) = (asked.request().map_err(wrong)?, asked.section().map_err(wrong)?);
+        let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
         let outputs =
             Outputs { title: asked.title.as_deref(), legend: asked.legend, ..Outputs::of(&self.path) };
-        watched(py, progress, |progress| {
-            self.unchanged(|| match &section {
-                Some(section) => sliced(&self.model, &outputs, section, progress),
-                None => framed(&self.model, &outputs, &request, progress),
-            })
-        })
+        watched(py, progress, |progress| self.unchanged(|| framed(&self.model, &outputs, &request, progress)))
     }
 
     /// Does something with the model, whose file is the same before and after. Bytes that change meanwhile may be what no
@@ -239,10 +232,11 @@ impl Handle {
         let asked: PictureAsked = read(py, asked)?;
         let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
         let found = self.with(py, |model| {
-            let (space, camera) = camera(&model.view(), model.dims(), &model.affine(), &request)?;
-            let sight = Sight::new(&space, &camera, request.width, request.height);
-            let width = request.width as usize;
-            let pixels = width * request.height as usize;
+            let (space, camera) = camera_of(model, &request)?;
+            let [width, height] = asked.size;
+            let sight = Sight::new(&space, &camera, width, height);
+            let pixels = width as usize * height as usize;
+            let width = width as usize;
             rays::first_hits(&RayCaster::new(model)?, &Pixels { sight, width }, pixels, request.threads)
         })?;
         Ok(arrays(py, found))

@@ -18,7 +18,8 @@ use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_ea
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
 use crate::jobs::picture::Outputs;
-use crate::jobs::scene::SceneRequest;
+use crate::jobs::picture::render_file;
+use crate::jobs::render::RenderRequest;
 use crate::progress::Progress;
 use crate::source::SubjectKind;
 use crate::volume::sentences;
@@ -214,9 +215,7 @@ pub(super) fn render_scene(
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let outputs = Outputs::of(&output);
-    let request = SceneRequest { size, threads, ..SceneRequest::default() };
-    let report = watched(py, progress, |progress| {
-        crate::jobs::scene::render_scene(&path, &outputs, &request, progress)
-    })?;
+    let request = RenderRequest { size, threads, ..RenderRequest::default() };
+    let report = watched(py, progress, |progress| render_file(&path, &outputs, &request, progress))?;
     json(py, &report)
 }

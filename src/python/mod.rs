@@ -39,7 +39,7 @@ const OTHERWISE: [(&str, &str); 16] = [
     ("jobs::info", "Model.info"),
     ("jobs::pack::unpack", "infobyte.unpack"),
     ("jobs::scan", "oct scan"),
-    ("jobs::scene", "infobyte.render_scene"),
+    ("jobs::picture", "infobyte.render_scene"),
     ("jobs::verify", "infobyte.verify"),
     ("jobs::view", "oct view"),
 ];

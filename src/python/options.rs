@@ -1,5 +1,6 @@
 //! Options of builds and pictures, which come as JSON from Python.
 
+use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use pyo3::prelude::*;
@@ -16,7 +17,7 @@ use crate::jobs::build::{EachLabel, GridOptions, viewed_from};
 use crate::jobs::export::MAX_SMOOTH;
 use crate::jobs::names::read_label_names;
 use crate::jobs::render::RenderRequest;
-use crate::jobs::scene::{SceneRequest, Section};
+use crate::jobs::scene::{LabelPick, LabelRule, Section};
 use crate::render::{Projection, Samples, Shading, Smoothing, ViewPoint};
 use crate::source::{OpenOptions, RawOptions};
 use crate::volume::{Rescale, ScalarType};
@@ -166,6 +167,11 @@ pub(super) struct PictureAsked {
     background: Option<[u8; 3]>,
     pub(super) title: Option<String>,
     pub(super) legend: bool,
+    /// Low and high bounds by axis, in mm.
+    clip: Option<BTreeMap<String, [Option<f64>; 2]>>,
+    only: Option<Vec<String>>,
+    hide: Vec<String>,
+    opacity: Vec<(String, f64)>,
     /// An axis, and a place along it in mm.
     section: Option<(String, f64)>,
     threads: Option<usize>,
@@ -183,7 +189,6 @@ impl PictureAsked {
             _ => return Err("give a view, or eye and look_at, with up if it matters".into()),
         };
         let usual = RenderRequest::default();
-        let [width, height] = self.size;
         let shadings = [
             ("plain", (Shading::Plain, Smoothing::Smooth)),
             ("soft", (Shading::Soft, Smoothing::Smooth)),
@@ -203,41 +208,49 @@ impl PictureAsked {
         }
         let samples =
             choice("samples", &self.samples, Samples::ALL.iter().map(|s| (s.name().to_owned(), *s)))?;
+        let axes = ["x", "y", "z"].into_iter().zip(0..).map(|(name, axis)| (name.to_owned(), axis));
+        let mut clip_mm = [[f64::NEG_INFINITY, f64::INFINITY]; 3];
+        for (name, [low, high]) in self.clip.iter().flatten() {
+            let bounds = &mut clip_mm[choice("clip", name, axes.clone())?];
+            *bounds = [low.unwrap_or(bounds[0]), high.unwrap_or(bounds[1])];
+            if bounds[0] >= bounds[1] {
+                return Err(format!("clip leaves nothing along {name}; give (low, high), low below high"));
+            }
+        }
+        let section = |(axis, at_mm): &(String, f64)| {
+            choice("section", axis, axes).map(|axis| Section { axis, at_mm: *at_mm })
+        };
         Ok(RenderRequest {
-            width,
-            height,
-            point,
-            projection,
-            fov_deg: self.fov.unwrap_or(RenderRequest::FOV_DEG),
-            threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
-            lod: self.lod,
-            samples: if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples },
+            size: Some(self.size),
+            point: Some(point),
+            projection: Some(projection),
+            fov_deg: self.fov,
             zoom: self.zoom,
-            color: self.color,
-            shading,
+            shading: Some(shading),
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),
-            annotate: self.annotate,
+            samples: Some(if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples }),
+            lod: self.lod,
+            color: self.color,
             background: self.background,
+            clip_mm: self.clip.is_some().then_some(clip_mm),
+            labels: self.labels()?,
+            section: self.section.as_ref().map(section).transpose()?,
+            annotate: self.annotate,
+            threads: self.threads.unwrap_or(usual.threads).clamp(1, 1024),
             ..usual
         })
     }
 
-    /// What is asked of a slice, if it is one.
-    pub(super) fn section(&self) -> Result<Option<SceneRequest>, String> {
-        let Some((axis, at_mm)) = &self.section else { return Ok(None) };
-        let axes = ["x", "y", "z"].into_iter().zip(0..).map(|(name, axis)| (name.to_owned(), axis));
-        let section = Section { axis: choice("section", axis, axes)?, at_mm: *at_mm };
-        let threads = self.threads.unwrap_or(RenderRequest::default().threads).clamp(1, 1024);
-        Ok(Some(SceneRequest {
-            size: Some(self.size),
-            zoom: Some(self.zoom),
-            background: self.background,
-            color: self.color,
-            section: Some(section),
-            annotate: self.annotate,
-            threads,
-            ..SceneRequest::default()
-        }))
+    /// Which labels are seen, later rules before earlier ones.
+    fn labels(&self) -> Result<Vec<LabelRule>, String> {
+        let rule = |text: &String, opacity| Ok(LabelRule { labels: text.parse()?, opacity });
+        let none = self.only.iter().map(|_| Ok(LabelRule { labels: LabelPick::All, opacity: 0.0 }));
+        let only = none.chain(self.only.iter().flatten().map(|text| rule(text, 1.0)));
+        if let Some((label, part)) = self.opacity.iter().find(|(_, part)| !(0.0..=1.0).contains(part)) {
+            return Err(format!("opacity of {label} is {part}; choose 0 to 1"));
+        }
+        let opacity = self.opacity.iter().map(|(text, part)| rule(text, *part));
+        only.chain(opacity).chain(self.hide.iter().map(|text| rule(text, 0.0))).collect()
     }
 }

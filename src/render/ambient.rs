@@ -5,25 +5,22 @@
 //!
 //! A ray starts where it leaves the boxes around the one that was hit (`leave`).
 //!
-//! Directions are a spiral by the golden angle. Scenes have it turned in sixteen ways over four by four pixels. Pictures of one
-//! model share one spiral out over eight by eight, so that few rays a pixel do, one or four: `soften` takes the mean over the
+//! Directions are a spiral by the golden angle. Points in mirrors have it turned in sixteen ways over four by four pixels. Points
+//! that are seen straight on share one spiral out over eight by eight, so that few rays a pixel do, one or four: `soften` takes the mean over the
 //! pixels around. Shared out over four by four, each direction's shadow would have an edge that is seen. Directions depend on the pixel alone. All of it is additions, products, quotients and roots in one order, the same on every machine. Cost: 0.3 microseconds
 //! a ray, those of a pixel in one batch.
 
-use crate::geom::{add_scaled, cross, dot};
-use crate::load::ModelView;
-
 use super::batch::Batch;
-use crate::geom::NodeIndex;
-
+use super::cells::Cells;
 use super::form::Form;
 use super::leave;
-use super::picture::Painter;
 use super::ray::Ray;
 use super::space::GridSpace;
-use super::surface::Surface;
-use super::tile::{RAYS, TILE};
+use super::surface::Skin;
+use super::tile::RAYS;
 use super::traverse::Hit;
+use crate::geom::{cross, dot};
+use crate::load::ModelView;
 
 /// Most rays of a pixel.
 pub(crate) const MAX_RAYS: u32 = 1024;
@@ -52,7 +49,7 @@ pub(crate) struct Sky {
 }
 
 /// The memory of a worker, from tile to tile.
-pub(super) struct Lot {
+pub(crate) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
     /// The pixel of each ray.
@@ -63,17 +60,41 @@ pub(super) struct Lot {
 }
 
 impl Lot {
-    pub(super) fn new(form: Form) -> Self {
+    pub(crate) fn new(form: Form) -> Self {
         let (rays, of, met) = (Vec::new(), Vec::new(), Vec::new());
         Self { batch: Batch::new(form), rays, of, met, closed: [0; RAYS] }
     }
 
+    /// Begins a tile.
+    pub(crate) fn begin(&mut self) {
+        self.closed = [0; RAYS];
+    }
+
+    /// Adds a ray of a pixel.
+    pub(crate) fn add(&mut self, pixel: usize, ray: Ray) {
+        self.rays.push(ray);
+        self.of.push(pixel.to_le_bytes()[0]);
+    }
+
+    /// True if so many rays wait that they are to be traced.
+    pub(crate) fn is_full(&self) -> bool {
+        self.rays.len() >= STEP_RAYS
+    }
+
+    /// Rays of a pixel that met something.
+    pub(crate) fn closed(&self, pixel: usize) -> u16 {
+        self.closed[pixel % RAYS]
+    }
+
     /// Traces the rays that wait.
-    fn flush<S: Surface>(&mut self, view: &ModelView<'_>, surface: &S, lod_edge_log2: u32) {
+    pub(crate) fn flush(&mut self, view: &ModelView<'_>, cells: Option<&Cells<'_>>, lod_edge_log2: u32) {
         if self.rays.is_empty() {
             return;
         }
-        self.batch.any(view, surface, &self.rays, lod_edge_log2, &mut self.met);
+        match cells {
+            Some(cells) => self.batch.any(view, cells, &self.rays, lod_edge_log2, &mut self.met),
+            None => self.batch.any(view, &Skin, &self.rays, lod_edge_log2, &mut self.met),
+        }
         for (pixel, met) in self.of.iter().zip(&self.met) {
             self.closed[usize::from(*pixel) % RAYS] += u16::from(*met);
         }
@@ -84,13 +105,13 @@ impl Lot {
 
 /// A point that is seen, where its light comes from.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct ShadedPoint<'a> {
-    pub(super) space: &'a GridSpace,
-    pub(super) hit: &'a Hit,
+pub(crate) struct ShadedPoint<'a> {
+    pub(crate) space: &'a GridSpace,
+    pub(crate) hit: &'a Hit,
     /// In the world.
-    pub(super) point: [f64; 3],
+    pub(crate) point: [f64; 3],
     /// Unit vector of the world, on the side that is seen.
-    pub(super) normal: [f64; 3],
+    pub(crate) normal: [f64; 3],
 }
 
 fn turned([x, y]: [f64; 2], [cosine, sine]: [f64; 2]) -> [f64; 2] {
@@ -151,68 +172,8 @@ impl Sky {
 impl ShadedPoint<'_> {
     /// The ray from here into a direction of the world, from where it leaves the boxes around; `None` where that is
     /// outside the grid.
-    fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
+    pub(crate) fn ray(&self, direction: [f64; 3]) -> Option<Ray> {
         leave::leaving(self.space, (self.hit, leave::REACH), self.point, direction, 0.0).map(|(ray, _)| ray)
-    }
-}
-
-impl<S: Surface> Painter<'_, S> {
-    /// How open the surroundings of a tile's pixels are, 0 to 255: by its hits and the unit normals of the world there.
-    /// The number of rays.
-    pub(super) fn look_around(
-        &self,
-        sky: &Sky,
-        lot: &mut Lot,
-        corner: [usize; 2],
-        hits: &[Option<Hit>; RAYS],
-        (normals, open): (&[[f32; 3]], &mut [u8]),
-    ) -> u64 {
-        lot.closed = [0; RAYS];
-        let (mut traced, mut lod_edge_log2) = (0, self.canvas.lod_edge_log2);
-        let struck = hits.iter().enumerate().filter_map(|(at, hit)| Some((at, hit.as_ref()?)));
-        for ((at, hit), normal) in struck.clone().filter_map(|(at, hit)| Some(((at, hit), normals.get(at)?)))
-        {
-            // Larger leaves are not coarse boxes.
-            let is_leaf = self.view.is_leaf(NodeIndex::new(hit.box_number));
-            let own = if is_leaf { 0 } else { hit.edge_log2 };
-            if own != lod_edge_log2 {
-                lot.flush(self.view, &self.surface, lod_edge_log2);
-                lod_edge_log2 = own;
-            }
-            let pixel = [corner[0] + at % TILE, corner[1] + at / TILE];
-            let (origin, sight) = self.sight.line(pixel[0] as f64 + 0.5, pixel[1] as f64 + 0.5);
-            let normal = normal.map(f64::from);
-            let away = dot(normal, sight) > 0.0;
-            let place = ShadedPoint {
-                space: self.sight.space(),
-                hit,
-                point: add_scaled(origin, hit.t, sight),
-                normal: if away { normal.map(|c| -c) } else { normal },
-            };
-            let [right, ahead] = tangents(place.normal);
-            for d in sky.of(pixel) {
-                let way = |a: usize| right[a] * d[0] + ahead[a] * d[1] + place.normal[a] * d[2];
-                traced += 1;
-                if let Some(ray) = place.ray([way(0), way(1), way(2)]) {
-                    lot.rays.push(ray);
-                    lot.of.push(at.to_le_bytes()[0]);
-                }
-                if lot.rays.len() >= STEP_RAYS {
-                    lot.flush(self.view, &self.surface, lod_edge_log2);
-                    self.watch.step();
-                }
-            }
-        }
-        lot.flush(self.view, &self.surface, lod_edge_log2);
-        for (at, _) in struck {
-            let all = sky.of([at % TILE, at / TILE]).len().max(1) as f64;
-            if let Some(open) = open.get_mut(at) {
-                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-                let part = ((1.0 - f64::from(lot.closed[at % RAYS]) / all) * 255.0 + 0.5) as u8;
-                *open = part;
-            }
-        }
-        traced
     }
 }
 
@@ -234,10 +195,7 @@ mod tests {
     use crate::geom::{Affine, Dims};
     use crate::memory_tree::MemoryTree;
     use crate::render::leave::REACH;
-    use crate::render::picture::{Canvas, Traversal, paint};
     use crate::render::single;
-    use crate::render::surface::Skin;
-    use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
 
     fn space(side: u32) -> GridSpace {
         GridSpace::new(Dims::new(side, side, side).unwrap(), &Affine::from_spacing([1.0; 3])).unwrap()
@@ -266,48 +224,6 @@ mod tests {
         let sky = Sky::new(256);
         let mean = |a: usize| sky.of([0, 0]).iter().map(|d| d[a]).sum::<f64>() / 256.0;
         assert!((mean(2) - 2.0 / 3.0).abs() < 0.01 && mean(0).abs() < 0.01 && mean(1).abs() < 0.01);
-    }
-
-    /// A plate as it is seen from above, with a wall around the middle of it.
-    #[test]
-    fn walls_darken_what_they_surround_and_a_plate_alone_stays() {
-        let dims = Dims::new(32, 32, 32).unwrap();
-        let picture = |wall: u32, ambient_rays, threads| {
-            let around = |c: u32| (10..22).contains(&c);
-            let edge = |x: u32, y: u32| around(x) && around(y) && [x, y].iter().any(|c| *c == 10 || *c == 21);
-            let all = (0..32_u32 * 32 * 32).map(|i| [i % 32, i / 32 % 32, i / 1024]);
-            let is_skin = |[x, y, z]: &[u32; 3]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z));
-            let tree = MemoryTree::of_cells(dims, all.filter(is_skin));
-            let space = space(32);
-            let support = |direction| space.support(&tree.view(), direction);
-            let top = ViewPoint::Named(NamedView::Top);
-            let camera = Camera::new(top, Projection::Parallel, 35.0, 1.0, support).unwrap();
-            let canvas = Canvas {
-                color: None,
-                width: 48,
-                height: 48,
-                threads,
-                lod_edge_log2: 0,
-                samples: Samples::Auto,
-                creases: true,
-                shading: if ambient_rays > 0 { Shading::Ao } else { Shading::Plain },
-                smoothing: Smoothing::Smooth,
-                depth_range_mm: None,
-                normals: false,
-                ids: false,
-                ambient_rays,
-                traversal: Traversal::Exact,
-                most_band_pixels: None,
-            };
-            let (image, _) = paint(&tree.view(), &space, &camera, canvas).unwrap();
-            image.rgba
-        };
-        assert_eq!(picture(0, 16, 1), picture(0, 0, 2));
-        let (plain, dark) = (picture(8, 0, 1), picture(8, 16, 1));
-        assert_eq!(dark, picture(8, 16, 3));
-        let middle = 4 * (24 * 48 + 24);
-        assert!(dark[middle] < plain[middle] - 30, "{} {}", dark[middle], plain[middle]);
-        assert!(plain.iter().zip(&dark).all(|(plain, dark)| dark <= plain));
     }
 
     /// A million rays out of a ball: none meets the box that it comes from, nor those next to it, nor any that it rises

@@ -40,7 +40,7 @@ choices! {
 choices! {
     /// Rays of a pixel's colours. Depths, normals and numbers of boxes are those of the ray through its middle.
     Samples {
-        /// Eight where neighbouring pixels differ in depth, normal or model, else one.
+        /// Eight where neighbouring pixels differ in depth or normal, else one.
         #[default]
         Auto = "auto",
         /// One, through the middle.
@@ -49,6 +49,8 @@ choices! {
         Four = "4",
         /// Sixteen.
         Sixteen = "16",
+        /// Sixty-four.
+        SixtyFour = "64",
     }
 }
 
@@ -57,23 +59,23 @@ choices! {
     Smoothing {
         /// Those that are stored of the boxes that are hit.
         Stored = "stored",
-        /// Of cells, the mean over the cells around that belong to the same surface; of voxels, the stored ones.
+        /// For cells, the mean over the cells around that belong to the same surface; for voxels, the stored ones.
         #[default]
         Smooth = "smooth",
-        /// Those of voxels, too, blended between the boxes around a hit: smoother close-ups, some microseconds a pixel.
+        /// Normals of voxels, too, are blended between the boxes around a hit: smoother close-ups, some microseconds a pixel.
         Blended = "blended",
     }
 }
 
 /// Places along each axis where rays of a pixel may go through it.
-pub(super) const PLACES: usize = 8;
+pub(crate) const PLACES: usize = 8;
 
 /// Rows of eight rooks that do not threaten each other, column by column.
 const ROOKS: [usize; PLACES] = [4, 1, 6, 3, 0, 7, 2, 5];
 
 impl Samples {
     /// Where the rays of a pixel that has several go through it, as bits of 8 x 8 places: bit `8 y + x`.
-    pub(super) const fn places(self) -> u64 {
+    pub(crate) const fn places(self) -> u64 {
         let mut bits = 0;
         let mut x = 0;
         while x < PLACES {
@@ -81,6 +83,7 @@ impl Samples {
                 Self::One => 0,
                 Self::Auto => 1 << (PLACES * ROOKS[x] + x),
                 Self::Sixteen => 1 << (PLACES * ROOKS[x] + x) | 1 << (PLACES * ((ROOKS[x] + 4) % 8) + x),
+                Self::SixtyFour => 0x0101_0101_0101_0101 << x,
                 // A square, turned.
                 Self::Four => match x {
                     1 => 1 << (PLACES * 4 + x),

@@ -8,13 +8,13 @@ use crate::load::{ModelView, NodeView};
 /// Most voxels whose colours are averaged.
 const MAX: u64 = 64;
 
-/// Do the voxels of a model have colours?
-pub(super) fn has_colors(view: &ModelView<'_>) -> bool {
+/// True if the voxels of a model have colours.
+pub(crate) fn has_colors(view: &ModelView<'_>) -> bool {
     view.voxel_color(VoxelIndex::new(0)).is_some()
 }
 
 /// Linear RGB of what was hit, if the model has colours.
-pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) -> Option<[f64; 3]> {
+pub(crate) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) -> Option<[f64; 3]> {
     if !has_colors(view) {
         return None;
     }
@@ -37,10 +37,14 @@ pub(super) fn color_of(view: &ModelView<'_>, shader: &Shader, seen: PixelHit) ->
 }
 
 /// The number of the label of what was hit, if the model has labels: that of a voxel, or of the first of a coarser box.
-pub(super) fn label_of(view: &ModelView<'_>, seen: PixelHit) -> Option<u16> {
+pub(crate) fn label_of(view: &ModelView<'_>, seen: PixelHit) -> Option<u16> {
     let labels = view.labels()?;
-    let voxel = end(view, BoxIndex::new(seen.box_number()), false);
-    Some(voxel.and_then(|voxel| labels.get(voxel)).unwrap_or(0))
+    Some(first_voxel(view, seen).and_then(|voxel| labels.get(voxel)).unwrap_or(0))
+}
+
+/// The voxel or cell that was hit, or the first of a coarser box.
+pub(crate) fn first_voxel(view: &ModelView<'_>, seen: PixelHit) -> Option<u64> {
+    end(view, BoxIndex::new(seen.box_number()), false)
 }
 
 /// The first or last voxel of a box.

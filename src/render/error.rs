@@ -52,6 +52,10 @@ pub(crate) enum RenderFault {
     )]
     DiscreteCells,
     #[error(
+        "discrete rays meet the voxels of whole models, and this one is cut or lacks some labels; leave {TRAVERSAL} exact"
+    )]
+    DiscreteCut,
+    #[error(
         "the model's axes are (nearly) parallel, so it has no volume to look at; check its spacing and orientation"
     )]
     SingularAffine,
@@ -118,6 +122,7 @@ impl RenderFault {
             | Self::Size { .. }
             | Self::NoLayer(_)
             | Self::DiscreteCells
+            | Self::DiscreteCut
             | Self::Threads { .. }
             | Self::TooDeep { .. } => ExitKind::Usage,
             Self::Model(error) => error.kind(),

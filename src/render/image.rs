@@ -61,7 +61,7 @@ impl Image {
     /// # fn main() -> Result<(), Box<dyn std::error::Error>> {
     /// # let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/v1.0-mapped.oct");
     /// # let model = infobyte::Model::open(path)?;
-    /// # let request = infobyte::RenderRequest { width: 64, height: 64, ..Default::default() };
+    /// # let request = infobyte::RenderRequest { size: Some([64, 64]), ..Default::default() };
     /// let (image, _) = infobyte::render(&model, &request)?;
     /// let mut png = Vec::new();
     /// image.write_png_to(&mut png)?;

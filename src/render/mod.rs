@@ -1,7 +1,7 @@
 //! Pictures: camera, the one traversal kernel, shading, image files.
 //!
 //! ```text
-//! Camera + GridSpace --> Sight --rays (integers)--> tile, single, batch --Hit--> shade --> Image --> PNG
+//! Camera + GridSpace --> Sight --rays (integers)--> tile, single, batch --Hit--> scene: Painter --> Image --> PNG
 //! ```
 //!
 //! | module | what it owns |
@@ -25,8 +25,8 @@
 //! | `ambient` | ambient occlusion, which darkens hollows |
 //! | `normals` | the normal that is shown at a hit |
 //! | `choices` | options for light, normals and samples |
-//! | [`shade`], [`picture`], `band`, [`image`] | light, the way from camera to pixels, the pixels of a band of rows, files |
-//! | `soften`, `refine` | openness as a mean over pixels, and where neighbours differ; more rays there |
+//! | [`shade`], [`picture`], [`image`] | light; sizes, threads and codes of pictures; files. The painter is [`crate::scene`] |
+//! | `soften` | openness as a mean over pixels, and where neighbours differ |
 //! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
 
@@ -40,14 +40,13 @@ pub(crate) use add_counts;
 
 pub(crate) mod ambient;
 pub(crate) mod annotate;
-mod band;
 pub mod batch;
 pub mod camera;
 mod caster;
 #[doc(hidden)]
 pub mod cells;
-mod choices;
-mod colors;
+pub(crate) mod choices;
+pub(crate) mod colors;
 #[doc(hidden)]
 pub mod discrete;
 mod error;
@@ -70,7 +69,6 @@ pub mod picture;
 pub mod ray;
 #[doc(hidden)]
 pub mod reference;
-mod refine;
 #[doc(hidden)]
 pub mod selfcheck;
 pub mod shade;
@@ -78,7 +76,7 @@ pub mod shade;
 pub mod sight;
 #[doc(hidden)]
 pub mod single;
-mod soften;
+pub(crate) mod soften;
 pub mod space;
 #[doc(hidden)]
 pub mod surface;

@@ -22,8 +22,8 @@ const AMBIENT: f64 = 0.07;
 /// shapes flat in the middle, and this gives them back some relief.
 const RELIEF: f64 = 0.6;
 
-/// Colour of a surface that faces the light, in linear RGB (sRGB 236, 226, 208).
-const SURFACE: [f64; 3] = [0.838_8, 0.760_5, 0.630_8];
+/// Colour of a surface without one of its own, that of bone, in linear RGB (sRGB 236, 226, 208).
+pub(crate) const SURFACE: [f64; 3] = [0.838_8, 0.760_5, 0.630_8];
 
 /// Entries of the table from linear light to sRGB.
 const STEPS: usize = 4096;
@@ -70,8 +70,18 @@ impl Shader {
 
     /// sRGB code at a place in the table.
     #[inline]
-    pub(super) fn code(&self, at: u16) -> u8 {
+    pub(crate) fn code(&self, at: u16) -> u8 {
         self.srgb.get(usize::from(at)).copied().unwrap_or(255)
+    }
+
+    /// The pixel of some rays, of which so many meet something and have this sum of colours.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    pub(crate) fn pixel(&self, sum: [f64; 3], hits: f64, rays: f64) -> [u8; 4] {
+        if hits <= 0.0 {
+            return [0; 4];
+        }
+        let [r, g, b] = sum.map(|c| self.encode(c / hits));
+        [r, g, b, (hits / rays * 255.0 + 0.5) as u8]
     }
 
     /// sRGB code of linear light 0..=1.
@@ -104,21 +114,17 @@ pub(crate) fn towards_key([right, up, forward]: [[f64; 3]; 3]) -> [f64; 3] {
     std::array::from_fn(|a| KEY[0] * right[a] + KEY[1] * up[a] - KEY[2] * forward[a])
 }
 
-/// Lamps, and the surface that they shine on.
+/// A rig of lamps.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Light {
-    /// Linear RGB of a surface without colours of its own.
-    pub(super) surface: [f64; 3],
+pub(crate) struct Rig {
     /// Upwards in the picture and towards the key lamp, unit vectors of the world; `None` for the one lamp at the eye.
-    rig: Option<[[f64; 3]; 2]>,
+    soft: Option<[[f64; 3]; 2]>,
 }
 
-impl Light {
-    /// For a camera with these axes: to the right, up and forward in the picture. Surfaces without colours of their own have
-    /// `surface` (sRGB), or that of bone.
-    pub(super) fn new(shading: Shading, axes: [[f64; 3]; 3], surface: Option<[u8; 3]>) -> Self {
-        let rig = (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]);
-        Self { surface: surface.map_or(SURFACE, linear_of), rig }
+impl Rig {
+    /// For a camera with these axes: to the right, up and forward in the picture.
+    pub(crate) fn new(shading: Shading, axes: [[f64; 3]; 3]) -> Self {
+        Self { soft: (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]) }
     }
 
     /// Linear RGB of a surface of this colour and unit normal, so far open, seen along `sight` (any length, not null); may
@@ -126,12 +132,12 @@ impl Light {
     ///
     /// Both sides of a surface are lit alike, so that a model can be looked at from within.
     #[inline(always)]
-    pub(super) fn of(&self, color: [f64; 3], normal: [f64; 3], sight: [f64; 3], open: f64) -> [f64; 3] {
+    pub(crate) fn of(&self, color: [f64; 3], normal: [f64; 3], sight: [f64; 3], open: f64) -> [f64; 3] {
         let length = dot(sight, sight).sqrt();
         let along = dot(normal, sight) / length;
         let cosine = along.abs();
         let cosine = if cosine < 1.0 { cosine } else { 1.0 };
-        let Some([up, key]) = self.rig else {
+        let Some([up, key]) = self.soft else {
             let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
             let strength = (AMBIENT + (1.0 - AMBIENT) * falloff) * open;
             return [color[0] * strength, color[1] * strength, color[2] * strength];
@@ -153,27 +159,30 @@ impl Light {
     }
 }
 
-/// Normals and openness of a tile's pixels, axis by axis.
-pub(super) struct Lit {
+/// Normals, colours and openness of a tile's pixels, axis by axis.
+pub(crate) struct Lit {
     /// Unit normals of the world.
-    pub(super) normals: [[f64; RAYS]; 3],
+    pub(crate) normals: [[f64; RAYS]; 3],
+    /// Linear RGB of the surfaces.
+    pub(crate) colors: [[f64; RAYS]; 3],
     /// How far the surroundings are open.
-    pub(super) open: [f64; RAYS],
+    pub(crate) open: [f64; RAYS],
 }
 
 impl Lit {
-    pub(super) const NOTHING: Self = Self { normals: [[1.0; RAYS]; 3], open: [1.0; RAYS] };
+    pub(crate) const NOTHING: Self =
+        Self { normals: [[1.0; RAYS]; 3], colors: [[0.0; RAYS]; 3], open: [1.0; RAYS] };
 }
 
-/// Colours of a tile's pixels: the same as those of [`Light::of`] and [`Shader::encode`] one by one.
-pub(super) struct TileLight<'a> {
-    pub(super) sight: &'a Sight<'a>,
-    pub(super) light: &'a Light,
+/// Colours of a tile's pixels: the same as those of [`Rig::of`] and [`Shader::encode`] one by one.
+pub(crate) struct TileLight<'a> {
+    pub(crate) sight: &'a Sight<'a>,
+    pub(crate) rig: &'a Rig,
     /// Column and row of the tile's first pixel.
-    pub(super) corner: [usize; 2],
-    pub(super) lit: &'a Lit,
+    pub(crate) corner: [usize; 2],
+    pub(crate) lit: &'a Lit,
     /// Places in the table of codes, colour by colour.
-    pub(super) out: &'a mut [[u16; RAYS]; 3],
+    pub(crate) out: &'a mut [[u16; RAYS]; 3],
 }
 
 impl LanesKernel for TileLight<'_> {
@@ -183,13 +192,14 @@ impl LanesKernel for TileLight<'_> {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
     fn run(self, _: impl Lanes) {
-        let Self { sight, light, corner, lit, out } = self;
+        let Self { sight, rig, corner, lit, out } = self;
         let mut sights = [[0.0; RAYS]; 3];
         sight.directions(corner, &mut sights);
         for i in 0..RAYS {
             let n = [lit.normals[0][i], lit.normals[1][i], lit.normals[2][i]];
             let s = [sights[0][i], sights[1][i], sights[2][i]];
-            let colors = light.of(light.surface, n, s, lit.open[i]);
+            let color = [lit.colors[0][i], lit.colors[1][i], lit.colors[2][i]];
+            let colors = rig.of(color, n, s, lit.open[i]);
             for c in 0..3 {
                 let part = if colors[c] < 1.0 { colors[c] } else { 1.0 };
                 out[c][i] = (part * STEPS as f64 + 0.5) as i32 as u16;
@@ -241,7 +251,7 @@ mod tests {
         // To the right, up, forward: as a camera at the front has them.
         let axes = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, 1.0, 0.0]];
         for shading in Shading::ALL {
-            let light = Light::new(*shading, axes, None);
+            let light = Rig::new(*shading, axes);
             let of = |normal, open| light.of(SURFACE, normal, [0.0, 3.0, 0.0], open);
             let (facing, half, edge) =
                 (of([0.0, -1.0, 0.0], 1.0), of([0.8, -0.6, 0.0], 1.0), of([1.0, 0.0, 0.0], 1.0));
@@ -251,7 +261,7 @@ mod tests {
             assert!(of([0.0, -1.0, 0.0], 0.5)[0] < facing[0]);
             if *shading == Shading::Soft {
                 // Brightest between the eye and the key lamp.
-                let [_, key] = light.rig.unwrap();
+                let [_, key] = light.soft.unwrap();
                 assert!((dot(key, key) - 1.0).abs() < 1e-9);
                 assert!(
                     of(key, 1.0)[0] > facing[0] && of([key[0], key[1], -key[2]], 1.0)[0] < of(key, 1.0)[0]

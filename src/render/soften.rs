@@ -9,13 +9,12 @@
 //!
 //! A patch knows four pixels more on every side, which come from other tiles and bands.
 
-use super::band::Band;
 use super::form::{Form, LanesKernel};
 use super::lanes::Lanes;
 use super::tile::TILE;
 
 /// Columns of a patch, and pixels that it knows on every side of its own.
-pub(super) const WIDE: usize = 256;
+pub(crate) const WIDE: usize = 256;
 const AROUND: usize = 4;
 const STRIDE: usize = WIDE + 2 * AROUND;
 const HIGH: usize = TILE + 2 * AROUND;
@@ -23,13 +22,13 @@ const HIGH: usize = TILE + 2 * AROUND;
 /// Places along a line that a mean is taken of, first of pixels, then of means: 3 pixels before, the pixel, and 4 behind.
 const PIXELS: [isize; 4] = [-1, 0, 1, 2];
 const MEANS: [isize; 2] = [-2, 2];
-/// What a pixel's own mean counts for each of the four that is of another surface.
+/// Weight of a pixel's own mean for each of the four that is of another surface.
 const OWN: f32 = 0.5;
 
 /// Depths apart, in voxels and in slopes, and cosine between normals, up to which pixels show one surface.
 const ALIKE_DEPTH: f32 = 2.0;
 const ALIKE_COSINE: f32 = 0.8;
-/// What pixels as far away count that look another way: without them a pixel whose normal no other has, as in a rough skin,
+/// Weight of pixels as far away that look another way: without them a pixel whose normal no other has, as in a rough skin,
 /// would be left with its own ray, which is all or nothing.
 const TURNED: f32 = 0.125;
 
@@ -40,18 +39,18 @@ type Rows = [[f32; STRIDE]; HIGH];
 
 /// The depth of a voxel or of a pixel, whichever is more, at a depth in mm: what a step is compared with.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct StepSize {
-    pub(super) voxel_mm: f32,
+pub(crate) struct StepSize {
+    pub(crate) voxel_mm: f32,
     /// A pixel's height in mm, and how much it grows with each mm of depth.
-    pub(super) pixel_mm: [f32; 2],
+    pub(crate) pixel_mm: [f32; 2],
     /// Cosine between the normals of neighbours below which there is a crease.
-    pub(super) crease: f32,
+    pub(crate) crease: f32,
 }
 
 impl StepSize {
     /// Creases of 35 degrees; and none.
-    pub(super) const CREASE: f32 = 0.819;
-    pub(super) const NO_CREASE: f32 = -2.0;
+    pub(crate) const CREASE: f32 = 0.819;
+    pub(crate) const NO_CREASE: f32 = -2.0;
 }
 
 impl StepSize {
@@ -62,8 +61,8 @@ impl StepSize {
     }
 }
 
-/// What some pixels saw, row by row. Memory: 120 KiB.
-pub(super) struct Patch {
+/// Depths, normals and openness of some pixels, row by row. Memory: 120 KiB.
+pub(crate) struct Patch {
     /// Depth in mm; NaN for background.
     depth: Box<Rows>,
     normal: Box<[Rows; 3]>,
@@ -74,7 +73,7 @@ pub(super) struct Patch {
 }
 
 impl Patch {
-    pub(super) fn new() -> Self {
+    pub(crate) fn new() -> Self {
         let rows = [[0.0; STRIDE]; HIGH];
         Self {
             depth: Box::new(rows),
@@ -84,16 +83,22 @@ impl Patch {
         }
     }
 
-    /// Takes the pixels from column `left` and row `top` of the picture on; is there anything?
-    pub(super) fn fill(&mut self, band: &Band, [left, top]: [usize; 2]) -> bool {
+    /// Takes the depths, normals and openness of the pixels from column `left` and row `top` of the picture on. True if any
+    /// is a hit.
+    pub(crate) fn fill(
+        &mut self,
+        pixel: impl Fn(usize, usize) -> Option<(f32, [f32; 3], u8)>,
+        [left, top]: [usize; 2],
+    ) -> bool {
         let mut any = false;
         for y in 0..HIGH {
             for x in 0..STRIDE {
                 let seen = (left + x).checked_sub(AROUND).zip((top + y).checked_sub(AROUND));
-                let seen = seen.and_then(|(x, y)| band.at(x, y));
-                let (depth, normal, open) = seen.map_or((f32::NAN, [0.0; 3], 0.0), |(hit, normal, open)| {
-                    (hit.depth(), normal, f32::from(open) / 255.0)
-                });
+                let seen = seen.and_then(|(x, y)| pixel(x, y));
+                let (depth, normal, open) = seen
+                    .map_or((f32::NAN, [0.0; 3], 0.0), |(depth, normal, open)| {
+                        (depth, normal, f32::from(open) / 255.0)
+                    });
                 any |= !depth.is_nan();
                 self.depth[y][x] = depth;
                 for (rows, part) in self.normal.iter_mut().zip(normal) {
@@ -106,7 +111,7 @@ impl Patch {
     }
 
     /// Takes the means of openness.
-    pub(super) fn soften(&mut self, form: Form, step: &StepSize) {
+    pub(crate) fn soften(&mut self, form: Form, step: &StepSize) {
         let [raw, once, twice] = &mut *self.open;
         let (depth, normal) = (&*self.depth, &*self.normal);
         form.run(Mean { depth, normal, step, places: PIXELS, own: 0.0, from: raw, to: once });
@@ -114,25 +119,25 @@ impl Patch {
     }
 
     /// Looks where neighbours differ.
-    pub(super) fn compare(&mut self, form: Form, step: &StepSize) {
+    pub(crate) fn compare(&mut self, form: Form, step: &StepSize) {
         let (depth, normal) = (&*self.depth, &*self.normal);
         form.run(Compare { depth, normal, step, out: &mut self.differs });
     }
 
-    /// Does a pixel of the patch differ from one of its neighbours?
+    /// True if a pixel of the patch differs from one of its neighbours.
     #[inline]
-    pub(super) fn differs(&self, x: usize, y: usize) -> bool {
+    pub(crate) fn differs(&self, x: usize, y: usize) -> bool {
         self.differs[y % TILE][x % WIDE]
     }
 
     /// How open a pixel's surroundings are, after the means.
     #[inline]
-    pub(super) fn open(&self, x: usize, y: usize) -> f64 {
+    pub(crate) fn open(&self, x: usize, y: usize) -> f64 {
         self.open[2][y % TILE + AROUND][x % WIDE + AROUND].into()
     }
 
-    /// The same of what a ray through a pixel saw at a depth: of that one of the pixels around which is nearest to it.
-    pub(super) fn open_at(&self, x: usize, y: usize, depth: f32) -> f64 {
+    /// Openness of a hit at a depth within a pixel: of that one of the pixels around which is nearest to it.
+    pub(crate) fn open_at(&self, x: usize, y: usize, depth: f32) -> f64 {
         let (mut nearest, mut open) = (f32::INFINITY, 1.0);
         for row in y % TILE + AROUND - 1..=y % TILE + AROUND + 1 {
             for column in x % WIDE + AROUND - 1..=x % WIDE + AROUND + 1 {
@@ -213,7 +218,7 @@ struct Compare<'a> {
 }
 
 impl Compare<'_> {
-    /// Do two neighbours differ? `before` and `behind` are the pixels next to them on the same line.
+    /// True if two neighbours differ. `before` and `behind` are the pixels next to them on the same line.
     #[inline(always)]
     fn pair(&self, [before, first, second, behind]: [(usize, usize); 4]) -> bool {
         let depth = |(x, y): (usize, usize)| self.depth[y][x];

@@ -11,19 +11,22 @@
 //! has normals of one side only. Where no normals are stored, every hit counts as well, and the boxes on all sides of
 //! the start are left at once.
 
+use std::sync::OnceLock;
+
 use crate::format::Walls;
 use crate::geom::{Affine, Dims, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
+use crate::render::colors::{color_of, first_voxel};
 use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
 use crate::render::normals::around::Surroundings;
-use crate::render::normals::shown::{Line, NEAR_WALL, Normals, cell_coordinates};
+use crate::render::normals::shown::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};
 use crate::render::ray::Ray;
-use crate::render::shade::linear_of;
+use crate::render::shade::{Shader, linear_of};
 use crate::render::surface::Skin;
-use crate::render::traverse::{Hit, Trace};
+use crate::render::traverse::Hit;
 use crate::render::walls::Hidden;
 use crate::render::{GridSpace, RenderError, Smoothing, single};
 
@@ -83,6 +86,22 @@ impl<'a> Part<'a> {
         })
     }
 
+    /// A model where its affine has it, in colours of its own, if it has them.
+    ///
+    /// # Errors
+    /// [`RenderError`] where its axes span no volume.
+    pub(crate) fn alone(view: &'a ModelView<'a>, dims: Dims, affine: &Affine) -> Result<Self, RenderError> {
+        let space = GridSpace::new(dims, affine)?;
+        let (material, clip, colors) = (Material::default(), Clip::default(), Colors::stored(view));
+        Ok(Self { view, space, file: 0, material, colors, opacity: None, clip })
+    }
+
+    /// This model in another material, and cut.
+    #[must_use]
+    pub(crate) fn made_of(self, material: Material, clip: Clip) -> Self {
+        Self { material, clip, ..self }
+    }
+
     /// The same, in colours of the model.
     #[must_use]
     pub(crate) fn colored(self, colors: Option<Colors<'a>>) -> Self {
@@ -93,6 +112,23 @@ impl<'a> Part<'a> {
     #[must_use]
     pub(crate) fn labelled(self, opacity: Option<Opacity<'a>>) -> Self {
         Self { opacity, ..self }
+    }
+
+    /// True if some labels let through a part of the light, but are seen.
+    pub(super) fn is_translucent(&self) -> bool {
+        self.opacity.as_ref().is_some_and(Opacity::is_translucent)
+    }
+
+    /// The level at which it is shown where this one is asked for: 0 if labels of single voxels matter, since some are not
+    /// solid or are cut open.
+    pub(crate) fn level(&self, asked: u32) -> u32 {
+        let is_exact = self.is_dimmed() || self.opacity.is_some() && !self.clip.is_empty();
+        if is_exact { 0 } else { asked }
+    }
+
+    /// True if there are labels that are not solid.
+    pub(super) fn is_dimmed(&self) -> bool {
+        self.opacity.as_ref().is_some_and(|opacity| !opacity.is_solid())
     }
 
     /// The label that a line sees at a hit: of a wall between two the one behind, or where that is hidden the one before.
@@ -130,27 +166,25 @@ impl<'a> Part<'a> {
         self.opacity.as_ref().filter(|_| self.colors.is_some())?.color(label).map(linear_of)
     }
 
-    /// The colour of a box of its surface.
-    pub(super) fn color(&self, line: Line, hit: &Hit) -> [f64; 3] {
-        let of_label = || self.label_color(self.label(line, hit)?);
-        let own = || self.colors.as_ref().and_then(|colors| colors.color(hit.voxel(self.view)?));
-        of_label().or_else(own).unwrap_or(self.material.color)
-    }
-
     /// Greatest `direction . p` over its points p, in mm.
     pub(crate) fn support(&self, direction: [f64; 3]) -> f64 {
         self.space.support(self.view, direction)
     }
 
-    pub(super) fn view(&self) -> &'a ModelView<'a> {
+    /// [`Part::support`] of boxes of 2^`finest` voxels.
+    pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32) -> f64 {
+        self.space.support_to(self.view, direction, finest)
+    }
+
+    pub(crate) fn view(&self) -> &'a ModelView<'a> {
         self.view
     }
 
-    pub(super) fn space(&self) -> &GridSpace {
+    pub(crate) fn space(&self) -> &GridSpace {
         &self.space
     }
 
-    pub(super) fn file(&self) -> usize {
+    pub(crate) fn file(&self) -> usize {
         self.file
     }
 
@@ -181,7 +215,7 @@ pub(super) enum Start {
     Through { hit: Hit },
 }
 
-/// What a line is for.
+/// Purpose of a line.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Purpose {
     /// Sight meets every label that is not hidden.
@@ -196,7 +230,7 @@ pub(super) enum Met {
     /// The surface; t of the hit is along the line.
     Surface(Hit),
     /// Matter that a plane cut open, and its label, if it has one.
-    Cut { plane: usize, t: f64, hit: Hit, label: Option<u16> },
+    Cut { plane: usize, t: f64, label: Option<u16> },
 }
 
 impl Met {
@@ -215,7 +249,7 @@ pub(super) struct Stretch {
     pub(super) hit: Hit,
     /// t of its end.
     pub(super) leave: f64,
-    /// Does it end within the box?
+    /// True if it ends within the box.
     is_open: bool,
 }
 
@@ -243,38 +277,81 @@ pub(super) struct Body<'a> {
     pub(super) part: &'a Part<'a>,
     pub(super) normals: Normals<'a>,
     pub(super) cells: Option<Cells<'a>>,
-    /// The same to light, which does not meet labels that let some of it through.
+    /// The cells that light meets: labels that let some of it through are left out.
     solids: Option<Cells<'a>>,
     pub(super) form: Form,
+    /// Base-2 logarithm of the edge of nodes that count as surface.
+    pub(super) level: u32,
     /// Boxes around its start's own that a line leaves at once.
     reach: u32,
-    /// The surface lies between these two corners of the grid, one box aside.
-    bounds: [[f64; 3]; 2],
+    /// The surface lies between these two corners of the grid, one box aside; found by the first line that goes alone.
+    bounds: OnceLock<[[f64; 3]; 2]>,
 }
 
 impl<'a> Body<'a> {
-    pub(super) fn of(part: &'a Part<'a>, form: Form) -> Self {
+    /// With boxes of `2^level` voxels as its surface, as far as [`Part::level`] lets it.
+    pub(super) fn of(part: &'a Part<'a>, form: Form, smoothing: Smoothing, level: u32) -> Self {
         let dimmed = part.opacity.as_ref().filter(|opacity| !opacity.is_solid());
+        let level = part.level(level);
         let cells = |of_sight: bool| {
-            let items = part.view.cells()?;
+            // Coarse boxes are solid, also those of cells, but for larger leaves among them.
+            let items = part.view.cells().filter(|_| level == 0 || part.view.has_leaves())?;
             let hidden = dimmed.map(|opacity| opacity.hidden(of_sight));
             Some(hidden.map_or(Cells::new(items), |hidden| Cells::new(items).hiding(hidden, 0)))
         };
         let knows_sides = part.view.cells().is_some() || part.view.voxel_normal(VoxelIndex::new(0)).is_some();
         Self {
             part,
-            normals: Normals::new(part.view, &part.space, Smoothing::Blended, 0),
+            normals: Normals::new(part.view, &part.space, smoothing, level),
             cells: cells(true),
             solids: cells(false),
             form,
+            level,
             reach: if knows_sides { 0 } else { REACH },
-            bounds: bounds(part),
+            bounds: OnceLock::new(),
         }
     }
 
-    /// Does a line of the grid pass the surface's surroundings by? Lines less than a box away never do.
+    /// A hit as a pixel keeps it, and the label that is seen there where some are not solid; else 0.
+    pub(super) fn pixel(&self, line: Line, met: &Met) -> (PixelHit, u16) {
+        match met {
+            Met::Cut { plane, t, label } => (PixelHit::cut(*plane, *t, label.unwrap_or(0)), 0),
+            Met::Surface(hit) => {
+                let label = if self.part.is_dimmed() { self.part.label_number(line, hit) } else { 0 };
+                (self.normals.seen(hit, || line), label)
+            }
+        }
+    }
+
+    /// Linear RGB of such a pixel.
+    #[inline]
+    pub(super) fn color(
+        &self,
+        shader: &Shader,
+        seen: PixelHit,
+        label: u16,
+        line: impl Fn() -> Line,
+    ) -> [f64; 3] {
+        let (part, own) = (self.part, self.part.material.color);
+        if let Some((plane, label)) = seen.cut_of() {
+            let cap = part.clip.planes().get(plane).and_then(|plane| plane.cap);
+            return part.label_color(label).or(cap).unwrap_or(own);
+        }
+        match &part.colors {
+            None => own,
+            Some(Colors::Stored) if label > 0 => part.label_color(label).unwrap_or(own),
+            Some(Colors::Stored) => {
+                let named = part.view.labels().and_then(|_| self.normals.label(seen, line()));
+                let label = named.map(|label| shader.decode(label.color));
+                label.or_else(|| color_of(part.view, shader, seen)).unwrap_or(own)
+            }
+            Some(colors) => first_voxel(part.view, seen).and_then(|voxel| colors.color(voxel)).unwrap_or(own),
+        }
+    }
+
+    /// True if a line of the grid passes the surface by, a box away or more.
     fn passes_by(&self, origin: [f64; 3], direction: [f64; 3]) -> bool {
-        let [low, high] = self.bounds;
+        let [low, high] = *self.bounds.get_or_init(|| bounds(self.part));
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for a in 0..3 {
             let (one, other) = ((low[a] - origin[a]) / direction[a], (high[a] - origin[a]) / direction[a]);
@@ -291,29 +368,34 @@ impl<'a> Body<'a> {
     /// First hit of a ray of the grid.
     fn trace(&self, purpose: Purpose, ray: &Ray) -> Option<Hit> {
         match if purpose == Purpose::Sight { &self.cells } else { &self.solids } {
-            Some(cells) => single::trace(self.form, self.part.view, cells, ray, 0).hit,
-            None => single::trace(self.form, self.part.view, &Skin, ray, 0).hit,
+            Some(cells) => single::trace(self.form, self.part.view, cells, ray, self.level).hit,
+            None => single::trace(self.form, self.part.view, &Skin, ray, self.level).hit,
         }
     }
 
     /// First hits of rays of the grid, which are those of light.
     pub(super) fn nearest(&self, batch: &mut Batch, rays: &[Ray], hits: &mut Vec<Option<Hit>>) {
         match &self.solids {
-            Some(cells) => batch.nearest(self.part.view, cells, rays, 0, hits),
-            None => batch.nearest(self.part.view, &Skin, rays, 0, hits),
+            Some(cells) => batch.nearest(self.part.view, cells, rays, self.level, hits),
+            None => batch.nearest(self.part.view, &Skin, rays, self.level, hits),
         }
     }
 
     /// A line from t = `least` on, or from where it leaves the boxes around `from`, as a ray of the grid; and t where the
     /// ray's own begins. `None` where it passes the surface by.
     pub(super) fn ray(&self, line: Line, least: f64, from: Option<&Hit>) -> Option<(Ray, f64)> {
+        self.ray_beyond(line, least, from.map(|hit| (hit, self.reach)))
+    }
+
+    /// [`Body::ray`] that leaves so many boxes around the one that it starts from.
+    fn ray_beyond(&self, line: Line, least: f64, from: Option<(&Hit, u32)>) -> Option<(Ray, f64)> {
         let space = &self.part.space;
         let (origin, direction) = (space.to_grid(line.0), space.world_to_grid().apply_vector(line.1));
         if self.passes_by(origin, direction) {
             return None;
         }
         match from {
-            Some(from) => leaving(space, (from, self.reach), line.0, line.1, least),
+            Some(from) => leaving(space, from, line.0, line.1, least),
             None => {
                 Ray::new(space.dims().depth(), origin, direction, least).ok().flatten().map(|ray| (ray, 0.0))
             }
@@ -377,7 +459,10 @@ impl<'a> Body<'a> {
     ) -> Result<(Way, Ray, f64), Option<Met>> {
         match self.begin(Purpose::Light, line, limits, start) {
             Some(Begun::Way(way)) => {
-                let (ray, before) = self.ray(line, way.span.enter, left(&way, start)).ok_or(None)?;
+                // As in pictures of one model: its own steps do not darken a surface.
+                let reach = if way.from.is_some() { REACH } else { self.reach };
+                let from = left(&way, start).map(|hit| (hit, reach));
+                let (ray, before) = self.ray_beyond(line, way.span.enter, from).ok_or(None)?;
                 Ok((way, ray, before))
             }
             Some(Begun::Met(met)) => Err(Some(met)),
@@ -414,7 +499,7 @@ impl<'a> Body<'a> {
         }
     }
 
-    /// Is this part of a line no longer than [`STAIR`] boxes?
+    /// True for a part of a line no longer than [`STAIR`] boxes.
     fn is_near(&self, line: Line, t: f64) -> bool {
         self.boxes(line, t) <= STAIR
     }
@@ -425,9 +510,9 @@ impl<'a> Body<'a> {
         t * dot(direction, direction).sqrt()
     }
 
-    /// Does a line on this side of a body meet its surface from that side?
+    /// True if a line on this side of a body meets its surface from that side.
     fn comes_by(&self, line: Line, hit: Hit, side: Side) -> bool {
-        let seen = self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
+        let seen = self.normals.seen(&hit, || line);
         let Some(along) = self.normals.along(seen, line.1) else { return true };
         match side {
             Side::Outside => along < -ACROSS,
@@ -437,12 +522,12 @@ impl<'a> Body<'a> {
 
     /// Unit vector out of the body, as its normals have it, at a hit of a line.
     pub(super) fn outward(&self, line: Line, hit: Hit) -> Option<[f64; 3]> {
-        self.normals.outward(self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line))
+        self.normals.outward(self.normals.seen(&hit, || line))
     }
 
     /// The same, blended between the boxes around.
     pub(super) fn smooth_outward(&self, around: &mut Surroundings, line: Line, hit: Hit) -> Option<[f64; 3]> {
-        let seen = self.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
+        let seen = self.normals.seen(&hit, || line);
         self.normals.smooth_outward(around, seen, line)
     }
 
@@ -458,7 +543,8 @@ impl<'a> Body<'a> {
         found
     }
 
-    /// What a line of this length passes of every box of the surface. A line in the other direction finds where that ends.
+    /// Inside segments of a line of this length within every box of the surface. A line in the other direction finds their
+    /// ends.
     pub(super) fn stretches(&self, line: Line, length: f64) -> Vec<Stretch> {
         let back = self.hits((add_scaled(line.0, length, line.1), line.1.map(|c| -c)));
         let mut ends = back.iter().rev();
@@ -473,7 +559,7 @@ impl<'a> Body<'a> {
         self.hits(line).into_iter().map(of).collect()
     }
 
-    /// What fills a line between two stretches, one after the other: a box of the wall of it.
+    /// Matter between two stretches of a line, one after the other, as a box of the wall around it.
     ///
     /// Next to each other, of cells by where the line leaves the one and enters the other, of voxels by their normals. Farther
     /// apart that may mislead, as planes of neighbouring cells do not quite meet: lines along all axes say more.
@@ -498,15 +584,15 @@ impl<'a> Body<'a> {
     fn cut(&self, line: Line, span: Span, plane: usize) -> Option<Met> {
         self.part.clip.planes().get(plane)?.cap?;
         let at = add_scaled(line.0, span.enter, line.1);
-        let (hit, label) = if self.has_walls() {
-            let (hit, label) = self.label_at(at)?;
-            (hit, Some(label))
+        let label = if self.has_walls() {
+            Some(self.label_at(at)?.1)
         } else {
-            (self.within(at, false)?, None)
+            self.within(at, false)?;
+            None
         };
         // Not what is hidden.
         let part = self.part.opacity.as_ref().zip(label).map_or(1.0, |(opacity, label)| opacity.part(label));
-        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, hit, label })
+        (part > 0.0).then_some(Met::Cut { plane, t: span.enter, label })
     }
 
     /// A box of the wall around a point that is within: where lines along all six axes meet the surface, or some of them where

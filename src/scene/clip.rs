@@ -40,7 +40,7 @@ impl Clip {
         Self { planes }
     }
 
-    /// Is nothing cut away?
+    /// True if nothing is cut away.
     pub(crate) fn is_empty(&self) -> bool {
         self.planes.is_empty()
     }

@@ -38,7 +38,7 @@ pub(super) struct CameraKeys {
     pub(super) near: Option<f64>,
 }
 
-#[derive(Clone, Debug, Default, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct AmbientKeys {
     pub(super) color: Option<String>,

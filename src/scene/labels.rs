@@ -18,7 +18,7 @@ pub enum LabelPick {
     Name(String),
 }
 
-/// As `all`, `5`, `7..20`, or a name.
+/// Written as `all`, `5`, `7..20`, or a name.
 impl FromStr for LabelPick {
     type Err = String;
 
@@ -35,7 +35,7 @@ impl FromStr for LabelPick {
     }
 }
 
-/// As it is written.
+/// Spelled as it is read.
 impl fmt::Display for LabelPick {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
@@ -48,7 +48,7 @@ impl fmt::Display for LabelPick {
 }
 
 impl LabelPick {
-    /// Is a label among them?
+    /// True if a label is among them.
     pub fn contains(&self, label: &Label) -> bool {
         match self {
             Self::All => true,
@@ -100,6 +100,11 @@ impl<'a> Opacity<'a> {
         let up_to = |most: f64| Hidden::of(parts.iter().filter(|part| part.1 <= most).map(|part| part.0));
         let (unseen, clear) = (up_to(0.0), up_to(1.0));
         Ok(Self { labels, parts, unseen, clear })
+    }
+
+    /// True if some label lets through a part of the light, but not all.
+    pub(super) fn is_translucent(&self) -> bool {
+        self.parts.iter().any(|part| part.1 > 0.0)
     }
 
     /// True if every label is solid.

@@ -11,7 +11,7 @@ pub struct Light {
     pub kind: LightKind,
     /// Linear RGB, its strength included.
     pub color: [f64; 3],
-    /// Do bodies keep it from others?
+    /// True if bodies cast shadows in it.
     pub shadows: bool,
 }
 

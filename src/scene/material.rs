@@ -1,15 +1,16 @@
 //! The materials of bodies, and where their colour comes from.
 
-use crate::format::{Channel, LabelItems};
-use crate::load::{Items, Model};
-use crate::render::shade::linear_of;
+use crate::format::Channel;
+use crate::load::{Items, Model, ModelView};
+use crate::render::colors::has_colors;
+use crate::render::shade::{SURFACE, linear_of};
 
 /// A surface's effect on light. Colours are linear RGB.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Material {
     /// Colour of a surface in full light; of what is clear, the colour that it gives to the light that passes through.
     pub color: [f64; 3],
-    /// Strength of the matte part of the light that is thrown back, 0..=1.
+    /// Strength of the diffuse reflection, 0..=1.
     pub diffuse: f64,
     /// Strength of the highlight (Blinn 1977), 0..=1.
     pub specular: f64,
@@ -24,8 +25,8 @@ pub struct Material {
 }
 
 /// A matte surface.
-const MATT: Material = Material {
-    color: [0.838_8, 0.760_5, 0.630_8],
+const MATTE: Material = Material {
+    color: SURFACE,
     diffuse: 1.0,
     specular: 0.0,
     exponent: 32,
@@ -36,10 +37,10 @@ const MATT: Material = Material {
 
 /// Materials by name, in the order in which they are listed.
 pub(crate) const PRESETS: &[(&str, Material)] = &[
-    ("matt", MATT),
-    ("bone", Material { specular: 0.15, exponent: 24, ..MATT }),
-    ("skin", Material { color: [0.791, 0.491, 0.356], specular: 0.08, exponent: 12, ..MATT }),
-    ("plastic", Material { color: [0.6, 0.6, 0.6], specular: 0.5, exponent: 60, mirror: 0.05, ..MATT }),
+    ("matt", MATTE),
+    ("bone", Material { specular: 0.15, exponent: 24, ..MATTE }),
+    ("skin", Material { color: [0.791, 0.491, 0.356], specular: 0.08, exponent: 12, ..MATTE }),
+    ("plastic", Material { color: [0.6, 0.6, 0.6], specular: 0.5, exponent: 60, mirror: 0.05, ..MATTE }),
     (
         "metal",
         Material {
@@ -48,17 +49,17 @@ pub(crate) const PRESETS: &[(&str, Material)] = &[
             specular: 0.7,
             exponent: 80,
             mirror: 0.45,
-            ..MATT
+            ..MATTE
         },
     ),
-    ("mirror", Material { color: [1.0; 3], diffuse: 0.0, mirror: 0.92, ..MATT }),
-    ("glass", Material { color: [1.0; 3], specular: 0.8, exponent: 400, clear: 1.0, index: 1.5, ..MATT }),
+    ("mirror", Material { color: [1.0; 3], diffuse: 0.0, mirror: 0.92, ..MATTE }),
+    ("glass", Material { color: [1.0; 3], specular: 0.8, exponent: 400, clear: 1.0, index: 1.5, ..MATTE }),
     (
         "water",
-        Material { color: [0.94, 0.98, 1.0], specular: 0.6, exponent: 200, clear: 1.0, index: 1.33, ..MATT },
+        Material { color: [0.94, 0.98, 1.0], specular: 0.6, exponent: 200, clear: 1.0, index: 1.33, ..MATTE },
     ),
-    ("ct", Material { specular: 0.1, exponent: 16, ..MATT }),
-    ("ct-bone", Material { specular: 0.15, exponent: 24, ..MATT }),
+    ("ct", Material { specular: 0.1, exponent: 16, ..MATTE }),
+    ("ct-bone", Material { specular: 0.15, exponent: 24, ..MATTE }),
 ];
 
 /// Where the colour of a surface comes from: of its matte light; what mirrors and what is clear keep the material's.
@@ -114,7 +115,7 @@ fn color_of(code: u32) -> [f64; 3] {
 }
 
 impl Coloring {
-    /// That of a preset.
+    /// Colouring of a preset.
     pub(crate) fn preset(name: &str) -> Self {
         match RAMPS.iter().find(|(known, _)| *known == name) {
             Some((_, ramp)) => {
@@ -135,54 +136,52 @@ impl Coloring {
     }
 }
 
-/// What is stored of each voxel or cell, from which its colour follows.
-#[derive(Clone, Debug)]
-enum Stored<'a> {
-    Items(Items<'a>),
-    Labels(LabelItems<'a>),
-}
-
 /// Colours of a model's voxels or cells.
 #[derive(Clone, Debug)]
-pub struct Colors<'a> {
-    stored: Stored<'a>,
-    /// Slope and intercept from what is stored to the volume's unit.
-    scale: [f64; 2],
-    coloring: Coloring,
+pub enum Colors<'a> {
+    /// Those that it stores, or those of its labels.
+    Stored,
+    /// By a channel.
+    Channel {
+        /// The channel's items.
+        items: Items<'a>,
+        /// Slope and intercept from what is stored to the volume's unit.
+        scale: [f64; 2],
+        /// Colours by value or number.
+        coloring: Coloring,
+    },
 }
 
 impl<'a> Colors<'a> {
     /// For a model; `None` where it lacks the channel, or where none is needed.
     pub fn of<D: AsRef<[u8]>>(model: &'a Model<D>, coloring: &Coloring) -> Option<Self> {
-        let channel = coloring.channel()?;
-        let stored = match model.view().labels() {
-            Some(labels) if channel == Channel::Color => Stored::Labels(labels),
-            _ => Stored::Items(model.items(channel)?),
-        };
-        Some(Self { stored, scale: model.metadata().value_scale, coloring: coloring.clone() })
+        match coloring.channel()? {
+            Channel::Color => Self::stored(&model.view()),
+            channel => Some(Self::Channel {
+                items: model.items(channel)?,
+                scale: model.metadata().value_scale,
+                coloring: coloring.clone(),
+            }),
+        }
     }
 
-    /// The colour of a voxel or cell, if it has one of its own.
+    /// Those that a model stores, or those of its labels.
+    pub(crate) fn stored(view: &ModelView<'_>) -> Option<Self> {
+        (view.labels().is_some() || has_colors(view)).then_some(Self::Stored)
+    }
+
+    /// The colour of a voxel or cell by a channel, if it has one of its own.
     pub(super) fn color(&self, voxel: u64) -> Option<[f64; 3]> {
-        let items = match &self.stored {
-            Stored::Labels(labels) => return labels.label(voxel).map(|label| linear_of(label.color)),
-            Stored::Items(items) => items,
-        };
-        match (&self.coloring, items.get(voxel)?) {
-            (Coloring::Stored, [r, g, b]) => Some(linear_of([*r, *g, *b])),
-            (Coloring::Values(ramp), [value]) => mixed(ramp, self.value((*value).into())),
-            (Coloring::Values(ramp), [low, high]) => {
-                mixed(ramp, self.value(u16::from_le_bytes([*low, *high])))
-            }
+        let Self::Channel { items, scale, coloring } = self else { return None };
+        let value = |stored: u16| scale[0] * f64::from(stored) + scale[1];
+        match (coloring, items.get(voxel)?) {
+            (Coloring::Values(ramp), [low]) => mixed(ramp, value((*low).into())),
+            (Coloring::Values(ramp), [low, high]) => mixed(ramp, value(u16::from_le_bytes([*low, *high]))),
             (Coloring::Labels(labels), [label]) => {
                 labels.iter().find(|(known, _)| known == label).map(|(_, color)| *color)
             }
             _ => None,
         }
-    }
-
-    fn value(&self, stored: u16) -> f64 {
-        self.scale[0] * f64::from(stored) + self.scale[1]
     }
 }
 
@@ -199,7 +198,7 @@ fn mixed(ramp: &[(f64, [f64; 3])], value: f64) -> Option<[f64; 3]> {
 
 impl Default for Material {
     fn default() -> Self {
-        MATT
+        MATTE
     }
 }
 
@@ -209,12 +208,18 @@ impl Material {
         PRESETS.iter().find(|(known, _)| *known == name).map(|(_, material)| *material)
     }
 
-    /// Does light pass through?
+    /// True for a matte surface that reflects all of its colour, as models by themselves have it.
+    pub(super) fn is_plain(&self) -> bool {
+        let Self { diffuse, specular, mirror, clear, .. } = *self;
+        [diffuse, specular, mirror, clear] == [1.0, 0.0, 0.0, 0.0]
+    }
+
+    /// True if light passes through.
     pub(crate) fn is_clear(&self) -> bool {
         self.clear > 0.0 && self.mirror < 1.0
     }
 
-    /// Part of the light that is thrown back without a direction, or with a highlight.
+    /// Part of the light that is reflected diffusely or as a highlight.
     pub(super) fn solid(&self) -> f64 {
         (1.0 - self.mirror) * (1.0 - self.clear)
     }
@@ -234,7 +239,7 @@ pub(super) fn power(base: f64, exponent: u32) -> f64 {
 }
 
 /// Part of the light that a smooth surface throws back (Fresnel), and the cosine of the angle behind it; `cosine` is
-/// that before it, `ratio` the index before over the index behind. `None` where all is thrown back.
+/// that before it, `ratio` the index before over the index behind. `None` for total reflection.
 pub(super) fn fresnel(cosine: f64, ratio: f64) -> Option<(f64, f64)> {
     let square = 1.0 - ratio * ratio * (1.0 - cosine * cosine);
     if square <= 0.0 {

@@ -20,7 +20,7 @@ impl Media {
         self.known().last().copied()
     }
 
-    /// Does the line run in this one?
+    /// True if the line runs in this one.
     pub(super) fn has(&self, body: usize) -> bool {
         self.known().contains(&body)
     }

@@ -1,9 +1,11 @@
-//! Scenes: several placed models with lights, reflection and refraction.
+//! Pictures: one model, or several in their places, with lights, reflection and refraction.
 //!
 //! ```text
-//! scene.toml --> Description --> Part (model, place, material, cut) --+--> World: the nearest of all --> Stage: light --> Image
+//! scene.toml --> Description --> Part (model, place, material, cut) --+--> Painter: rays fill a Band, shading reads it --> Image
 //!                            '--> Look (camera, lights, background) --'
 //! ```
+//!
+//! A model by itself is a scene with one body; there is one painter.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -12,14 +14,16 @@
 //! | `body` | a placed model, and where a line intersects it |
 //! | `world` | all bodies together |
 //! | `shade` | light, shadow, mirrors, glass |
-//! | `paint` | pixels |
+//! | `paint` | rays from the eye, and the parts of a picture |
+//! | `band` | the buffer that rays fill and shading reads |
+//! | `refine` | several rays of a pixel |
 //! | `section` | slices |
 //! | `walls` | the parts of a line within each label |
-//! | `rays` | ray counts |
 //! | `place`, `material`, `light`, `clip`, `labels` | the elements of a scene |
 #![doc = "\n"]
 #![doc = include_str!("SCENES.md")]
 
+mod band;
 mod body;
 mod checked;
 mod clip;
@@ -31,8 +35,8 @@ mod material;
 mod media;
 mod paint;
 mod place;
-mod rays;
 mod read;
+mod refine;
 mod section;
 mod shade;
 mod spec;
@@ -48,10 +52,10 @@ pub(crate) use fault::{Key, SceneFault, Table};
 pub use labels::{LabelPick, LabelRule, Opacity};
 pub use light::{Ambient, Light, LightKind};
 pub use material::{Coloring, Colors, Material};
-pub use paint::{Look, Painted, Seen, paint};
+pub use paint::{Counts, Look, Painted, Seen, paint};
+pub(crate) use paint::{Watch, paint_bytes, paint_parts};
 pub use place::Placement;
-pub use rays::Rays;
 pub use read::MAX_BYTES;
 pub(crate) use read::read;
-pub use section::{Section, slice};
+pub use section::Section;
 pub use spec::{Place, Scene, SceneCamera, SceneModel};

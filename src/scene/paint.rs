@@ -1,34 +1,60 @@
-//! A scene as pixels: tiles of 8 x 8 points over a private pool of threads.
+//! From bodies to pixels: rays in tiles fill a buffer band by band, shading reads it.
 //!
-//! A point depends on its own line only and is written to its own place, so a picture has the same bytes at any number
-//! of threads. Lines from the eye walk each body's octree together, as in pictures of one model; those of bodies that
-//! are cut, and all others, go alone.
+//! ```text
+//! parts + Look --> Painter --look--> Band: hit, normal, body, openness --shade--> Image, part after part
+//!                     |                                                   |
+//!                     '-- first: the nearest hits of a tile's rays -------'-- Stage: what mirrors and glass show
+//! ```
+//!
+//! A model by itself is a scene with one body. What a pixel sees depends on its own ray only, and its colour on what the
+//! pixels around see, in one order; so a picture has the same bytes at any number of threads, in bands of any height.
 
 use std::collections::BTreeSet;
-use std::time::{Duration, Instant};
+use std::time::Duration;
 
-use rayon::prelude::*;
-
-use crate::geom::{add_scaled, dot};
+use crate::geom::dot;
+use crate::load::NodeView;
 use crate::render::ambient::Sky;
+use crate::render::choices::PLACES;
+use crate::render::discrete::DiscreteRays;
 use crate::render::form::Form;
 use crate::render::image::Image;
 use crate::render::normals::shown::Line;
-use crate::render::picture::{check_size, depth_code, normal_code, pool};
-use crate::render::shade::Shader;
+use crate::render::picture::{Traversal, check_size, pool};
+use crate::render::shade::{Rig, Shader};
 use crate::render::sight::Sight;
+use crate::render::soften::StepSize;
 use crate::render::surface::Skin;
 use crate::render::tile::{RAYS, TILE, Tile, Tracer};
-use crate::render::{Camera, RenderError};
+use crate::render::traverse::Trace;
+use crate::render::{Camera, RenderError, RenderFault, Samples, Shading, Smoothing, add_counts};
 
-use super::body::{Met, Part, Purpose};
+use super::band::Band;
+use super::body::{Body, Met, Part, Purpose};
 use super::light::{Ambient, Light};
-use super::rays::Rays;
-use super::shade::{Branch, Stage, WorkerMemory};
+use super::section::{self, Section};
+use super::shade::Stage;
 use super::world::World;
 
-/// How a scene is shown.
-#[derive(Clone, Debug, PartialEq)]
+/// Pixels traced and coloured together: bounds the memory for what they see to 4 MiB, or three rows of tiles.
+const BAND_PIXELS: usize = 1 << 17;
+
+/// Rows of tiles that are kept from one band to the next.
+const KEPT_ROWS: usize = 2;
+
+/// Default rays of a pixel for soft light and for ambient occlusion; a mean over the pixels around makes them some
+/// sixteen times as many.
+const SOFT_RAYS: u32 = 1;
+const AO_RAYS: u32 = 4;
+/// Fewest rays that look around a point seen in a mirror or through glass, where no mean is taken.
+const MIN_FAR_RAYS: u32 = 8;
+
+/// Memory of a worker, and of each further model file that it looks at.
+const WORKER_BYTES: u64 = 3 << 17;
+const FILE_BYTES: u64 = 1 << 17;
+
+/// How bodies are shown.
+#[derive(Clone, Debug)]
 pub struct Look {
     /// Pixels in a row.
     pub width: u32,
@@ -38,174 +64,355 @@ pub struct Look {
     pub camera: Camera,
     /// Nearer points along a line of sight, in mm, are not seen.
     pub near_mm: f64,
-    /// The lights.
+    /// The light; `None` for that of `lights` and of the ambient colour.
+    pub shading: Option<Shading>,
+    /// The lights of a scene.
     pub lights: Vec<Light>,
-    /// Light from everywhere.
+    /// Light from everywhere; rays of 0 are the shading's own number.
     pub ambient: Ambient,
-    /// Linear RGB of what meets nothing; `None` is transparent, and black in mirrors.
+    /// Linear RGB of what mirrors and glass show where they show nothing else; `None` for black. Behind bodies pictures are
+    /// transparent.
     pub background: Option<[f64; 3]>,
-    /// How often a line is thrown back or bent.
+    /// How often a line is reflected or refracted.
     pub bounces: u32,
-    /// Lines of a pixel along each of its sides: 1 to 8.
-    pub samples: u32,
+    /// Rays of a pixel's colours.
+    pub samples: Samples,
+    /// True if creases have more rays, too, where samples are `Auto`; silhouettes always have.
+    pub creases: bool,
+    /// The normals that are shown.
+    pub smoothing: Smoothing,
+    /// The rays' kind.
+    pub traversal: Traversal,
+    /// For each part the base-2 logarithm of the edge of nodes that count as surface; missing ones are 0, exact voxels.
+    pub levels: Vec<u32>,
+    /// A slice instead of a view; the camera is parallel and looks along its axis.
+    pub section: Option<Section>,
     /// Threads to use, at least 1.
     pub threads: usize,
     /// Depth range in mm for a depth image, if one is wanted.
     pub depth_range_mm: Option<(f64, f64)>,
-    /// Is a normal image wanted?
+    /// True for a normal image, too.
     pub normals: bool,
+    /// True for an image of the numbers of boxes or labels, too.
+    pub ids: bool,
+    /// True if the models and labels that are seen are to be listed.
+    pub seen: bool,
+    /// Pixels traced and coloured together, if fewer than usual; never fewer than 8 rows.
+    pub max_band_pixels: Option<u32>,
 }
 
 /// The number of a model that is seen, and of its label; 0 of one without labels.
 pub type Seen = (usize, u16);
 
-/// A picture that is finished.
+/// A finished picture.
 #[derive(Clone, Debug)]
 pub struct Painted {
-    /// The picture.
+    /// The picture, transparent behind the bodies.
     pub image: Image,
-    /// Lines that it took.
-    pub rays: Rays,
-    /// What it shows first along any line.
+    /// Rays and times.
+    pub counts: Counts,
+    /// Models and labels that are met first by rays through the pixels' middles, if asked for.
     pub seen: BTreeSet<Seen>,
-    /// Wall time.
-    pub traced: Duration,
+}
+
+/// Counts and times of a painted picture.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct Counts {
+    /// Rays from the eye.
+    pub rays: u64,
+    /// Rays from the eye that hit.
+    pub hits: u64,
+    /// Bricks of 4 x 4 x 4 boxes that rays were compared with.
+    pub steps: u64,
+    /// Most of one ray.
+    pub max_steps: u32,
+    /// Wall time of tracing.
+    pub trace: Duration,
+    /// Wall time of shading.
+    pub shade: Duration,
+    /// Wall time of ambient occlusion.
+    pub around: Duration,
+    /// Rays of ambient occlusion.
+    pub ambient: u64,
+    /// Pixels of several rays.
+    pub refined: u64,
+    /// Rays towards lights.
+    pub shadow: u64,
+    /// Mirrored rays.
+    pub mirrored: u64,
+    /// Refracted rays.
+    pub refracted: u64,
+}
+
+impl Counts {
+    pub(super) fn plus(mut self, other: Self) -> Self {
+        add_counts!(self, other: rays, hits, steps, trace, shade, around, ambient, refined, shadow, mirrored, refracted);
+        self.max_steps = self.max_steps.max(other.max_steps);
+        self
+    }
+
+    /// All rays that did not come from the eye.
+    pub fn secondary(&self) -> u64 {
+        self.shadow + self.mirrored + self.refracted + self.ambient
+    }
+
+    /// The times of all threads as parts of the time that passed.
+    pub(super) fn within(mut self, wall: Duration) -> Self {
+        let all = (self.trace + self.shade + self.around).as_secs_f64();
+        if all > 0.0 {
+            for part in [&mut self.trace, &mut self.shade, &mut self.around] {
+                *part = wall.mul_f64(part.as_secs_f64() / all);
+            }
+        }
+        self
+    }
+}
+
+fn at_most(max_band_pixels: Option<u32>) -> usize {
+    max_band_pixels.map_or(BAND_PIXELS, |most| BAND_PIXELS.min(most as usize))
 }
 
 impl Look {
-    /// An empty picture.
-    pub(super) fn blank(&self) -> Image {
-        let layers = [self.depth_range_mm.is_some(), self.normals, false];
-        Image::blank([self.width, self.height], layers)
+    /// Pixels that are traced and coloured together, unless 8 rows are more.
+    pub(super) fn band_pixels(&self) -> usize {
+        at_most(self.max_band_pixels)
     }
 
-    /// The pixel of some lines, of which so many meet something and have this sum of colours.
-    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
-    pub(super) fn pixel(&self, shader: &Shader, sum: [f64; 3], hits: f64, lines: f64) -> [u8; 4] {
-        let (color, alpha) = match self.background {
-            Some(background) => (add_scaled(sum, lines - hits, background).map(|c| c / lines), 255.0),
-            None if hits > 0.0 => (sum.map(|c| c / hits), 255.0 * hits / lines),
-            None => ([0.0; 3], 0.0),
-        };
-        let [r, g, b] = color.map(|c| shader.encode(c));
-        if alpha > 0.0 { [r, g, b, (alpha + 0.5) as u8] } else { [0; 4] }
+    /// Rows of a picture without anything in them.
+    pub(super) fn blank(&self, rows: u32) -> Image {
+        Image::blank([self.width, rows], [self.depth_range_mm.is_some(), self.normals, self.ids])
+    }
+
+    /// Rays of each pixel that look around.
+    fn sky_rays(&self) -> u32 {
+        match (self.shading, self.ambient.rays) {
+            (Some(Shading::Plain), _) | (None, 0) => 0,
+            (Some(Shading::Soft), 0) => SOFT_RAYS,
+            (Some(Shading::Ao), 0) => AO_RAYS,
+            (_, rays) => rays,
+        }
+    }
+
+    /// Bytes that [`paint_parts`] takes besides the models and the program, in bands of at most so many pixels.
+    pub(crate) fn parts_bytes(&self, files: usize, max_band_pixels: Option<u32>) -> u64 {
+        let row = u64::from(self.width).next_multiple_of(TILE as u64);
+        let rows = (at_most(max_band_pixels) as u64 / (row * TILE as u64)).max(1) * TILE as u64;
+        let all = u64::from(self.height).next_multiple_of(TILE as u64);
+        let layers = 4
+            + if self.depth_range_mm.is_some() { 2 } else { 0 }
+            + if self.normals { 3 } else { 0 }
+            + if self.ids { 6 } else { 0 };
+        let kept = (rows + (KEPT_ROWS * TILE) as u64).min(all);
+        let pixel = Band::PIXEL_BYTES + if files > 1 { Band::ITEM_BYTES } else { 0 };
+        row * (rows.min(all) * 2 * layers + kept * pixel)
+            + self.threads.max(1) as u64 * (WORKER_BYTES + FILE_BYTES * (files.max(1) as u64 - 1))
     }
 }
 
-/// Paints a scene; `rows_done` gets the number of rows each time that more are painted.
+/// The receivers of a picture's progress.
+#[derive(Clone, Copy)]
+pub(crate) struct Watch<'a> {
+    /// Gets each time how many more rows are painted.
+    pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
+    /// Called by any worker after each small step (a tile, some rays of ambient occlusion), to look after memory.
+    pub(crate) between: &'a (dyn Fn() + Sync),
+}
+
+impl Watch<'_> {
+    pub(super) fn step(&self) {
+        (self.between)();
+    }
+}
+
+/// Takes a picture from the top, a part after the other.
+pub(crate) type Taker<'a> = &'a mut (dyn FnMut(&mut Image) -> Result<(), RenderError> + Send);
+
+/// Bytes that [`paint`] takes for a picture of one model of this size, besides the model: the picture, a band, two parts of
+/// its rows, and the threads.
+pub(crate) fn paint_bytes(width: u32, height: u32, threads: usize) -> u64 {
+    let (width, height) = (u64::from(width).next_multiple_of(TILE as u64), u64::from(height));
+    let rows = (BAND_PIXELS as u64 / width).max(TILE as u64).min(height.next_multiple_of(TILE as u64));
+    let kept = (KEPT_ROWS * TILE) as u64;
+    4 * width * height
+        + width * ((rows + kept) * Band::PIXEL_BYTES + 8 * rows)
+        + threads as u64 * WORKER_BYTES
+}
+
+/// Paints bodies; `rows_done` gets the number of rows each time that more are painted.
 ///
-/// Memory: the image, and for every thread 20 KiB for each file, 1.5 KiB a tile.
+/// Memory: the image, 4 MiB for what rays see, two parts of 2^17 pixels, and for every thread 128 KiB for each file.
 ///
 /// # Errors
-/// [`RenderError`] when the size is not possible, or the threads do not start.
+/// [`RenderError`] when the size is not possible or the threads do not start, and for discrete rays in a model of cells
+/// or one that is cut.
 pub fn paint(
     parts: &[Part<'_>],
     look: &Look,
     rows_done: &(dyn Fn(u32) + Sync),
 ) -> Result<Painted, RenderError> {
     check_size(look.width, look.height)?;
-    let samples = look.samples.clamp(1, 8);
-    let (wide, high) = (look.width * samples, look.height * samples);
-    let painter = Painter {
-        stage: Stage {
-            world: World::of(parts),
-            lights: &look.lights,
-            ambient: look.ambient,
-            camera: &look.camera,
-            background: look.background.unwrap_or([0.0; 3]),
-            most_bounces: look.bounces,
-            sky: Sky::new(look.ambient.rays.div_ceil(samples * samples)),
-        },
-        sights: parts.iter().map(|part| Sight::new(part.space(), &look.camera, wide, high)).collect(),
-        files: parts.iter().map(|part| part.file() + 1).max().unwrap_or(0),
-        look,
-        samples: samples as usize,
-        form: Form::best(),
-        shader: Shader::new(),
-    };
+    let mut image = look.blank(0);
+    image.reserve(look.height);
+    let (counts, seen) = paint_parts(parts, look, Watch { rows_done, between: &|| {} }, &mut |part| {
+        image.append(part);
+        Ok(())
+    })?;
+    Ok(Painted { image, counts, seen })
+}
+
+/// [`paint`] in parts, some rows after the other: the picture is never held as a whole. While `take` has one part the next
+/// is painted, where there are threads enough.
+///
+/// Memory: 4 MiB for what rays see or three rows of tiles, whichever is more, and two parts of 2^17 pixels or 8 rows, of
+/// all layers.
+///
+/// # Errors
+/// Errors of [`paint`] and of `take`.
+pub(crate) fn paint_parts(
+    parts: &[Part<'_>],
+    look: &Look,
+    watch: Watch<'_>,
+    take: Taker<'_>,
+) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
+    check_size(look.width, look.height)?;
     let pool = pool(look.threads)?;
-    let start = Instant::now();
-    let (image, (rays, seen)) = pool.install(|| painter.paint(rows_done));
-    Ok(Painted { image, rays, seen, traced: start.elapsed() })
-}
-
-struct Painter<'a> {
-    stage: Stage<'a>,
-    /// The lines of sight in each body's grid.
-    sights: Vec<Sight<'a>>,
-    files: usize,
-    look: &'a Look,
-    samples: usize,
-    form: Form,
-    shader: Shader,
-}
-
-impl Painter<'_> {
-    fn paint(&self, rows_done: &(dyn Fn(u32) + Sync)) -> (Image, (Rays, BTreeSet<Seen>)) {
-        let width = self.look.width as usize;
-        let mut image = self.look.blank();
-        let mut strips: Vec<Strip<'_>> =
-            image.rgba.chunks_mut(width * TILE * 4).map(|rgba| Strip { rgba, ..Strip::default() }).collect();
-        let depth = image.depth.as_mut().map(|all| all.chunks_mut(width * TILE));
-        for (strip, depth) in strips.iter_mut().zip(depth.into_iter().flatten()) {
-            strip.depth = depth;
-        }
-        let normals = image.normals.as_mut().map(|all| all.chunks_mut(width * TILE * 3));
-        for (strip, normals) in strips.iter_mut().zip(normals.into_iter().flatten()) {
-            strip.normals = normals;
-        }
-        let begin = || (Tracer::new(self.form), WorkerMemory::new(self.files));
-        let rays = strips.into_par_iter().enumerate().map_init(begin, |(tracer, kept), (number, strip)| {
-            kept.rays = Rays::default();
-            let rows = self.strip(tracer, kept, number * TILE, strip);
-            #[expect(clippy::cast_possible_truncation, reason = "rows of a strip")]
-            rows_done(rows as u32);
-            (kept.rays, std::mem::take(&mut kept.seen))
-        });
-        let traced = rays.reduce(Default::default, joined);
-        (image, traced)
+    if let Some(section) = look.section {
+        return pool.install(|| section::slice(parts, look, section, watch, take));
     }
+    let painter = Painter::new(parts, look, watch)?;
+    pool.install(|| painter.paint(take))
+}
 
-    /// Paints a strip of pixels from row `top` on; how many rows it has.
-    fn strip(&self, tracer: &mut Tracer, kept: &mut WorkerMemory, top: usize, strip: Strip<'_>) -> usize {
-        let (width, samples) = (self.look.width as usize, self.samples);
-        let rows = strip.rgba.len() / 4 / width.max(1);
-        let mut sums = vec![Sum::default(); width * rows];
-        for down in (0..rows * samples).step_by(TILE) {
-            for left in (0..width * samples).step_by(TILE) {
-                let corner = (left, top * samples + down);
-                let limits = (TILE.min(width * samples - left), TILE.min(rows * samples - down));
-                let met = self.first(tracer, Tile { corner, limits, lod_edge_log2: 0 });
-                for (ray, met) in met.into_iter().enumerate() {
-                    let at = [corner.0 + ray % TILE, corner.1 + ray / TILE];
-                    if ray % TILE >= limits.0 || ray / TILE >= limits.1 {
-                        continue;
-                    }
-                    let pixel = (at[1] / samples - top) * width + at[0] / samples;
-                    if let Some(sum) = sums.get_mut(pixel) {
-                        self.add(kept, met, at, sum);
-                    }
-                }
+/// The lines of sight in the grid of a body.
+struct Eye<'a> {
+    sight: Sight<'a>,
+    /// The lines through [`PLACES`] times [`PLACES`] places of each pixel.
+    places: Sight<'a>,
+    /// The rays of the discrete mode, if that is asked for.
+    discrete: Option<DiscreteRays<'a>>,
+}
+
+/// The first hits of a tile's rays: the number of a body, and where its surface is met.
+pub(super) type FirstHits = [Option<(usize, Met)>; RAYS];
+
+/// A group of rays from the eye.
+#[derive(Clone, Copy)]
+pub(super) enum Group {
+    /// Through the middles of the pixels of the tile at this corner, of which so many columns and rows are in the picture.
+    Pixels([usize; 2], (usize, usize)),
+    /// Through these of the places of one pixel.
+    Places([usize; 2], u64),
+}
+
+impl Group {
+    /// The tile of its picture, and the rays to trace.
+    pub(super) fn tile(self, lod_edge_log2: u32) -> (Tile, u64) {
+        match self {
+            Self::Pixels([x, y], limits) => {
+                let tile = Tile { corner: (x, y), limits, lod_edge_log2 };
+                (tile, tile.live())
+            }
+            Self::Places([x, y], places) => {
+                const { assert!(PLACES == TILE) };
+                let corner = (x * PLACES, y * PLACES);
+                (Tile { corner, limits: (PLACES, PLACES), lod_edge_log2 }, places)
             }
         }
-        self.write(&sums, strip);
-        rows
+    }
+}
+
+/// The rays of a tile that are bits of `asked`.
+pub(super) fn rays_of(mut asked: u64) -> impl Iterator<Item = usize> {
+    std::iter::from_fn(move || {
+        let ray = (asked != 0).then(|| asked.trailing_zeros() as usize)?;
+        asked &= asked - 1;
+        Some(ray)
+    })
+}
+
+/// Everything that a pixel's worker reads.
+pub(super) struct Painter<'a> {
+    pub(super) look: &'a Look,
+    pub(super) stage: Stage<'a>,
+    eyes: Vec<Eye<'a>>,
+    /// Model files.
+    pub(super) files: usize,
+    pub(super) form: Form,
+    /// Where rays that look around go, if there are such.
+    pub(super) sky: Option<Sky>,
+    pub(super) step: StepSize,
+    /// True for one whole body, all of whose rays go by tiles.
+    pub(super) is_alone: bool,
+    /// True if a pixel's colour takes more rays than those of the band: towards lights, in mirrors and through bodies.
+    pub(super) follows: bool,
+    pub(super) watch: Watch<'a>,
+}
+
+impl<'a> Painter<'a> {
+    fn new(parts: &'a [Part<'a>], look: &'a Look, watch: Watch<'a>) -> Result<Self, RenderError> {
+        let world = World::of(parts, look.smoothing, &look.levels);
+        let is_whole = |body: &Body<'_>| body.part.clip().is_empty() && !body.part.is_dimmed();
+        let is_discrete = look.traversal == Traversal::Discrete;
+        if is_discrete && world.bodies.iter().any(|body| body.part.view().cells().is_some()) {
+            return Err(RenderFault::DiscreteCells.into());
+        }
+        if is_discrete && !(look.near_mm == 0.0 && world.bodies.iter().all(is_whole)) {
+            return Err(RenderFault::DiscreteCut.into());
+        }
+        let (width, height) = (look.width, look.height);
+        let places = u32::from(PLACES.to_le_bytes()[0]);
+        let eyes = parts.iter().map(|part| {
+            let sight = Sight::new(part.space(), &look.camera, width, height);
+            let places = Sight::new(part.space(), &look.camera, width * places, height * places);
+            let discrete = is_discrete.then(|| DiscreteRays::new(sight, width, height));
+            Eye { sight, places, discrete }
+        });
+        let rays = look.sky_rays();
+        let step = step_size(&world, look);
+        let is_lit = |body: &Body<'_>| !body.part.material().is_plain() || body.part.is_translucent();
+        Ok(Self {
+            look,
+            eyes: eyes.collect(),
+            files: parts.iter().map(|part| part.file() + 1).max().unwrap_or(0),
+            form: Form::best(),
+            sky: (rays > 0).then(|| Sky::shared(rays)),
+            step,
+            is_alone: look.near_mm == 0.0 && matches!(&*world.bodies, [body] if is_whole(body)),
+            follows: look.shading.is_none() || world.bodies.iter().any(is_lit),
+            watch,
+            stage: Stage {
+                world,
+                look,
+                rig: look.shading.map(|shading| Rig::new(shading, look.camera.axes())),
+                lamps: if look.shading.is_some() { Light::usual() } else { look.lights.clone() },
+                shader: Shader::new(),
+                sky: (rays > 0).then(|| Sky::new(rays.max(MIN_FAR_RAYS))),
+            },
+        })
     }
 
-    /// The line of sight through a point of the picture.
-    fn line(&self, at: [usize; 2]) -> Line {
-        let (wide, high) = (
-            f64::from(self.look.width) * self.samples as f64,
-            f64::from(self.look.height) * self.samples as f64,
-        );
-        let [x, y] = at.map(|c| c as f64 + 0.5);
-        self.look.camera.ray((2.0 * x - wide) / wide, (high - 2.0 * y) / high)
+    /// The line of sight of a ray of a group.
+    #[inline]
+    pub(super) fn line(&self, group: Group, ray: usize) -> Line {
+        let (tile, _) = group.tile(0);
+        let places = if matches!(group, Group::Places(..)) { PLACES as f64 } else { 1.0 };
+        let (width, height) = (f64::from(self.look.width) * places, f64::from(self.look.height) * places);
+        let (x, y) = ((tile.corner.0 + ray % TILE) as f64 + 0.5, (tile.corner.1 + ray / TILE) as f64 + 0.5);
+        self.look.camera.ray((2.0 * x - width) / width, (height - 2.0 * y) / height)
     }
 
-    /// The first hits of a tile's lines.
-    fn first(&self, tracer: &mut Tracer, tile: Tile) -> Vec<Option<(usize, Met)>> {
-        let mut nearest: Vec<Option<(usize, Met)>> = vec![None; RAYS];
-        for (number, (body, sight)) in self.stage.world.bodies.iter().zip(&self.sights).enumerate() {
+    /// Any of the bodies' sights, for directions.
+    pub(super) fn sight(&self) -> Option<&Sight<'a>> {
+        self.eyes.first().map(|eye| &eye.sight)
+    }
+
+    /// The first hits of a group of rays: here what a pixel shows is decided.
+    pub(super) fn first(&self, tracer: &mut Tracer, group: Group) -> (FirstHits, Counts) {
+        let mut nearest: FirstHits = [None; RAYS];
+        let mut steps = [0_u32; RAYS];
+        for (number, (body, eye)) in self.stage.world.bodies.iter().zip(&self.eyes).enumerate() {
+            let (tile, asked) = group.tile(body.level);
+            let sight = if matches!(group, Group::Places(..)) { &eye.places } else { &eye.sight };
             let mut take = |ray: usize, met: Met| {
                 if let Some(nearest) = nearest.get_mut(ray)
                     && nearest.as_ref().is_none_or(|(_, other)| met.t() < other.t())
@@ -213,9 +420,24 @@ impl Painter<'_> {
                     *nearest = Some((number, met));
                 }
             };
+            if let Some(discrete) = &eye.discrete {
+                let mut each = |ray: usize, trace: Trace| {
+                    steps[ray % RAYS] += trace.steps;
+                    trace.hit.into_iter().for_each(|hit| take(ray, Met::Surface(hit)));
+                };
+                match group {
+                    Group::Pixels(..) => discrete.trace_tile(body.part.view(), tile, asked, each),
+                    Group::Places(..) => rays_of(asked).for_each(|ray| {
+                        let [x, y] = [tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]
+                            .map(|c| (c as f64 + 0.5) / PLACES as f64);
+                        each(ray, discrete.trace(body.part.view(), x, y, body.level));
+                    }),
+                }
+                continue;
+            }
             if self.look.near_mm > 0.0 || !body.part.clip().is_empty() {
-                for ray in 0..RAYS {
-                    let line = self.line([tile.corner.0 + ray % TILE, tile.corner.1 + ray / TILE]);
+                for ray in rays_of(asked) {
+                    let line = self.line(group, ray);
                     let near = self.look.near_mm / dot(line.1, line.1).sqrt();
                     if let Some(met) = body.meet(Purpose::Sight, line, [near, f64::INFINITY], None) {
                         take(ray, met);
@@ -223,85 +445,76 @@ impl Painter<'_> {
                 }
                 continue;
             }
+            let view = body.part.view();
             let hits = match &body.cells {
-                Some(cells) => tracer.trace(body.part.view(), cells, sight, tile),
-                None => tracer.trace(body.part.view(), &Skin, sight, tile),
+                Some(cells) => tracer.trace_some(view, cells, sight, tile, asked),
+                None => tracer.trace_some(view, &Skin, sight, tile, asked),
             };
-            for ray in 0..RAYS {
+            for ray in rays_of(asked) {
+                steps[ray] += hits.steps(ray);
                 let Some(hit) = hits.hit(ray) else { continue };
                 take(ray, Met::Surface(hit));
             }
         }
-        nearest
-    }
-
-    /// Adds what a line sees to a pixel.
-    fn add(&self, kept: &mut WorkerMemory, met: Option<(usize, Met)>, at: [usize; 2], sum: &mut Sum) {
-        kept.rays.primary += 1;
-        sum.lines += 1;
-        let Some((number, first)) = met else { return };
-        kept.rays.hits += 1;
-        let line = self.line(at);
-        let label = match &first {
-            Met::Surface(hit) => self.stage.world.bodies[number].part.label_number(line, hit),
-            Met::Cut { label, .. } => label.unwrap_or(0),
+        let (_, asked) = group.tile(0);
+        let counts = Counts {
+            rays: asked.count_ones().into(),
+            hits: nearest.iter().map(|met| u64::from(met.is_some())).sum(),
+            steps: steps.iter().map(|steps| u64::from(*steps)).sum(),
+            max_steps: steps.iter().fold(0, |most, steps| most.max(*steps)),
+            ..Counts::default()
         };
-        kept.seen.insert((number, label));
-        let (color, open) = self.stage.color(kept, Branch::first(line), met, at);
-        sum.color = add_scaled(sum.color, 1.0, color);
-        sum.open += open;
-        if sum.hits == 0 && self.look.depth_range_mm.is_some() {
-            sum.depth = first.t();
-        }
-        if sum.hits == 0 && self.look.normals {
-            sum.normal = self.stage.normal(kept, line, (number, first));
-        }
-        sum.hits += 1;
+        (nearest, counts)
     }
 
-    /// Writes the pixels of a strip.
-    #[expect(clippy::cast_possible_truncation, reason = "clamped")]
-    fn write(&self, sums: &[Sum], strip: Strip<'_>) {
-        let (rgba, _) = strip.rgba.as_chunks_mut::<4>();
-        for (sum, out) in sums.iter().zip(rgba) {
-            let (hits, lines) = (f64::from(sum.hits) - sum.open, f64::from(sum.lines.max(1)));
-            *out = self.look.pixel(&self.shader, sum.color, hits, lines);
+    /// Rows that are traced and coloured together.
+    fn band_rows(&self) -> usize {
+        let row = (self.look.width as usize).div_ceil(TILE) * RAYS;
+        (self.look.band_pixels() / row).max(1) * TILE
+    }
+
+    /// Paints the picture part after part, and hands each on while the next is painted.
+    fn paint(&self, take: Taker<'_>) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
+        let (width, height) = (self.look.width as usize, self.look.height as usize);
+        let mut band = Band::new(width, !self.is_alone);
+        let mut counts = Counts::default();
+        let mut seen = BTreeSet::new();
+        let [mut done, mut next] = [0, 1].map(|_| self.look.blank(0));
+        let (mut traced, mut painted) = (0, 0);
+        while painted < height {
+            let rows = self.band_rows().min(height - traced);
+            // Colours depend on the tiles around.
+            let end = if traced + rows < height { traced + rows - TILE } else { height };
+            #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+            let parts = (end - painted) as u32;
+            next.clear(parts);
+            let (taken, own) = rayon::join(
+                || if done.height > 0 { take(&mut done) } else { Ok(()) },
+                || {
+                    let counts = self.look(&mut band, traced, rows);
+                    counts.plus(self.shade(&band, &mut next, painted, &mut seen))
+                },
+            );
+            taken?;
+            counts = counts.plus(own);
+            (traced, painted) = (traced + rows, end);
+            band.forget_above(painted.saturating_sub(TILE) / TILE * TILE);
+            (self.watch.rows_done)(parts);
+            std::mem::swap(&mut done, &mut next);
         }
-        if let Some(range) = self.look.depth_range_mm {
-            for (sum, out) in sums.iter().zip(strip.depth) {
-                *out = if sum.hits > 0 { depth_code(range, sum.depth as f32) } else { 0 };
-            }
-        }
-        for (sum, out) in sums.iter().zip(strip.normals.as_chunks_mut::<3>().0) {
-            *out = if sum.hits > 0 { sum.normal.map(normal_code) } else { [0; 3] };
-        }
+        take(&mut done)?;
+        Ok((counts, seen))
     }
 }
 
-/// What two strips took and show.
-pub(super) fn joined(one: (Rays, BTreeSet<Seen>), other: (Rays, BTreeSet<Seen>)) -> (Rays, BTreeSet<Seen>) {
-    let mut seen = one.1;
-    seen.extend(other.1);
-    (one.0.plus(other.0), seen)
-}
-
-/// The pixels of some rows.
-#[derive(Default)]
-struct Strip<'a> {
-    rgba: &'a mut [u8],
-    depth: &'a mut [u16],
-    normals: &'a mut [u8],
-}
-
-/// The sum over a pixel's lines.
-#[derive(Clone, Copy, Default)]
-struct Sum {
-    color: [f64; 3],
-    lines: u32,
-    hits: u32,
-    /// The part of the hits' lines that goes on into the background.
-    open: f64,
-    /// Those of the first line that met something.
-    depth: f64,
-    normal: [f64; 3],
+/// The sizes that steps in depth are compared with.
+#[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
+fn step_size(world: &World<'_>, look: &Look) -> StepSize {
+    let voxel_mm = world.bodies.iter().fold(0.0_f64, |most, body| {
+        let [x, y, z] = body.part.space().spacing_mm();
+        most.max((x + y + z) / 3.0 * f64::from(1_u32 << body.level.min(31)))
+    });
+    let [at_eye, at_one] = [0.0, 1.0].map(|depth| look.camera.pixel_mm(look.height, depth));
+    let crease = if look.creases { StepSize::CREASE } else { StepSize::NO_CREASE };
+    StepSize { voxel_mm: voxel_mm as f32, pixel_mm: [at_eye as f32, (at_one - at_eye) as f32], crease }
 }

@@ -29,7 +29,7 @@ fn turn(axis: usize, degrees: f64) -> Affine {
 }
 
 impl Placement {
-    /// As a map of the body's millimetres to those of the scene.
+    /// The map of the body's millimetres to those of the scene.
     pub fn affine(&self) -> Affine {
         let mut all = Affine::from_spacing(self.scale);
         for (axis, degrees) in self.turn_deg.into_iter().enumerate() {

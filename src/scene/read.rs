@@ -1,8 +1,8 @@
 //! From the text of a scene to checked values.
 
 use crate::geom::{Affine, add_scaled, dot};
-use crate::render::NamedView;
 use crate::render::ambient::MAX_RAYS;
+use crate::render::{NamedView, Samples, Shading};
 
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, CutPlane};
@@ -25,7 +25,7 @@ pub(crate) const MAX_MODELS: usize = 4096;
 pub(crate) const MAX_LIGHTS: usize = 64;
 /// Most planes that cut one model.
 const MAX_PLANES: usize = 64;
-/// How often a line is thrown back or bent, unless that is said.
+/// Default number of reflections and refractions of a line.
 const BOUNCES: u32 = 8;
 const MAX_BOUNCES: u32 = 64;
 const MAX_SAMPLES: u32 = 8;
@@ -61,6 +61,7 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
     let models = (1..).zip(&keys.model).map(|(number, keys)| model(number, keys, &materials, &all));
     let lights = (1..).zip(&keys.light).map(|(number, keys)| light(number, keys));
     let mut lights: Vec<Light> = lights.collect::<Result<_, _>>()?;
+    let has_light = !lights.is_empty() || keys.ambient != AmbientKeys::default();
     if lights.is_empty() {
         lights = Light::usual();
     }
@@ -68,11 +69,22 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
         size: keys.size,
         background: keys.background.as_deref().map(|text| top.color("background", text)).transpose()?,
         bounces: top.whole("bounces", keys.bounces, BOUNCES, [0, MAX_BOUNCES])?,
-        samples: top.whole("samples", keys.samples, 1, [1, MAX_SAMPLES])?,
+        samples: keys.samples.map(|_| samples(&top, keys)).transpose()?,
         camera: camera(&keys.camera)?,
+        shading: (!has_light).then_some(Shading::Soft),
         ambient: ambient(&keys.ambient)?,
         lights,
         models: models.collect::<Result<_, _>>()?,
+    })
+}
+
+/// Rays of a pixel, from so many along each of its sides.
+fn samples(top: &Checked, keys: &Description) -> Result<Samples, SceneFault> {
+    Ok(match top.whole("samples", keys.samples, 1, [1, MAX_SAMPLES])? {
+        1 => Samples::One,
+        2 => Samples::Four,
+        3 | 4 => Samples::Sixteen,
+        _ => Samples::SixtyFour,
     })
 }
 

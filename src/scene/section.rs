@@ -12,13 +12,11 @@ use rayon::prelude::*;
 use crate::geom::{add_scaled, dot};
 use crate::render::form::Form;
 use crate::render::normals::shown::Line;
-use crate::render::picture::{check_size, pool};
 use crate::render::shade::Shader;
 use crate::render::{NamedView, RenderError};
 
 use super::body::{Body, Part};
-use super::paint::{Look, Painted, Seen, joined};
-use super::rays::Rays;
+use super::paint::{Counts, Look, Seen, Taker, Watch};
 
 /// Samples along each side of a pixel, and how many of them the cut line reaches to either side.
 const SAMPLES: usize = 4;
@@ -56,22 +54,23 @@ struct Plane<'a> {
     length_mm: f64,
     ink: f64,
     shader: Shader,
+    watch: Watch<'a>,
 }
 
-/// Paints a slice; the camera of `look` is parallel and looks along the section's axis.
+/// Paints a slice in parts, some rows after the other; the camera of `look` is parallel and looks along the section's axis.
 ///
-/// Memory: the image, and for every thread 304 bytes for each column. Time: two lines for each of four rows a pixel, each of
-/// which finds all boxes of the surface on its way.
+/// Memory: a part of 2^17 pixels or 8 rows, and for every thread 304 bytes for each column. Time: two lines for each of four
+/// rows a pixel, each of which finds all boxes of the surface on its way.
 ///
 /// # Errors
-/// [`RenderError`] when the size is not possible, or the threads do not start.
-pub fn slice(
+/// Errors of `take`.
+pub(super) fn slice(
     parts: &[Part<'_>],
     look: &Look,
     section: Section,
-    rows_done: &(dyn Fn(u32) + Sync),
-) -> Result<Painted, RenderError> {
-    check_size(look.width, look.height)?;
+    watch: Watch<'_>,
+    take: Taker<'_>,
+) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
     let [right, ..] = look.camera.axes();
     let ends = |direction| parts.iter().map(|part| part.support(direction)).fold(f64::NEG_INFINITY, f64::max);
     let (low, high) = (-ends(right.map(|c| -c)), ends(right));
@@ -80,23 +79,36 @@ pub fn slice(
     let plane = Plane {
         look,
         section,
-        bodies: parts.iter().map(|part| Body::of(part, Form::best())).collect(),
+        bodies: parts.iter().map(|part| Body::of(part, Form::best(), look.smoothing, 0)).collect(),
         start_mm: low - margin,
         length_mm: high - low + 2.0 * margin,
         ink: INK[usize::from(is_dark)],
         shader: Shader::new(),
+        watch,
     };
     let start = Instant::now();
-    let mut image = look.blank();
     let width = look.width as usize;
-    let bands = image.rgba.par_chunks_mut(width * BAND * 4).enumerate().map(|(number, rgba)| {
-        let done = plane.band(number * BAND, rgba);
-        #[expect(clippy::cast_possible_truncation, reason = "rows of a band")]
-        rows_done((rgba.len() / 4 / width.max(1)) as u32);
-        done
-    });
-    let (rays, seen) = pool(look.threads)?.install(|| bands.reduce(Default::default, joined));
-    Ok(Painted { image, rays, seen, traced: start.elapsed() })
+    let rows = (look.band_pixels() / width.max(1) / BAND).max(1) * BAND;
+    let (mut all, mut top) = ((Counts::default(), BTreeSet::new()), 0);
+    while top < look.height as usize {
+        #[expect(clippy::cast_possible_truncation, reason = "at most the picture's rows")]
+        let mut part = look.blank(rows.min(look.height as usize - top) as u32);
+        let bands = part.rgba.par_chunks_mut(width * BAND * 4).enumerate();
+        let done = bands.map(|(number, rgba)| plane.band(top + number * BAND, rgba));
+        all = joined(all, done.reduce(Default::default, joined));
+        (watch.rows_done)(part.height);
+        top += rows;
+        take(&mut part)?;
+    }
+    all.0.trace = start.elapsed();
+    Ok(all)
+}
+
+/// The counts of two bands together, and what both show.
+fn joined(one: (Counts, BTreeSet<Seen>), other: (Counts, BTreeSet<Seen>)) -> (Counts, BTreeSet<Seen>) {
+    let mut seen = one.1;
+    seen.extend(other.1);
+    (one.0.plus(other.0), seen)
 }
 
 /// Samples of some rows: for each 0, or 1 and the place of what fills it in `kinds`.
@@ -123,7 +135,7 @@ impl Samples {
         row * self.width + from..row * self.width + to.max(from)
     }
 
-    /// Does a sample lie on the cut line?
+    /// True for a sample on the cut line.
     fn is_cut(&self, x: usize, y: usize) -> bool {
         let at = y * self.width + x;
         let own = self.items[at];
@@ -137,15 +149,16 @@ impl Samples {
 
 impl Plane<'_> {
     /// Paints the rows of a band, of which the first is row `top` of the picture.
-    fn band(&self, top: usize, rgba: &mut [u8]) -> (Rays, BTreeSet<Seen>) {
+    fn band(&self, top: usize, rgba: &mut [u8]) -> (Counts, BTreeSet<Seen>) {
         let columns = self.look.width as usize;
         let width = columns * SAMPLES;
         let rows = rgba.len() / 4 / columns.max(1) * SAMPLES + 2 * REACH;
         let items = vec![0; width * rows];
         let mut samples = Samples { width, kinds: Vec::new(), items };
-        let mut rays = Rays::default();
+        let mut counts = Counts::default();
         for row in 0..rows {
-            self.row((top * SAMPLES + row) as f64 - REACH as f64, row, &mut samples, &mut rays);
+            self.row((top * SAMPLES + row) as f64 - REACH as f64, row, &mut samples, &mut counts);
+            self.watch.step();
         }
         let mut seen = BTreeSet::new();
         for (number, out) in rgba.as_chunks_mut::<4>().0.iter_mut().enumerate() {
@@ -163,13 +176,13 @@ impl Plane<'_> {
                 };
                 (sum, hits) = (add_scaled(sum, 1.0, color), hits + 1.0);
             }
-            *out = self.look.pixel(&self.shader, sum, hits, (SAMPLES * SAMPLES) as f64);
+            *out = self.shader.pixel(sum, hits, (SAMPLES * SAMPLES) as f64);
         }
-        (rays, seen)
+        (counts, seen)
     }
 
     /// Fills a row of samples, `y` samples below the picture's top.
-    fn row(&self, y: f64, row: usize, samples: &mut Samples, rays: &mut Rays) {
+    fn row(&self, y: f64, row: usize, samples: &mut Samples, counts: &mut Counts) {
         let [right, _, forward] = self.look.camera.axes();
         let high = f64::from(self.look.height) * SAMPLES as f64;
         let along = (high - 2.0 * (y + 0.5)) / high;
@@ -181,8 +194,8 @@ impl Plane<'_> {
         let sample_mm = (dot(end, right) - first_mm) / samples.width as f64;
         let place = |t: f64| (t + self.start_mm - first_mm) / sample_mm;
         for (number, body) in self.bodies.iter().enumerate() {
-            rays.primary += 1;
-            self.fill((number, body), (origin, right), row, samples, &place, rays);
+            counts.rays += 1;
+            self.fill((number, body), (origin, right), row, samples, &place, counts);
         }
     }
 
@@ -194,7 +207,7 @@ impl Plane<'_> {
         row: usize,
         samples: &mut Samples,
         place: &dyn Fn(f64) -> f64,
-        rays: &mut Rays,
+        counts: &mut Counts,
     ) {
         let Some(span) = body.part.clip().span(line, [0.0, f64::INFINITY], None) else { return };
         let mut put = |[from, to]: [f64; 2], label: u16| {
@@ -205,12 +218,12 @@ impl Plane<'_> {
         };
         if body.has_walls() {
             let runs = body.runs(line);
-            rays.hits += runs.len() as u64;
+            counts.hits += runs.len() as u64;
             runs.into_iter().for_each(|(run, label)| put(run, label));
             return;
         }
         let found = body.stretches(line, self.length_mm);
-        rays.hits += found.len() as u64;
+        counts.hits += found.len() as u64;
         for (at, stretch) in found.iter().enumerate() {
             put([stretch.hit.t, stretch.leave], 0);
             if let Some(next) = found.get(at + 1).filter(|next| next.hit.t > stretch.leave)

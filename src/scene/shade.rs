@@ -1,23 +1,20 @@
 //! The colour of what a line sees: light, shadow, mirrors, glass.
 //!
 //! Where a body is clear, a line goes on in two; so lines wait in a list, each with its share of the picture's point,
-//! and are dropped where that share is too small to be seen, or where they have been thrown back or bent too often.
-
-use std::collections::BTreeSet;
+//! and are dropped where that share is too small to be seen, or where they have been reflected or refracted too often.
 
 use crate::geom::{add_scaled, dot};
-use crate::render::Camera;
 use crate::render::ambient::{Sky, tangents};
 use crate::render::normals::around::Surroundings;
 use crate::render::normals::shown::Line;
-use crate::render::traverse::{Hit, Trace};
+use crate::render::shade::{Rig, Shader};
+use crate::render::traverse::Hit;
 
 use super::body::{Met, Side, Start};
-use super::light::{Ambient, Light, Way};
+use super::light::{Light, Way};
 use super::material::{Material, fresnel, power};
 use super::media::Media;
-use super::paint::Seen;
-use super::rays::Rays;
+use super::paint::{Counts, Look};
 use super::world::{From, Lot, World};
 
 /// Least share of a point's light that a line is followed for.
@@ -26,7 +23,7 @@ const MIN_SHARE: f64 = 1.0 / 1024.0;
 /// Cosine between a normal and the line of sight up to which the surface is seen from its outside, near its rim: normals
 /// there lead away from the eye by what they err, and by what the surface bends within a voxel. Beyond it the surface is
 /// seen from within.
-const BEYOND_RIM: f64 = 0.35;
+pub(super) const BEYOND_RIM: f64 = 0.35;
 
 /// A line that is still to be followed.
 #[derive(Clone, Copy, Debug)]
@@ -37,7 +34,7 @@ pub(super) struct Branch {
     /// Its part of the point's light.
     share: [f64; 3],
     bounces: u32,
-    /// Has it come straight from the eye?
+    /// True if it has come straight from the eye.
     straight: bool,
 }
 
@@ -50,46 +47,49 @@ impl Branch {
 
 /// The memory of a worker, from one point to the next.
 pub(super) struct WorkerMemory {
-    around: Vec<Surroundings>,
+    /// By file.
+    pub(super) around: Vec<Surroundings>,
     waiting: Vec<Branch>,
     lot: Lot,
-    pub(super) rays: Rays,
-    /// What lines from the eye met first.
-    pub(super) seen: BTreeSet<Seen>,
+    /// Rays that did not come from the eye.
+    pub(super) counts: Counts,
 }
 
 impl WorkerMemory {
     pub(super) fn new(files: usize) -> Self {
         let around = (0..files).map(|_| Surroundings::new()).collect();
-        let (rays, seen) = (Rays::default(), BTreeSet::new());
-        Self { around, waiting: Vec::new(), lot: Lot::default(), rays, seen }
+        Self { around, waiting: Vec::new(), lot: Lot::default(), counts: Counts::default() }
     }
 }
 
 /// Bodies in their light.
 pub(super) struct Stage<'a> {
     pub(super) world: World<'a>,
-    pub(super) lights: &'a [Light],
-    pub(super) ambient: Ambient,
-    pub(super) camera: &'a Camera,
-    /// Linear RGB of what meets nothing.
-    pub(super) background: [f64; 3],
-    /// How often a line is thrown back or bent.
-    pub(super) most_bounces: u32,
-    pub(super) sky: Sky,
+    pub(super) look: &'a Look,
+    /// The rig of lamps and sky; `None` for a scene's own lights.
+    pub(super) rig: Option<Rig>,
+    /// The lamps that shine on surfaces: those of the scene, or the rig's for its highlights.
+    pub(super) lamps: Vec<Light>,
+    pub(super) shader: Shader,
+    /// Where rays go that look around a point seen in a mirror or through glass, if there are such.
+    pub(super) sky: Option<Sky>,
 }
 
 /// A point of a surface.
-struct Spot<'a> {
+pub(super) struct Spot<'a> {
     number: usize,
     material: &'a Material,
-    color: [f64; 3],
+    pub(super) color: [f64; 3],
+    /// The label that is seen, of a model of which some labels are not solid; else 0.
+    pub(super) label: u16,
     point: [f64; 3],
     /// Unit vector along the line that came here.
     sight: [f64; 3],
+    /// Unit normal as pictures show it, on either side.
+    pub(super) shown: [f64; 3],
     /// Unit vector out of the surface on the side that is seen.
     normal: [f64; 3],
-    /// Did the line come from outside the body?
+    /// True if the line came from outside the body.
     enters: bool,
     /// Part of the light that stops here.
     opacity: f64,
@@ -112,31 +112,34 @@ impl Spot<'_> {
 
 impl Stage<'_> {
     /// Linear RGB of what a line from the eye sees, which has met `first`, but for the background straight ahead; and the
-    /// part of that which is seen.
+    /// part of that which is seen. The surroundings of the first point are so far `open`.
     pub(super) fn color(
         &self,
         kept: &mut WorkerMemory,
         first: Branch,
         met: Option<(usize, Met)>,
         pixel: [usize; 2],
+        open: f64,
     ) -> ([f64; 3], f64) {
-        let (mut sum, mut open) = ([0.0; 3], 0.0);
+        let (mut sum, mut through) = ([0.0; 3], 0.0);
         let mut waiting = std::mem::take(&mut kept.waiting);
         waiting.clear();
         let mut next = Some((first, met));
+        let mut known = Some(open);
         while let Some((branch, met)) = next {
             let light = match met {
                 None if branch.straight => {
-                    open += branch.share[0];
+                    through += branch.share[0];
                     [0.0; 3]
                 }
-                None => self.background,
+                None => self.look.background.unwrap_or([0.0; 3]),
                 Some((number, met)) => {
                     let spot = self.spot(kept, &branch, number, met);
                     self.follow(kept, &mut waiting, &branch, &spot);
-                    self.local(kept, &spot, pixel).map(|c| c * spot.opacity)
+                    self.local(kept, &spot, pixel, known).map(|c| c * spot.opacity)
                 }
             };
+            known = None;
             sum = std::array::from_fn(|c| sum[c] + branch.share[c] * light[c]);
             next = waiting.pop().map(|branch| {
                 let met = self.world.nearest(branch.line, [0.0, f64::INFINITY], &branch.from);
@@ -144,33 +147,23 @@ impl Stage<'_> {
             });
         }
         kept.waiting = waiting;
-        (sum, open)
+        (sum, through)
     }
 
-    /// The unit normal that is shown where a line from the eye meets a body.
-    pub(super) fn normal(
-        &self,
-        kept: &mut WorkerMemory,
-        line: Line,
-        (number, met): (usize, Met),
-    ) -> [f64; 3] {
-        self.spot(kept, &Branch::first(line), number, met).normal
-    }
-
-    fn spot(&self, kept: &mut WorkerMemory, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
+    /// The point where a line meets a body.
+    pub(super) fn spot(&self, kept: &mut WorkerMemory, branch: &Branch, number: usize, met: Met) -> Spot<'_> {
         let body = &self.world.bodies[number];
         let (line, material) = (branch.line, body.part.material());
         let length = dot(line.1, line.1).sqrt();
         let sight = line.1.map(|c| c / length);
-        let (color, (mut normal, enters)) = match met {
-            Met::Cut { plane, label, .. } => {
-                let plane = body.part.clip().planes()[plane];
-                let cap = plane.cap.unwrap_or(material.color);
-                (label.and_then(|label| body.part.label_color(label)).unwrap_or(cap), (plane.normal, true))
+        let (seen, label) = body.pixel(line, &met);
+        let color = body.color(&self.shader, seen, label, || line);
+        let (shown, mut normal, enters) = match met {
+            Met::Cut { plane, .. } => {
+                let normal = body.part.clip().planes()[plane].normal;
+                (normal, normal, true)
             }
-            Met::Surface(hit) => {
-                (body.part.color(line, &hit), self.surface_normal(kept, branch, number, hit))
-            }
+            Met::Surface(hit) => self.surface_normal(kept, branch, number, hit),
         };
         let away = dot(normal, sight);
         if away > BEYOND_RIM {
@@ -185,17 +178,17 @@ impl Stage<'_> {
             Met::Surface(hit) => body.part.opacity(line, &hit),
             Met::Cut { .. } => 1.0,
         };
-        Spot { number, material, color, point, sight, normal, enters, opacity, met }
+        Spot { number, material, color, label, point, sight, shown, normal, enters, opacity, met }
     }
 
-    /// A normal, and whether the line comes from outside.
+    /// The normal that is shown, the same on the side that the line comes from at a rim, and true if that is outside.
     fn surface_normal(
         &self,
         kept: &mut WorkerMemory,
         branch: &Branch,
         number: usize,
         hit: Hit,
-    ) -> ([f64; 3], bool) {
+    ) -> ([f64; 3], [f64; 3], bool) {
         let (body, line) = (&self.world.bodies[number], branch.line);
         let outward = body.outward(line, hit);
         let length = dot(line.1, line.1).sqrt();
@@ -206,13 +199,13 @@ impl Stage<'_> {
             // What mirrors and bends is as smooth as its normals; the skin around says no more.
             let smooth = if smooth { body.smooth_outward(around, line, hit) } else { None };
             smooth.unwrap_or_else(|| {
-                let seen = body.normals.seen(&Trace { hit: Some(hit), steps: 0 }, || line);
-                body.normals.normal(around, seen, line)
+                let seen = body.normals.seen(&hit, || line);
+                body.normals.normal(around, seen, || line)
             })
         });
         // At a rim a line may come in by a face that looks the other way.
         let is_turned = enters && outward.is_some_and(|outward| dot(shown, outward) < 0.0);
-        (if is_turned { shown.map(|c| -c) } else { shown }, enters)
+        (shown, if is_turned { shown.map(|c| -c) } else { shown }, enters)
     }
 
     /// Mirrored and bent lines.
@@ -226,7 +219,7 @@ impl Stage<'_> {
                 waiting.push(Branch { line: (spot.point, spot.sight), from, share, ..*branch });
             }
         }
-        if branch.bounces >= self.most_bounces {
+        if branch.bounces >= self.look.bounces {
             return;
         }
         let mut mirror = material.mirror;
@@ -267,11 +260,11 @@ impl Stage<'_> {
         if mirror > 0.0 {
             let back = add_scaled(spot.sight, 2.0 * cosine, spot.normal);
             let color = if material.is_clear() { [1.0; 3] } else { material.color };
-            add(back, mirror, color, false, &mut kept.rays.mirrored);
+            add(back, mirror, color, false, &mut kept.counts.mirrored);
         }
         if let Some((bend, part)) = bent {
             let color = if spot.enters { material.color } else { [1.0; 3] };
-            add(bend, part, color, true, &mut kept.rays.refracted);
+            add(bend, part, color, true, &mut kept.counts.refracted);
         }
     }
 
@@ -289,22 +282,37 @@ impl Stage<'_> {
         index(before) / index(behind)
     }
 
-    /// Light that a surface throws back by itself.
-    fn local(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, pixel: [usize; 2]) -> [f64; 3] {
+    /// Light that a surface reflects by itself; the surroundings are so far open where that is `known`.
+    fn local(
+        &self,
+        kept: &mut WorkerMemory,
+        spot: &Spot<'_>,
+        pixel: [usize; 2],
+        known: Option<f64>,
+    ) -> [f64; 3] {
         let material = spot.material;
-        let matt = material.solid() * material.diffuse;
+        let mut matte = material.solid() * material.diffuse;
         // Within what is clear nothing shines.
         let shiny = if spot.enters || !material.is_clear() { material.specular } else { 0.0 };
         let mut light = [0.0; 3];
-        if matt > 0.0 {
-            let open = self.openness(kept, spot, pixel);
-            light = std::array::from_fn(|c| matt * spot.color[c] * self.ambient.color[c] * open);
+        if matte > 0.0 {
+            let open = known.unwrap_or_else(|| {
+                self.sky.as_ref().map_or(1.0, |sky| self.openness(kept, spot, sky.of(pixel)))
+            });
+            let color = spot.color.map(|c| matte * c);
+            light = match &self.rig {
+                Some(rig) => {
+                    matte = 0.0;
+                    rig.of(color, spot.normal, spot.sight, open)
+                }
+                None => std::array::from_fn(|c| color[c] * self.look.ambient.color[c] * open),
+            };
         }
-        if matt <= 0.0 && shiny <= 0.0 {
+        if matte <= 0.0 && shiny <= 0.0 {
             return light;
         }
-        for lamp in self.lights {
-            let Some(way) = lamp.way(spot.point, self.camera) else { continue };
+        for lamp in &self.lamps {
+            let Some(way) = lamp.way(spot.point, &self.look.camera) else { continue };
             let cosine = dot(way.towards, spot.normal);
             if cosine <= 0.0 {
                 continue;
@@ -314,7 +322,7 @@ impl Stage<'_> {
                 shiny * power((dot(half, spot.normal) / dot(half, half).sqrt()).max(0.0), material.exponent);
             let Some(through) = self.through(kept, lamp, way, spot) else { continue };
             light = std::array::from_fn(|c| {
-                let back = matt * cosine * spot.color[c] + shine;
+                let back = matte * cosine * spot.color[c] + shine;
                 light[c] + back * lamp.color[c] * through[c]
             });
         }
@@ -326,25 +334,24 @@ impl Stage<'_> {
         if !lamp.shadows {
             return Some([1.0; 3]);
         }
-        kept.rays.shadow += 1;
+        kept.counts.shadow += 1;
         self.world.light_through((spot.point, way.towards), [0.0, way.distance], &spot.start(false))
     }
 
-    /// Part of the surroundings that is open.
-    fn openness(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, pixel: [usize; 2]) -> f64 {
+    /// Part of the surroundings that is open, by rays into these directions of the sky above.
+    pub(super) fn openness(&self, kept: &mut WorkerMemory, spot: &Spot<'_>, directions: &[[f64; 3]]) -> f64 {
         // What lets light through is not darkened by it.
-        if self.ambient.rays == 0 || spot.opacity < 1.0 {
+        if spot.opacity < 1.0 {
             return 1.0;
         }
-        let directions = self.sky.of(pixel);
         let [right, ahead] = tangents(spot.normal);
         let from = spot.start(false);
         let way =
             |d: &[f64; 3]| std::array::from_fn(|a| right[a] * d[0] + ahead[a] * d[1] + spot.normal[a] * d[2]);
         kept.lot.lines.clear();
         kept.lot.lines.extend(directions.iter().map(|d| (spot.point, way(d))));
-        let closed = self.world.count_stopped(&mut kept.lot, [0.0, self.ambient.reach_mm], &from) as f64;
-        kept.rays.ambient += directions.len() as u64;
+        let closed = self.world.count_stopped(&mut kept.lot, [0.0, self.look.ambient.reach_mm], &from) as f64;
+        kept.counts.ambient += directions.len() as u64;
         1.0 - closed / directions.len().max(1) as f64
     }
 }

@@ -3,7 +3,8 @@
 use std::path::PathBuf;
 
 use crate::geom::{Affine, add_scaled};
-use crate::render::{NamedView, Projection};
+use crate::render::shade::linear_of;
+use crate::render::{NamedView, Projection, Samples, Shading};
 
 use super::clip::{Clip, CutPlane};
 use super::labels::LabelRule;
@@ -18,12 +19,14 @@ pub struct Scene {
     pub size: Option<[u32; 2]>,
     /// Linear RGB behind everything; `None` is transparent.
     pub background: Option<[f64; 3]>,
-    /// How often a line is thrown back or bent.
+    /// Most reflections and refractions of a line.
     pub bounces: u32,
-    /// Lines of a pixel along each side.
-    pub samples: u32,
+    /// Rays of a pixel's colours, if that is said.
+    pub samples: Option<Samples>,
     /// The eye, as far as it is said.
     pub camera: SceneCamera,
+    /// The light, unless the scene has lights of its own.
+    pub shading: Option<Shading>,
     /// Light from everywhere.
     pub ambient: Ambient,
     /// Lights.
@@ -52,18 +55,21 @@ impl Scene {
             size: None,
             background: None,
             bounces: 0,
-            samples: 2,
+            samples: None,
             camera: SceneCamera::default(),
-            ambient: Ambient { color: [0.1; 3], rays: 16, reach_mm: f64::INFINITY },
-            lights: Light::usual(),
+            shading: Some(Shading::Soft),
+            ambient: Ambient { color: [0.1; 3], rays: 0, reach_mm: f64::INFINITY },
+            lights: Vec::new(),
             models: vec![model],
         }
     }
 
-    /// Cuts away what is outside of a box of the scene: low and high bounds along each axis in mm, which may be infinite.
-    pub(crate) fn cut(&mut self, bounds: [[f64; 2]; 3]) {
+    /// This scene with models in this colour (sRGB), where they have none of their own, and cut to a box: low and high bounds
+    /// along each axis in mm, which may be infinite.
+    #[must_use]
+    pub(crate) fn shown_as(mut self, color: Option<[u8; 3]>, bounds_mm: Option<[[f64; 2]; 3]>) -> Self {
         let mut planes = Vec::new();
-        for (axis, [low, high]) in bounds.into_iter().enumerate() {
+        for (axis, [low, high]) in bounds_mm.into_iter().flatten().enumerate() {
             let mut normal = [0.0; 3];
             for (sign, limit) in [(1.0, high), (-1.0, -low)] {
                 normal[axis] = sign;
@@ -75,7 +81,9 @@ impl Scene {
         let cut = Clip::new(planes);
         for model in &mut self.models {
             model.clip = model.clip.and(&cut);
+            model.material.color = color.map_or(model.material.color, linear_of);
         }
+        self
     }
 }
 
@@ -109,7 +117,7 @@ pub struct SceneModel {
     pub place: Place,
     /// Cuts of this model and of all.
     pub clip: Clip,
-    /// Do named views take it into the frame?
+    /// True if named views take it into the frame.
     pub framed: bool,
     /// Which of its labels are seen; later rules count before earlier ones.
     pub labels: Vec<LabelRule>,

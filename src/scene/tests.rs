@@ -9,12 +9,15 @@ use crate::builder::LabelChoice;
 use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims, add_scaled, dot};
 use crate::load::{Model, ModelView, NodeView};
+use crate::memory_tree::MemoryTree;
 use crate::random::Random;
 use crate::render::cells::Cells;
 use crate::render::form::Form;
+use crate::render::picture::Traversal;
 use crate::render::ray::Ray;
 use crate::render::single;
 use crate::render::walls::Hidden;
+use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
 use crate::volume::Voxels;
 use crate::{BuildOptions, Threshold};
 
@@ -76,7 +79,7 @@ fn lines_from_a_ball_do_not_meet_it_and_lines_through_it_do_once() {
         for placement in placements {
             let (mut lines, mut met_itself) = (0, 0);
             let part = part(&model, &view, &placement);
-            let body = Body::of(&part, Form::best());
+            let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
             let inverse = placement.inverse().unwrap();
             for _ in 0..4096 {
                 let middle = placement.apply([0.0; 3]);
@@ -146,7 +149,7 @@ fn details_right_next_to_the_start_of_a_line_stop_it() {
         let model = Model::open(&path).unwrap();
         let view = model.view();
         let part = part(&model, &view, &Affine::from_spacing([1.0, 2.0, 0.5]));
-        let body = Body::of(&part, Form::best());
+        let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
         for x in [11.1, 11.9, 12.4] {
             let down = ([x, 30.0, 20.0], [0.0, 0.0, -1.0]);
             let Some(Met::Surface(hit)) = body.meet(Purpose::Sight, down, ALL, None) else {
@@ -171,7 +174,7 @@ fn of_bodies_in_one_place_the_first_is_met() {
     let moved =
         |x| Placement { scale: [1.0; 3], turn_deg: [0.0; 3], pivot: [0.0; 3], at: [x, 0.0, 0.0] }.affine();
     let parts = [1, 0, 2].map(|x| part(&model, &view, &moved(f64::from(x.min(1)))));
-    let world = World::of(&parts);
+    let world = World::of(&parts, Smoothing::Smooth, &[]);
     let (number, met) = world.nearest(([-50.0, 0.3, 0.2], [1.0, 0.0, 0.0]), ALL, &None).unwrap();
     assert!((met.t() - 40.0).abs() < 1.0 && number == 1);
     let (number, _) = world.nearest(([50.0, 0.3, 0.2], [-1.0, 0.0, 0.0]), ALL, &None).unwrap();
@@ -235,7 +238,7 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         let (view, at_home) = (model.view(), Affine { rows: Affine::from_spacing([1.0; 3]).rows });
         let opacity = Opacity::of(&[], view.labels().unwrap(), &model.frame().labels).unwrap();
         let part = part(&model, &view, &at_home).labelled(Some(opacity));
-        let body = Body::of(&part, Form::best());
+        let body = Body::of(&part, Form::best(), Smoothing::Smooth, 0);
         let none = Hidden::of(std::iter::empty());
         let space = part.space();
         let sample = |p: [i64; 3]| {
@@ -294,4 +297,53 @@ fn walls_between_labels_are_met_in_order_none_missed_and_none_twice() {
         assert!(10 * slivers <= met, "{slivers} of {met}");
         assert!(met > lines / 4 && (boxes > lines / 4 || side == 20), "{met} {boxes}");
     }
+}
+
+/// A plate as it is seen from above, with a wall around the middle of it.
+#[test]
+fn walls_darken_what_they_surround_and_a_plate_alone_stays() {
+    let dims = Dims::new(32, 32, 32).unwrap();
+    let picture = |wall: u32, rays, threads| {
+        let around = |c: u32| (10..22).contains(&c);
+        let edge = |x: u32, y: u32| around(x) && around(y) && [x, y].iter().any(|c| *c == 10 || *c == 21);
+        let all = (0..32_u32 * 32 * 32).map(|i| [i % 32, i / 32 % 32, i / 1024]);
+        let is_skin = |[x, y, z]: &[u32; 3]| *z == 4 || (edge(*x, *y) && (5..5 + wall).contains(z));
+        let tree = MemoryTree::of_cells(dims, all.filter(is_skin));
+        let view = tree.view();
+        let part = Part::alone(&view, dims, &Affine::from_spacing([1.0; 3])).unwrap();
+        let top = ViewPoint::Named(NamedView::Top);
+        let camera =
+            Camera::new(top, Projection::Parallel, 35.0, 1.0, |direction| part.support(direction)).unwrap();
+        let shading = Some(if rays > 0 { Shading::Ao } else { Shading::Plain });
+        let look = Look {
+            width: 48,
+            height: 48,
+            camera,
+            near_mm: 0.0,
+            shading,
+            lights: Vec::new(),
+            ambient: Ambient { color: [0.0; 3], rays, reach_mm: f64::INFINITY },
+            background: None,
+            bounces: 0,
+            samples: Samples::Auto,
+            creases: true,
+            smoothing: Smoothing::Smooth,
+            traversal: Traversal::Exact,
+            levels: Vec::new(),
+            section: None,
+            threads,
+            depth_range_mm: None,
+            normals: false,
+            ids: false,
+            seen: false,
+            max_band_pixels: None,
+        };
+        paint(&[part], &look, &|_| {}).unwrap().image.rgba
+    };
+    assert_eq!(picture(0, 16, 1), picture(0, 0, 2));
+    let (plain, dark) = (picture(8, 0, 1), picture(8, 16, 1));
+    assert_eq!(dark, picture(8, 16, 3));
+    let middle = 4 * (24 * 48 + 24);
+    assert!(dark[middle] < plain[middle] - 30, "{} {}", dark[middle], plain[middle]);
+    assert!(plain.iter().zip(&dark).all(|(plain, dark)| dark <= plain));
 }

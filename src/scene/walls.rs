@@ -14,7 +14,7 @@ use super::body::Body;
 const SLIVER: f64 = 0.5;
 
 impl Body<'_> {
-    /// Are there walls between labels?
+    /// True if there are walls between labels.
     pub(super) fn has_walls(&self) -> bool {
         self.cells.is_some_and(|cells| cells.items().has_walls())
     }
@@ -37,7 +37,7 @@ impl Body<'_> {
         None
     }
 
-    /// What a line from outside passes of labels that are seen: from, to, and which.
+    /// Segments of a line from outside within labels that are seen: from, to, and the label.
     pub(super) fn runs(&self, line: Line) -> Vec<([f64; 2], u16)> {
         let (mut runs, mut now): (Vec<([f64; 2], u16)>, _) = (Vec::new(), (0.0, 0));
         let first = || {
@@ -60,7 +60,7 @@ impl Body<'_> {
         runs
     }
 
-    /// What a line meets behind a wall that it has met at t = 0, but for slivers: planes of cells side by side are a little
+    /// The next wall behind one that a line has met at t = 0, but for slivers: planes of cells side by side are a little
     /// apart, and of two planes that are crossed at once the last one counts.
     pub(super) fn next_wall(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let sides = |hit: &Hit| {
@@ -82,7 +82,7 @@ impl Body<'_> {
         }
     }
 
-    /// What a line meets behind a wall.
+    /// The next change of label behind a wall.
     pub(super) fn beyond(&self, line: Line, wall: &Hit) -> Option<Hit> {
         let (part, hidden) = (self.part, self.part.hidden()?);
         let walls = part.view().walls(wall.voxel(part.view())?)?;

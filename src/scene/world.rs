@@ -1,6 +1,7 @@
 //! All bodies together: the nearest that a line meets, and how much light comes through.
 
 use crate::geom::dot;
+use crate::render::Smoothing;
 use crate::render::batch::Batch;
 use crate::render::form::Form;
 use crate::render::normals::shown::Line;
@@ -38,9 +39,11 @@ pub(super) struct World<'a> {
 }
 
 impl<'a> World<'a> {
-    pub(super) fn of(parts: &'a [Part<'a>]) -> Self {
-        let form = Form::best();
-        Self { bodies: parts.iter().map(|part| Body::of(part, form)).collect() }
+    /// With the normals and the level of each part that are shown; levels that are missing are 0.
+    pub(super) fn of(parts: &'a [Part<'a>], smoothing: Smoothing, levels: &[u32]) -> Self {
+        let levels = levels.iter().copied().chain(std::iter::repeat(0));
+        let body = |(part, level)| Body::of(part, Form::best(), smoothing, level);
+        Self { bodies: parts.iter().zip(levels).map(body).collect() }
     }
 
     /// The first place where a line meets a body between two values of t, and the body's number: the first of those
@@ -58,7 +61,7 @@ impl<'a> World<'a> {
         nearest
     }
 
-    /// Is a line stopped by a body that is not clear?
+    /// True if a line is stopped by a body that is not clear.
     pub(super) fn is_stopped(&self, line: Line, limits: [f64; 2], from: &From) -> bool {
         let mut solids = self.bodies.iter().enumerate().filter(|(_, body)| !body.part.material().is_clear());
         solids.any(|(number, body)| body.meet(Purpose::Light, line, limits, start_on(from, number)).is_some())
@@ -116,11 +119,11 @@ impl<'a> World<'a> {
                     break;
                 };
                 least = met.t();
-                let (hit, enters) = match met {
+                let enters = match met {
                     Met::Surface(hit) => {
-                        (hit, body.outward(line, hit).is_none_or(|outward| dot(outward, line.1) < 0.0))
+                        body.outward(line, hit).is_none_or(|outward| dot(outward, line.1) < 0.0)
                     }
-                    Met::Cut { hit, .. } => (hit, true),
+                    Met::Cut { .. } => true,
                 };
                 if enters {
                     let part = (1.0 - material.mirror) * material.clear;
@@ -128,7 +131,7 @@ impl<'a> World<'a> {
                 }
                 let side = if enters { Side::Inside } else { Side::Outside };
                 start = Some(match met {
-                    Met::Surface(_) => Start::Surface { hit, side },
+                    Met::Surface(hit) => Start::Surface { hit, side },
                     Met::Cut { plane, .. } => Start::Cut { plane },
                 });
             }

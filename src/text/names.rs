@@ -98,7 +98,7 @@ names! {
     MERGE = "jobs::parts::merge",
     PART = "jobs::parts::part",
     PLAN = "jobs::parts::plan",
-    RENDER = "jobs::scene",
+    RENDER = "jobs::picture",
     SCAN = "jobs::scan",
     STRIP = "jobs::pack::strip",
     UNPACK = "jobs::pack::unpack",

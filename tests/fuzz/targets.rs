@@ -18,8 +18,8 @@ use infobyte::geom::{Dims, VoxelIndex};
 use infobyte::jobs::export::{ExportRequest, export};
 use infobyte::jobs::names::read_label_names;
 use infobyte::jobs::parts::{Plan, merge};
-use infobyte::jobs::picture::Outputs;
-use infobyte::jobs::scene::{SceneRequest, read_scene, render_scene};
+use infobyte::jobs::picture::{Outputs, render_file};
+use infobyte::jobs::scene::read_scene;
 use infobyte::jobs::{measure, pack, render};
 use infobyte::load::{Frame, Model, NodeView, verify};
 use infobyte::mesh::{GridChoice, MeshOptions, UpAxis};
@@ -27,7 +27,7 @@ use infobyte::render::reference::BitVolume;
 use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
 use infobyte::volume::{VolumeSource, Voxels, Workspace};
-use infobyte::{NamedView, Projection, RayCaster, RenderRequest, ViewPoint};
+use infobyte::{NamedView, Projection, RayCaster, RenderRequest, Samples, ViewPoint};
 
 use crate::common::frames::{Spec, encapsulated};
 use crate::common::models::{build_csg, build_mesh, skin_options};
@@ -301,7 +301,8 @@ fn scene(bytes: &[u8]) -> bool {
         Ok(scene) => {
             let few = scene.models.len().max(scene.lights.len()) <= MAX_SHOWN;
             let known = scene.models.iter().all(|one| model.file_name() == Some(one.file.as_os_str()));
-            few && known && scene.bounces as usize <= MAX_SHOWN && scene.samples <= 2
+            let is_fast = !matches!(scene.samples, Some(Samples::Sixteen | Samples::SixtyFour));
+            few && known && scene.bounces as usize <= MAX_SHOWN && is_fast
         }
         Err(refused) => return told(&refused.to_string()),
     };
@@ -312,8 +313,8 @@ fn scene(bytes: &[u8]) -> bool {
     let _ = fs::remove_file(&picture);
     let outputs = Outputs::of(&picture);
     let request =
-        SceneRequest { size: Some([7, 5]), ambient_rays: Some(3), threads: 1, ..SceneRequest::default() };
-    match render_scene(&path, &outputs, &request, &Silent) {
+        RenderRequest { size: Some([7, 5]), ambient_rays: 3, threads: 1, ..RenderRequest::default() };
+    match render_file(&path, &outputs, &request, &Silent) {
         Ok(_) => true,
         Err(refused) => told(&refused.to_string()),
     }
@@ -400,23 +401,22 @@ fn solids(bytes: &[u8]) -> bool {
 fn picture<D: AsRef<[u8]>>(model: &Model<D>) -> bool {
     let (dims, affine) = (model.dims(), model.affine());
     let request = RenderRequest {
-        width: 24,
-        height: 17,
-        point: ViewPoint::Named(NamedView::Iso),
+        size: Some([24, 17]),
+        point: Some(ViewPoint::Named(NamedView::Iso)),
         threads: 1,
         depth: true,
         normals: true,
         ..RenderRequest::default()
     };
     let within = RenderRequest {
-        point: ViewPoint::Free {
+        point: Some(ViewPoint::Free {
             eye: affine.apply([0.5; 3]),
             look_at: affine.apply([9.0, 8.0, 7.0]),
             up: None,
-        },
-        projection: Projection::Perspective,
+        }),
+        projection: Some(Projection::Perspective),
         lod: true,
-        ..request
+        ..request.clone()
     };
     let mut any = false;
     for request in [request, within] {

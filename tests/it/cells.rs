@@ -263,8 +263,7 @@ fn a_picture_of_cells_does_not_depend_on_threads_and_coarse_boxes_are_solid() {
     let model = built(folder.path(), &noise([40, 40, 40], 5), SurfaceKind::Cells);
     let picture = |threads: usize, lod: bool| {
         let request = RenderRequest {
-            width: 96,
-            height: 96,
+            size: Some([96; 2]),
             threads,
             lod,
             depth: true,

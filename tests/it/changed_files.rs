@@ -259,7 +259,7 @@ fn large_model(folder: &Path) -> PathBuf {
 #[test]
 fn a_program_that_uses_the_library_is_told_that_its_model_was_changed() {
     let folder = tempfile::tempdir().unwrap();
-    let request = RenderRequest { width: 40, height: 40, ..Default::default() };
+    let request = RenderRequest { size: Some([40; 2]), ..Default::default() };
     let path = large_model(folder.path());
     let model = Model::open(&path).unwrap();
     let caster = RayCaster::new(&model).unwrap();

@@ -374,7 +374,19 @@ fn scenes_and_cuts_show_them_as_the_cells_in_whose_place_they_are() {
             (at(name), &["--clip", "x=20.."][..])
         };
         let (picture, depth) = (at("p.png"), at("d.png"));
-        let args = ["render", &input, "-o", &picture, "--depth", &depth, "--size", "160x120", "--json"];
+        let args = [
+            "render",
+            &input,
+            "-o",
+            &picture,
+            "--depth",
+            &depth,
+            "--size",
+            "160x120",
+            "--json",
+            "--samples",
+            "1",
+        ];
         let report = oct(&[&args[..], clip].concat()).json();
         let near = report["depth_near_mm"].as_f64().unwrap();
         let far = report["depth_far_mm"].as_f64().unwrap();

@@ -50,6 +50,7 @@ mod oracle;
 mod pack;
 mod page;
 mod parts;
+mod picture_matrix;
 mod picture_memory;
 mod picture_normals;
 mod prelude;

@@ -12,6 +12,7 @@ const THICK: Scan = Scan { thick: 6, ..CLEAN };
 /// Samples along a side.
 const SIDE: u32 = 72;
 const PIXELS: u32 = 160;
+const FOV_DEG: f64 = 22.0;
 
 /// A picture of a body from some side: the mean angle in degrees between the normals that are shown and the true ones, and
 /// the share of pixels that are more than 15 degrees off, in percent.
@@ -29,11 +30,10 @@ fn shown(body: &Body, how: Scan, smoothing: Smoothing) -> (f64, f64) {
     let side = unit([0.5, -0.8, 0.33]);
     let eye: [f64; 3] = std::array::from_fn(|a| span / 2.0 + 3.0 * span * side[a]);
     let request = RenderRequest {
-        width: PIXELS,
-        height: PIXELS,
-        point: ViewPoint::Free { eye, look_at: [span / 2.0; 3], up: Some([0.0, 0.0, 1.0]) },
-        projection: Projection::Perspective,
-        fov_deg: 22.0,
+        size: Some([PIXELS; 2]),
+        point: Some(ViewPoint::Free { eye, look_at: [span / 2.0; 3], up: Some([0.0, 0.0, 1.0]) }),
+        projection: Some(Projection::Perspective),
+        fov_deg: Some(FOV_DEG),
         depth: true,
         normals: true,
         smoothing,
@@ -44,7 +44,7 @@ fn shown(body: &Body, how: Scan, smoothing: Smoothing) -> (f64, f64) {
     let forward = side.map(|c| -c);
     let right = unit(cross(forward, [0.0, 0.0, 1.0]));
     let up = cross(right, forward);
-    let tangent = (request.fov_deg / 2.0).to_radians().tan();
+    let tangent = (FOV_DEG / 2.0).to_radians().tan();
     let at = |i: u32| (f64::from(2 * i + 1) / f64::from(PIXELS) - 1.0) * tangent;
     let (mut sum, mut far, mut count) = (0.0, 0.0, 0.0);
     let (depths, normals) = (image.depth.unwrap(), image.normals.unwrap());

@@ -66,7 +66,7 @@ fn slices_have_the_area_of_what_they_cut() {
     refused(&["--section", "z=90"], &["m.oct", "does not intersect it", "--section", "with z from"]);
     refused(&["--section", "w=1"], &["'w=1' is not a plane", "z=40"]);
     refused(&["--section", "z=30", "--view", "left"], &["--section", "--view"]);
-    refused(&["--section", "z=30", "--lod", "on"], &["--lod", "--section"]);
+    refused(&["--section", "z=30", "--contact"], &["--section", "--contact"]);
     refused(&["--legend"], &["m.oct", "no labels to list", "--legend", "--labels"]);
 }
 

@@ -37,10 +37,9 @@ fn letter() -> Scene {
 
 fn request(view: NamedView, projection: Projection) -> RenderRequest {
     RenderRequest {
-        width: 160,
-        height: 160,
-        point: ViewPoint::Named(view),
-        projection,
+        size: Some([160; 2]),
+        point: Some(ViewPoint::Named(view)),
+        projection: Some(projection),
         threads: 2,
         ..RenderRequest::default()
     }
@@ -85,7 +84,7 @@ fn named_views_show_the_letter_the_right_way_round() {
     ];
     for (view, full, empty) in table {
         for projection in [Projection::Parallel, Projection::Perspective] {
-            let one = RenderRequest { samples: Samples::One, ..request(view, projection) };
+            let one = RenderRequest { samples: Some(Samples::One), ..request(view, projection) };
             let (image, report) = render(&scene.tree.view(), scene.dims, &unit_affine(), &one).unwrap();
             show(&image, &format!("letter-{}-{projection:?}", view.name()));
             assert!(report.hits > 2000 && report.rays == 160 * 160, "{report:?}");
@@ -128,7 +127,7 @@ fn a_lit_ball_is_bright_where_it_faces_the_eye() {
     let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
     for view in NamedView::ALL {
         for projection in [Projection::Parallel, Projection::Perspective] {
-            let plain = RenderRequest { shading: Shading::Plain, ..request(view, projection) };
+            let plain = RenderRequest { shading: Some(Shading::Plain), ..request(view, projection) };
             let (image, _) = render(&ball.tree.view(), ball.dims, &unit_affine(), &plain).unwrap();
             show(&image, &format!("ball-{}-{projection:?}", view.name()));
             let centre = red(&image, 80, 80);
@@ -182,7 +181,7 @@ fn pictures_have_the_same_bytes_at_any_number_of_threads() {
     });
     for projection in [Projection::Parallel, Projection::Perspective] {
         let mut asked = request(NamedView::Iso, projection);
-        (asked.width, asked.height) = (203, 117);
+        asked.size = Some([203, 117]);
         (asked.depth, asked.normals) = (true, true);
         asked.threads = 1;
         let (one, report) = render(&torus.tree.view(), torus.dims, &unit_affine(), &asked).unwrap();
@@ -248,8 +247,8 @@ fn depth_is_measured_along_the_camera() {
     let wall = Scene::set("wall", [64; 3], |[_, y, _]| y == 40);
     let affine = Affine::from_spacing([0.5, 0.25, 1.0]);
     let mut asked = request(NamedView::Front, Projection::Perspective);
-    asked.point = ViewPoint::Free { eye: [16.0, -30.0, 32.0], look_at: [16.0, 0.0, 32.0], up: None };
-    asked.fov_deg = 80.0;
+    asked.point = Some(ViewPoint::Free { eye: [16.0, -30.0, 32.0], look_at: [16.0, 0.0, 32.0], up: None });
+    asked.fov_deg = Some(80.0);
     asked.depth = true;
     let (image, report) = render(&wall.tree.view(), wall.dims, &affine, &asked).unwrap();
     let depth = image.depth.unwrap();
@@ -268,8 +267,8 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
         for look in [[1.0, 0.0, 0.0], [-1.0, 1.0, 0.0], [0.3, -0.2, -0.9]] {
             let look_at = std::array::from_fn(|a| eye[a] + look[a]);
             let mut asked = request(NamedView::Front, Projection::Perspective);
-            asked.point = ViewPoint::Free { eye, look_at, up: None };
-            asked.fov_deg = 100.0;
+            asked.point = Some(ViewPoint::Free { eye, look_at, up: None });
+            asked.fov_deg = Some(100.0);
             asked.depth = true;
             let (_, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &asked).unwrap();
             assert_eq!(report.hits, report.rays, "the ball is closed: {eye:?} {look:?}");
@@ -277,7 +276,7 @@ fn a_camera_within_the_model_sees_what_is_before_it() {
     }
     let full = Scene::set("full", [8; 3], |_| true);
     let mut asked = request(NamedView::Front, Projection::Perspective);
-    asked.point = ViewPoint::Free { eye: [3.0; 3], look_at: [3.0, 4.0, 3.0], up: None };
+    asked.point = Some(ViewPoint::Free { eye: [3.0; 3], look_at: [3.0, 4.0, 3.0], up: None });
     asked.depth = true;
     let (image, report) = render(&full.tree.view(), full.dims, &unit_affine(), &asked).unwrap();
     assert_eq!(report.hits, report.rays);
@@ -289,7 +288,7 @@ fn coarse_boxes_are_as_large_as_is_asked() {
     let ball = Scene::skin("ball", [128; 3], |c| in_ball(c, 128)).with_normals(|p| p.map(|v| v - 64.0));
     let of = |lod: bool, lod_bias: i8| {
         let exact = request(NamedView::Iso, Projection::Parallel);
-        let asked = RenderRequest { width: 32, height: 32, lod, lod_bias, ..exact };
+        let asked = RenderRequest { size: Some([32; 2]), lod, lod_bias, ..exact };
         render(&ball.tree.view(), ball.dims, &unit_affine(), &asked).unwrap()
     };
     assert_eq!([0, 1].map(|bias| of(true, bias).1.smallest_box), [4, 8]);
@@ -309,7 +308,7 @@ fn discrete_rays_show_nearly_the_same_picture() {
     let ball = Scene::skin("ball", [64; 3], |c| in_ball(c, 64)).with_normals(|p| p.map(|v| v - 32.0));
     for projection in [Projection::Parallel, Projection::Perspective] {
         let exact = RenderRequest { depth: true, ..request(NamedView::Iso, projection) };
-        let discrete = RenderRequest { traversal: Traversal::Discrete, ..exact };
+        let discrete = RenderRequest { traversal: Traversal::Discrete, ..exact.clone() };
         let (a, _) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
         let (b, report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &discrete).unwrap();
         assert_eq!(report.traversal, Traversal::Discrete);
@@ -337,7 +336,7 @@ fn thumbnails_use_the_coarser_levels_and_look_alike() {
     let (coarse, report) = thumbnail(&ball.tree.view(), ball.dims, &unit_affine(), 32, 1).unwrap();
     assert_eq!(report.smallest_box, 4);
     assert_eq!((coarse.width, coarse.height), (32, 32));
-    let exact = RenderRequest { width: 32, height: 32, ..RenderRequest::default() };
+    let exact = RenderRequest { size: Some([32; 2]), ..RenderRequest::default() };
     let (fine, exact_report) = render(&ball.tree.view(), ball.dims, &unit_affine(), &exact).unwrap();
     assert_eq!(exact_report.smallest_box, 1);
     assert!(report.steps < exact_report.steps);
@@ -399,7 +398,7 @@ fn a_real_head_shows_its_face_to_the_front() {
         });
         for view in NamedView::ALL {
             let mut asked = request(view, Projection::Parallel);
-            (asked.width, asked.height) = (320, 320);
+            asked.size = Some([320; 2]);
             let (image, report) = render(&head.tree.view(), head.dims, &affine, &asked).unwrap();
             show(&image, &format!("head-{name}-{}", view.name()));
             assert!(report.hits > 20_000, "{report:?}");
@@ -420,7 +419,7 @@ fn smallest_models_and_senseless_requests() {
     let empty = Scene::set("empty", [8; 3], |_| false);
     assert_eq!(thumbnail(&empty.tree.view(), empty.dims, &unit_affine(), 16, 1).unwrap().1.hits, 0);
     for (width, height) in [(0, 5), (5, 0), (u32::MAX, 1), (32_768, 32_768)] {
-        let asked = RenderRequest { width, height, ..RenderRequest::default() };
+        let asked = RenderRequest { size: Some([width, height]), ..RenderRequest::default() };
         let refused = render(&one.tree.view(), one.dims, &unit_affine(), &asked);
         assert!(refused.unwrap_err().to_string().contains("is not possible"));
     }

@@ -55,7 +55,7 @@ use crate::fault::{FaultKind, unfit};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::platform::give_back;
 use crate::progress::Progress;
-use crate::render::picture::paint_bytes;
+use crate::scene::paint_bytes;
 use crate::source::{BurnedIn, Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};

@@ -108,11 +108,10 @@ impl Bench<'_> {
             let mut images = Vec::new();
             for point in points {
                 let request = how(RenderRequest {
-                    width: side,
-                    height: side,
-                    point,
-                    projection: Projection::Perspective,
-                    fov_deg: rays::FOV_DEG,
+                    size: Some([side; 2]),
+                    point: Some(point),
+                    projection: Some(Projection::Perspective),
+                    fov_deg: Some(rays::FOV_DEG),
                     threads: 1,
                     ..RenderRequest::default()
                 });

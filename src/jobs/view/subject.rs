@@ -7,8 +7,8 @@ use super::Refused;
 use crate::error::Error;
 use crate::jobs::export::{STILL, still};
 use crate::jobs::opened::open_model;
-use crate::jobs::render::{RenderRequest, render_view};
-use crate::jobs::scene::{OpenScene, SceneRequest, is_scene, picture_of};
+use crate::jobs::render::RenderRequest;
+use crate::jobs::scene::{OpenScene, is_scene, picture_of};
 use crate::jobs::verify::verify_unless_packed;
 use crate::load::Model;
 use crate::page::{self, Shown, Way};
@@ -21,7 +21,7 @@ use crate::text::data;
 const MAX_SIDE: u32 = 4096;
 const MAX_PIXELS: u32 = 1 << 23;
 
-/// What is looked at.
+/// A model or a scene.
 enum What {
     Model(Box<Model>),
     Scene(Box<OpenScene>),
@@ -40,7 +40,7 @@ impl Subject {
     /// It is not what its name says, or damaged.
     pub(super) fn open(path: &Path) -> Result<Self, Error> {
         let what = if is_scene(path) {
-            What::Scene(Box::new(OpenScene::open(path)?))
+            What::Scene(Box::new(OpenScene::open(path, &RenderRequest::default())?))
         } else {
             verify_unless_packed(path)?;
             What::Model(Box::new(open_model(path)?))
@@ -51,14 +51,13 @@ impl Subject {
     /// The picture of a camera as [`picture`] reads it, as a PNG.
     pub(super) fn picture(&self, camera: &str) -> Result<Vec<u8>, Refused> {
         let wrong = || Refused::because(400, "not a camera");
-        let (request, hidden) = picture(camera).ok_or_else(wrong)?;
+        let mut request = picture(camera).ok_or_else(wrong)?;
         let image = match &self.what {
-            What::Scene(scene) => scene.picture(&as_scene(&request, Vec::new())),
-            What::Model(model) if hidden.is_empty() => {
-                let made = render_view(&model.view(), model.dims(), &model.affine(), &request);
-                made.map(|(image, _)| image).map_err(Error::from)
+            What::Scene(scene) => {
+                request.labels.clear();
+                scene.picture(&request)
             }
-            What::Model(model) => picture_of(&self.path, model, &as_scene(&request, hidden)),
+            What::Model(model) => picture_of(&self.path, model, &request, &Silent).map(|(image, _)| image),
         };
         self.check_unchanged()?;
         png(&image.map_err(|_| wrong())?)
@@ -70,7 +69,7 @@ impl Subject {
         match &self.what {
             What::Model(model) => still(model, side, &Silent).map_err(failed),
             What::Scene(scene) => {
-                let request = SceneRequest { size: Some([side; 2]), threads: 1, ..SceneRequest::default() };
+                let request = RenderRequest { size: Some([side; 2]), threads: 1, ..RenderRequest::default() };
                 png(&scene.picture(&request).map_err(failed)?)
             }
         }
@@ -116,7 +115,7 @@ fn png(image: &Image) -> Result<Vec<u8>, Refused> {
 
 /// The picture of an address such as `f=0,1,0&u=0,0,1&t=0,0,0&h=120&p=1&w=640&s=480`: as the page writes its view, with
 /// width and height, and `x=5,7..20` for labels that are hidden; `None` for one that makes no sense.
-fn picture(text: &str) -> Option<(RenderRequest, Vec<LabelRule>)> {
+fn picture(text: &str) -> Option<RenderRequest> {
     let value = |name: &str| text.split('&').find_map(|part| part.strip_prefix(name)?.strip_prefix('='));
     let point = |name| -> Option<[f64; 3]> {
         let numbers: Vec<f64> = value(name)?.split(',').map(str::parse).collect::<Result<_, _>>().ok()?;
@@ -134,27 +133,13 @@ fn picture(text: &str) -> Option<(RenderRequest, Vec<LabelRule>)> {
     let eye = std::array::from_fn(|a| target[a] - distance * forward[a] / length);
     let is_perspective = value("p") == Some("1");
     let hide = |text: &str| Some(LabelRule { labels: text.parse().ok()?, opacity: 0.0 });
-    let hidden = value("x").map_or(Some(Vec::new()), |text| text.split(',').map(hide).collect())?;
-    let request = RenderRequest {
-        width,
-        height,
-        point: ViewPoint::Free { eye, look_at: target, up: Some(up) },
-        projection: if is_perspective { Projection::Perspective } else { Projection::Parallel },
-        fov_deg: page::FOV_DEG,
-        ..RenderRequest::default()
-    };
-    Some((request, hidden))
-}
-
-/// The same picture of a scene, or with some labels hidden.
-fn as_scene(request: &RenderRequest, labels: Vec<LabelRule>) -> SceneRequest {
-    SceneRequest {
-        size: Some([request.width, request.height]),
-        point: Some(request.point),
-        projection: Some(request.projection),
-        fov_deg: Some(request.fov_deg),
+    let labels = value("x").map_or(Some(Vec::new()), |text| text.split(',').map(hide).collect())?;
+    Some(RenderRequest {
+        size: Some([width, height]),
+        point: Some(ViewPoint::Free { eye, look_at: target, up: Some(up) }),
+        projection: Some(if is_perspective { Projection::Perspective } else { Projection::Parallel }),
+        fov_deg: Some(page::FOV_DEG),
         labels,
-        threads: request.threads,
-        ..SceneRequest::default()
-    }
+        ..RenderRequest::default()
+    })
 }

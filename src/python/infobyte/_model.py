@@ -192,6 +192,10 @@ class Model:
         annotate: bool = False,
         title: str | bool = False,
         legend: bool = False,
+        clip: dict[str, tuple[float | None, float | None]] | None = None,
+        only: Sequence[str | int] | None = None,
+        hide: Sequence[str | int] = (),
+        opacity: dict[str | int, float] | None = None,
         section: tuple[str, float] | None = None,
         background: Sequence[int] | None = None,
         layers: Sequence[str] = (),
@@ -205,19 +209,25 @@ class Model:
         magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
         `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
         in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
-        eight rays where neighbours differ in depth or normal, or 1, 4, 16. `smooth_edges` makes 1 `auto`. `lod`: boxes
+        eight rays where neighbours differ in depth or normal, or 1, 4, 16, 64. `smooth_edges` makes 1 `auto`. `lod`: boxes
         about as small as a pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
 
         `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
         name and the model's size in mm. `legend`: on the right, colours and names of the labels that are seen.
 
+        `clip`: bounds along axes in LPS mm, such as `{'z': (None, 40)}`; the outside is cut away, and cut faces of closed
+        models are red. `only` and `hide`: the labels that are shown and not shown, by number, range or name, such as
+        `[5, '7..20', 'liver']`. `opacity`: the fraction of light that labels block, such as `{'all': 0.3}`; the last one
+        that matches a label counts.
+
         `section`: a slice instead of a view, filled and in true scale: an axis and a place along it in LPS mm, such as
-        `('z', 40)`. It goes with `size`, `zoom`, `color`, `annotate`, `title`, `legend`, `background` and `threads`.
+        `('z', 40)`. It goes with `size`, `zoom`, `color`, `annotate`, `title`, `legend`, `clip`, `only`, `hide`, `opacity`,
+        `background` and `threads`.
 
         `layers`: any of `depth`, `position`, `normals`, `ids`. The result is a dict then, with the picture as `color`, and
         `depth`: H x W float64, mm along the line of sight, infinity where nothing is hit; `position`, `normals`: H x W x 3
         float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, or -1. They are of
-        exact voxels through the middle of each pixel, whatever `lod` says.
+        exact voxels of the whole model through the middle of each pixel, whatever `lod`, `clip` and the labels say.
 
         Raises `UsageError` for a camera that makes no sense, a plane that misses the model, a legend of a model without
         labels, or layers with a title, a legend or a section; `InputError` if the file was changed.
@@ -238,7 +248,8 @@ class Model:
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
             zoom=zoom, color=color, shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
-            annotate=annotate, title=title, legend=legend, section=section, background=background, threads=threads,
+            annotate=annotate, title=title, legend=legend, clip=clip, only=only, hide=hide, opacity=opacity, section=section, background=background,
+            threads=threads,
         )
         if layers and (title or legend or section is not None):
             raise UsageError("layers are of a picture without title, legend and section; make two pictures")
@@ -467,7 +478,8 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,
         "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
-        "annotate": False, "title": False, "legend": False, "section": None, "background": None, "threads": None,
+        "annotate": False, "title": False, "legend": False, "clip": None, "only": None, "hide": (), "opacity": None, "section": None, "background": None,
+        "threads": None,
     }
     unknown = options.keys() - usual.keys()
     if unknown:
@@ -480,13 +492,16 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
             asked[name] = _color(name, asked[name])
     if asked["section"] is not None:
         asked["section"] = _section(asked["section"])
-        sliced = ("zoom", "color", "annotate", "title", "legend", "section", "background", "threads")
+        sliced = ("zoom", "color", "annotate", "title", "legend", "clip", "only", "hide", "opacity", "section", "background", "threads")
         foreign = [name for name in usual if name not in sliced and options.get(name, usual[name]) != usual[name]]
         if foreign:
             raise UsageError(f"{foreign[0]} is of a view; leave it out for a section")
     for name in ("eye", "look_at", "up"):
         if asked[name] is not None:
             asked[name] = [float(at) for at in asked[name]]
+    for name in ("only", "hide"):
+        asked[name] = None if asked[name] is None else [str(label) for label in asked[name]]
+    asked["opacity"] = [[str(label), float(part)] for label, part in (asked["opacity"] or {}).items()]
     import json
 
     try:

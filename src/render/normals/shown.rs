@@ -14,7 +14,7 @@ use crate::render::Smoothing;
 use crate::render::cells::Cells;
 use crate::render::ray::Face;
 use crate::render::space::GridSpace;
-use crate::render::traverse::{Hit, Trace};
+use crate::render::traverse::Hit;
 
 /// Line of sight in the world: origin and direction.
 pub(crate) type Line = ([f64; 3], [f64; 3]);
@@ -22,7 +22,7 @@ pub(crate) type Line = ([f64; 3], [f64; 3]);
 /// How far the place of a hit may be from the wall that it is on, in half cells: rays are rounded in the grid, by 2^-14 cell
 /// at most.
 pub(crate) const NEAR_WALL: f64 = 1.0 / 4096.0;
-/// The same of a depth in single precision.
+/// That distance where the depth is in single precision.
 const NEAR_BY_DEPTH: f64 = 1e-3;
 /// A step that leads into the cell that was hit, in cells.
 const AHEAD: f64 = 1e-4;
@@ -53,6 +53,8 @@ enum HitKind {
     Own,
     /// A larger leaf.
     Larger(LeafEdge),
+    /// A cut face: its plane stands for the face, its label for the code.
+    Cut,
 }
 
 /// The edge of a larger leaf, 2 to 32.
@@ -84,48 +86,60 @@ impl LeafEdge {
 impl PixelHit {
     const NO_FACE: u8 = u8::MAX;
     /// Background.
-    pub(in crate::render) const NOTHING: Self =
+    pub(crate) const NOTHING: Self =
         Self { box_number: 0, depth: f32::NAN, face: Self::NO_FACE, kind: HitKind::Node, code: 0 };
 
     #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits")]
-    pub(in crate::render) fn new(trace: &Trace) -> Self {
-        trace.hit.map_or(Self::NOTHING, |hit| Self {
+    fn new(hit: &Hit) -> Self {
+        Self {
             box_number: hit.box_number,
             depth: (hit.t as f32).min(f32::MAX),
             face: hit.face.map_or(Self::NO_FACE, |f| 2 * f.axis + u8::from(f.high)),
             kind: if hit.edge_log2 == 0 { HitKind::Voxel } else { HitKind::Node },
             code: 0,
-        })
+        }
     }
 
-    pub(in crate::render) fn is_hit(self) -> bool {
+    /// Matter that a plane of a clip cut open, and the number of its label, or 0.
+    #[expect(clippy::cast_possible_truncation, reason = "a depth image has 16 bits, and a clip few planes")]
+    pub(crate) fn cut(plane: usize, t: f64, label: u16) -> Self {
+        let (depth, face) = ((t as f32).min(f32::MAX), plane as u8);
+        Self { box_number: 0, depth, face, kind: HitKind::Cut, code: label }
+    }
+
+    /// The plane and the label of such a pixel.
+    pub(crate) fn cut_of(self) -> Option<(usize, u16)> {
+        (self.kind == HitKind::Cut).then_some((self.face.into(), self.code))
+    }
+
+    pub(crate) fn is_hit(self) -> bool {
         !self.depth.is_nan()
     }
 
     /// Breadth-first number of the box.
-    pub(in crate::render) fn box_number(self) -> u64 {
+    pub(crate) fn box_number(self) -> u64 {
         self.box_number
     }
 
-    /// Is it a voxel or cell, not a coarser box?
+    /// True for a voxel or cell, false for a coarser box.
     pub(in crate::render) fn is_finest(self) -> bool {
         self.kind != HitKind::Node
     }
 
     /// Depth in mm; NaN for background.
-    pub(in crate::render) fn depth(self) -> f32 {
+    pub(crate) fn depth(self) -> f32 {
         self.depth
     }
 
-    /// Is its normal that of the face of a box, for any line of sight?
+    /// True if its normal is that of the face of a box, for any line of sight.
     #[inline]
-    pub(in crate::render) fn is_of_face(self) -> bool {
+    pub(super) fn is_of_face(self) -> bool {
         self.face != Self::NO_FACE && self.kind != HitKind::Own
     }
 
     /// A number for each face of each box.
     #[inline]
-    pub(in crate::render) fn key(self) -> u64 {
+    pub(super) fn key(self) -> u64 {
         self.box_number.wrapping_mul(8) | u64::from(self.face)
     }
 
@@ -164,18 +178,15 @@ impl<'a> Normals<'a> {
 
     /// The hit along a line.
     #[inline]
-    pub(crate) fn seen(&self, trace: &Trace, line: impl FnOnce() -> Line) -> PixelHit {
-        let mut seen = PixelHit::new(trace);
-        if let Some(hit) = &trace.hit
-            && hit.edge_log2 > self.lod_edge_log2
-            && self.view.is_leaf(NodeIndex::new(hit.box_number))
-        {
+    pub(crate) fn seen(&self, hit: &Hit, line: impl FnOnce() -> Line) -> PixelHit {
+        let mut seen = PixelHit::new(hit);
+        if hit.edge_log2 > self.lod_edge_log2 && self.view.is_leaf(NodeIndex::new(hit.box_number)) {
             (seen.kind, seen.code) = (
                 HitKind::Larger(LeafEdge::of(hit.edge_log2)),
                 self.view.leaf_items(NodeIndex::new(hit.box_number)).0,
             );
         }
-        if let (Some(cells), Some(hit)) = (&self.cells, &trace.hit)
+        if let Some(cells) = &self.cells
             && seen.kind == HitKind::Voxel
             && cells.has_corners(hit.box_number.wrapping_sub(self.view.node_count()))
         {
@@ -185,7 +196,7 @@ impl<'a> Normals<'a> {
     }
 
     /// The label of a finest hit, of a model of cells between labels.
-    pub(in crate::render) fn label(&self, seen: PixelHit, (origin, direction): Line) -> Option<&'a Label> {
+    pub(crate) fn label(&self, seen: PixelHit, (origin, direction): Line) -> Option<&'a Label> {
         let (labels, number) = (self.view.labels()?, seen.box_number.wrapping_sub(self.view.node_count()));
         let walls = self.view.walls(number).filter(|_| seen.is_finest())?;
         let at = self.space.to_grid(add_scaled(origin, f64::from(seen.depth), direction));
@@ -215,7 +226,7 @@ impl<'a> Normals<'a> {
         normal::encode(cells.normal(number, u).map(|c| c as f32))
     }
 
-    /// A normal of the hit's box, blended with those of the boxes around where that is wanted.
+    /// A normal of the hit's box, blended with those of the boxes around.
     #[inline]
     fn blended(
         &self,
@@ -224,7 +235,7 @@ impl<'a> Normals<'a> {
         line: impl Fn() -> Line,
         own: [f64; 3],
     ) -> [f64; 3] {
-        if self.smoothing != Smoothing::Blended || seen.kind == HitKind::Node {
+        if seen.kind == HitKind::Node {
             return own;
         }
         let at = self.at(seen, line);
@@ -268,16 +279,21 @@ impl<'a> Normals<'a> {
 
     /// World normal: the stored one unless the skin around contradicts it, else that of the face, else towards
     /// the eye. The plane of a cell is the surface itself; nothing contradicts it.
-    pub(crate) fn normal(&self, around: &mut Surroundings, seen: PixelHit, line: Line) -> [f64; 3] {
-        match self.in_boxes(around, seen, || line) {
+    pub(crate) fn normal(
+        &self,
+        around: &mut Surroundings,
+        seen: PixelHit,
+        line: impl Fn() -> Line,
+    ) -> [f64; 3] {
+        match self.in_boxes(around, seen, &line) {
             Some(normal) => self.space.normal_to_world(normal),
-            None => towards_eye(line),
+            None => towards_eye(line()),
         }
     }
 
-    /// The same in the frame of the boxes, of any length; `None` towards the eye.
+    /// [`Normals::normal`] in the frame of the boxes, of any length; `None` towards the eye.
     #[inline]
-    pub(in crate::render) fn in_boxes(
+    pub(super) fn in_boxes(
         &self,
         around: &mut Surroundings,
         seen: PixelHit,
@@ -300,7 +316,7 @@ impl<'a> Normals<'a> {
         {
             own = turned;
         }
-        Some(self.blended(around, seen, line, own))
+        Some(if self.smoothing == Smoothing::Blended { self.blended(around, seen, line, own) } else { own })
     }
 
     /// Unit vector of the world out of the body, as it is stored; `None` where none is stored.
@@ -317,7 +333,7 @@ impl<'a> Normals<'a> {
         Some(dot(normal, direction) / (dot(normal, normal) * dot(direction, direction)).sqrt())
     }
 
-    /// The same, blended where that is wanted.
+    /// The same, blended between the boxes around.
     pub(crate) fn smooth_outward(
         &self,
         around: &mut Surroundings,
@@ -345,6 +361,7 @@ impl<'a> Normals<'a> {
             HitKind::Voxel => self.view.voxel_direction(BoxIndex::new(number).voxel(self.view.node_count())),
             HitKind::Node => self.view.node_normal(NodeIndex::new(number)).map(normal::decode_l1),
             HitKind::Own | HitKind::Larger(_) => Some(normal::decode_l1(seen.code)),
+            HitKind::Cut => None,
         }
     }
 
@@ -406,19 +423,34 @@ impl<'a> Normals<'a> {
                 self.view.voxel_normals_near(voxel)
             }
             HitKind::Node => self.view.node_normals_near(NodeIndex::new(seen.box_number)),
-            HitKind::Own | HitKind::Larger(_) => None,
+            HitKind::Own | HitKind::Larger(_) | HitKind::Cut => None,
         }
     }
 
-    /// Can the normals of a tile be judged all at once? Edge of a voxel in mm, if so.
-    pub(in crate::render) fn judged_together(&self) -> Option<f64> {
+    /// A normal in the frame of the boxes, as a unit vector of the world.
+    #[inline]
+    pub(super) fn to_unit(self, in_boxes: [f64; 3]) -> [f64; 3] {
+        self.space.normal_to_world(in_boxes)
+    }
+
+    /// True if normals of one face of a box may differ from place to place.
+    pub(super) fn differ_by_place(&self) -> bool {
+        match self.smoothing {
+            Smoothing::Stored => false,
+            Smoothing::Smooth => self.cells.is_some(),
+            Smoothing::Blended => true,
+        }
+    }
+
+    /// Edge of a voxel in mm, if the normals of a tile can be judged all at once.
+    pub(super) fn judged_together(&self) -> Option<f64> {
         let plain = self.cells.is_none() && self.smoothing != Smoothing::Blended && self.has_cubes();
         plain.then(|| self.space.spacing_mm()[0])
     }
 
     /// Notes what a pixel hit, to be judged together with others; `false` where it must be looked at alone.
     #[inline]
-    pub(in crate::render) fn note(&self, stored: &mut Stored, pixel: usize, seen: PixelHit) -> bool {
+    pub(super) fn note(&self, stored: &mut Stored, pixel: usize, seen: PixelHit) -> bool {
         let found = seen.face().zip(self.codes_near(seen));
         if let Some((face, codes)) = &found {
             stored.set(pixel, codes, *face);
@@ -428,7 +460,7 @@ impl<'a> Normals<'a> {
 
     /// The scatter of the boxes around a pixel that was noted, but is in doubt; `None` where its normal stays.
     #[inline]
-    pub(in crate::render) fn scatter(
+    pub(super) fn scatter(
         &self,
         around: &mut Surroundings,
         seen: PixelHit,
@@ -442,7 +474,7 @@ impl<'a> Normals<'a> {
 ///
 /// Near silhouettes the mean of the cells around may look away from the eye though their surface is seen. Light falls on both
 /// sides of a surface, so that it would come from the opposite side there: dark dots on bright ridges, bright ones on dark.
-/// What looks away by more is seen from within.
+/// A surface that looks away by more is seen from within.
 fn not_away(own: [f64; 3], mean: [f64; 3], sight: [f64; 3], spacing: [f64; 3]) -> [f64; 3] {
     let away = dot(mean, sight);
     if away <= 0.0 {
@@ -460,7 +492,7 @@ fn not_away(own: [f64; 3], mean: [f64; 3], sight: [f64; 3], spacing: [f64; 3]) -
 }
 
 /// Unit vector against a line of sight.
-pub(in crate::render) fn towards_eye((_, sight): Line) -> [f64; 3] {
+pub(super) fn towards_eye((_, sight): Line) -> [f64; 3] {
     let length = dot(sight, sight).sqrt();
     sight.map(|c| -c / length)
 }

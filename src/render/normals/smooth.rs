@@ -21,7 +21,7 @@ const LANES: usize = 8;
 
 /// Distance along an axis at which a cell does not count, in cells.
 const REACH: f32 = 1.5;
-/// What stands for the hit's distance from the plane of a cell that has none.
+/// Stand-in for the hit's distance from the plane of a cell that has none.
 const WITH_CORNERS: f32 = 0.25;
 /// Cosine between normals up to which a cell does not count, and the rise from there to where it counts in full.
 const APART: f32 = 0.3;

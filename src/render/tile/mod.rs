@@ -103,7 +103,7 @@ pub struct Tile {
 
 impl Tile {
     /// The rays to trace, as bits: ray `8 y + x` is that of column x and row y.
-    pub(super) fn live(&self) -> u64 {
+    pub(crate) fn live(&self) -> u64 {
         let (columns, rows) = (self.limits.0.min(TILE), self.limits.1.min(TILE));
         let row = (1_u64 << columns) - 1;
         (0..rows).fold(0, |live, y| live | row << (TILE * y))

@@ -19,11 +19,10 @@ fn look(
     up: Option<[f64; 3]>,
 ) -> Result<RenderReport, RenderError> {
     let request = RenderRequest {
-        width: 48,
-        height: 48,
-        point: ViewPoint::Free { eye, look_at, up },
-        projection: Projection::Perspective,
-        fov_deg: 60.0,
+        size: Some([48; 2]),
+        point: Some(ViewPoint::Free { eye, look_at, up }),
+        projection: Some(Projection::Perspective),
+        fov_deg: Some(60.0),
         ..RenderRequest::default()
     };
     picture(built, &request)
@@ -70,11 +69,11 @@ hard_cases! {
             assert!(look(&model, [0.0; 3], [15.5; 3], Some([0.0, 0.0, bad])).is_err());
         }
         for fov_deg in [0.0, -10.0, 180.0, 1e9, f64::NAN] {
-            let request = RenderRequest { fov_deg, ..RenderRequest::default() };
+            let request = RenderRequest { fov_deg: Some(fov_deg), ..RenderRequest::default() };
             assert!(picture(&model, &request).is_err(), "{fov_deg}");
         }
         for (width, height) in [(0, 10), (10, 0), (u32::MAX, u32::MAX)] {
-            let request = RenderRequest { width, height, ..RenderRequest::default() };
+            let request = RenderRequest { size: Some([width, height]), ..RenderRequest::default() };
             let refused = picture(&model, &request).unwrap_err().to_string();
             assert!(refused.contains(&format!("a picture of {width}x{height} is not possible")), "{refused}");
         }
@@ -142,7 +141,11 @@ hard_cases! {
         // Odd sides, so that a pixel looks at the middle.
         for (width, height) in [(1, 1), (1, 301), (301, 1), (7, 3), (9, 9), (9, 7)] {
             for projection in [Projection::Parallel, Projection::Perspective] {
-                let request = RenderRequest { width, height, projection, ..RenderRequest::default() };
+                let request = RenderRequest {
+                    size: Some([width, height]),
+                    projection: Some(projection),
+                    ..RenderRequest::default()
+                };
                 let report = picture(&model, &request).unwrap();
                 assert!(report.hits >= 1, "{width}x{height} {projection:?}: {report:?}");
             }
@@ -156,7 +159,11 @@ hard_cases! {
             let voxel = Voxels::from_fn(Dims::new(1, 1, 1).unwrap(), |_| 1_u8).placed(Affine::from_spacing(spacing));
             let built = build(&voxel, Threshold::Iso(1.0)).unwrap();
             for projection in [Projection::Parallel, Projection::Perspective] {
-                let request = RenderRequest { width: 64, height: 64, projection, ..RenderRequest::default() };
+                let request = RenderRequest {
+                    size: Some([64; 2]),
+                    projection: Some(projection),
+                    ..RenderRequest::default()
+                };
                 let report = picture(&built, &request).unwrap();
                 assert!(report.hits >= 2500, "{spacing:?} {projection:?}: {report:?}");
             }

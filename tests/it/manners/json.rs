@@ -102,7 +102,7 @@ fn every_report_is_what_its_schema_says() {
         ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--error", "0.1", "--json"]).json()),
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
-        ("scene", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
+        ("render", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json", "--memory", "16MiB"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),

@@ -4,7 +4,6 @@ use crate::prelude::*;
 use infobyte::jobs::batch::BatchRequest;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
-use infobyte::jobs::scene::SceneRequest;
 use infobyte::jobs::view::ViewRequest;
 use infobyte::text::Name;
 
@@ -200,14 +199,13 @@ fn the_library_names_its_own_options() {
     let open = OpenOptions { raw: Some(raw), ..Default::default() };
     let _ = |batch: &BatchRequest| (batch.out.is_dir(), batch.min_slices, batch.thumbnails_of_all);
     let point = ViewPoint::Free { eye: [0.0; 3], look_at: [0.0; 3], up: None };
-    let picture = RenderRequest { point, ..Default::default() };
+    let picture = RenderRequest { point: Some(point), ..Default::default() };
     let export = ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, smooth: None };
     let (build, clean, strip) = (BuildOptions::default(), CleanOptions::default(), StripRequest::default());
-    let (view, scene, outputs) =
-        (ViewRequest::default(), SceneRequest::default(), Outputs::of(Path::new("p.png")));
+    let (view, outputs) = (ViewRequest::default(), Outputs::of(Path::new("p.png")));
     let each = infobyte::jobs::build::EachLabel { folder: Path::new(""), replace: false, keep_whole: false };
     let fields = format!("{open:?} {mesh:?} {build:?} {clean:?} {picture:?} {export:?} {strip:?} {view:?}")
-        + &format!(" {scene:?} {outputs:?} {each:?}");
+        + &format!(" {outputs:?} {each:?}");
     // Values of fields, arguments of functions, and functions.
     let others = ["GridChoice::Voxel", "Threshold::Iso", "Threshold::Range", "anyway", "output", "build"];
     let of_batch = ["min_slices", "out", "thumbnails_of_all"];
