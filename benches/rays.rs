@@ -13,9 +13,9 @@ use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::time::Instant;
 
+use infobyte::cpu::Form;
 use infobyte::geom::{Affine, Dims};
 use infobyte::load::{Model, ModelView, NodeView};
-use infobyte::render::form::Form;
 use infobyte::render::ray::Ray;
 use infobyte::render::selfcheck::{Random, random_ray};
 use infobyte::render::sight::Sight;

@@ -129,7 +129,8 @@ mod codec;
 #[cfg(test)]
 #[path = "../tests/it/common/compress.rs"]
 mod compress;
-mod cpu;
+#[doc(hidden)]
+pub mod cpu;
 pub mod csg;
 pub mod discovery;
 mod enclosed;

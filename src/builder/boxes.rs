@@ -1,8 +1,8 @@
 //! Counts of a brick: its skin voxels, and its non-empty boxes of every edge.
 #![expect(clippy::cast_possible_truncation, reason = "a brick has at most 4096 boxes of one edge")]
 
-use super::simd::{Isa, Kernel, dispatch};
 use super::solid::BRICK;
+use crate::cpu::{Kernel, Lanes, dispatch};
 
 const BRICK_ROWS: usize = BRICK as usize;
 
@@ -22,7 +22,7 @@ impl Kernel for CountKernel<'_> {
     type Output = usize;
 
     #[inline(always)]
-    fn run(self, _: impl Isa) -> usize {
+    fn run(self, _: impl Lanes) -> usize {
         self.0.iter().map(|row| row.count_ones() as usize).sum()
     }
 }
@@ -33,7 +33,7 @@ impl Kernel for BoxKernel<'_> {
     type Output = (u32, [u16; 4]);
 
     #[inline(always)]
-    fn run(self, _: impl Isa) -> (u32, [u16; 4]) {
+    fn run(self, _: impl Lanes) -> (u32, [u16; 4]) {
         count_boxes(self.0)
     }
 }

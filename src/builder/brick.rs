@@ -4,8 +4,8 @@
 use super::error::{BuildError, ScratchFault};
 use super::item::{ChannelForm, ItemForm};
 use super::layout::{BRICK_LEVELS, StoredChannels};
-use super::simd::{Isa, Kernel, dispatch};
 use super::swap::{BrickEntry, Scratch, read_fragment};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::format::{Channel, MeanRule, Sum};
 use crate::geom::morton;
@@ -331,7 +331,7 @@ impl Kernel for WordsKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         self.reader.words_of_rows();
     }
 }
@@ -392,7 +392,7 @@ impl<const W: usize> Kernel for SortKernel<'_, W> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         self.items.resize(self.order.voxels() * W, 0);
         let (from, to) = (self.scan.as_chunks::<W>().0, self.items.as_chunks_mut::<W>().0);
         let mut at = 0;

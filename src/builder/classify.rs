@@ -1,7 +1,7 @@
 //! The range test: 64 samples become one word, bit i set where sample i is inside.
 
 use super::range::SampleRange;
-use super::simd::{Isa, Kernel, dispatch, movemask};
+use crate::cpu::{Kernel, Lanes, dispatch, movemask};
 use crate::volume::Scalar;
 
 /// Classifies `samples` into `words`; bits beyond the last sample are 0.
@@ -23,7 +23,7 @@ impl<T: Scalar> Kernel for Classify<'_, T> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) {
+    fn run(self, isa: impl Lanes) {
         let (blocks, tail) = self.samples.as_chunks::<64>();
         for (word, block) in self.words.iter_mut().zip(blocks) {
             *word = word_of(block, self.range, isa);
@@ -38,7 +38,7 @@ impl<T: Scalar> Kernel for Classify<'_, T> {
 }
 
 #[inline(always)]
-fn word_of<T: Scalar>(block: &[T; 64], range: SampleRange<T>, isa: impl Isa) -> u64 {
+fn word_of<T: Scalar>(block: &[T; 64], range: SampleRange<T>, isa: impl Lanes) -> u64 {
     if let Some(avx2) = isa.avx2() {
         // Comparisons become whole-byte masks, 32 at a time; the compiler packs them.
         let mut halves = [0_u32; 2];

@@ -73,7 +73,7 @@ impl ScanTotals {
 
 /// Skin bits of one brick that wait for the scratch file.
 #[derive(Clone, Debug)]
-struct Brick {
+struct WaitingBrick {
     /// Skin bits, `rows[32 z + y]`.
     rows: Box<[u32; BRICK_ROWS * BRICK_ROWS]>,
     /// Slices swapped out already, and slices done.
@@ -84,7 +84,7 @@ struct Brick {
     corners: u16,
 }
 
-impl Brick {
+impl WaitingBrick {
     fn new() -> Self {
         Self {
             rows: Box::new([0; BRICK_ROWS * BRICK_ROWS]),
@@ -162,7 +162,7 @@ pub(super) struct ColumnWorker<'a> {
     bits: Vec<u64>,
     no_bits: Vec<u64>,
     skin: Vec<u64>,
-    bricks: Vec<Brick>,
+    bricks: Vec<WaitingBrick>,
     /// Items that wait for the scratch file: a chain for each channel of each brick.
     chains: Vec<Chain>,
     pool: ChunkPool,
@@ -191,7 +191,7 @@ impl<'a> ColumnWorker<'a> {
             bits: vec![0; BIT_RING * BIT_ROWS * (words + 2)],
             no_bits: vec![0; words + 2],
             skin: vec![0; BRICK_ROWS * words],
-            bricks: vec![Brick::new(); plan.tile_bricks()],
+            bricks: vec![WaitingBrick::new(); plan.tile_bricks()],
             chains: vec![Chain::EMPTY; plan.tile_bricks() * shared.chains()],
             pool: ChunkPool::new(plan.pool_bytes),
             payload: Vec::with_capacity(plan.payload_bytes()),

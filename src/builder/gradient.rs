@@ -7,16 +7,16 @@
 //! at once, a window of 8 gives 4, each lane with the same operations.
 
 use super::estimator::{Estimate, Gradient, Taps};
-use super::lanes::{LANES, Lanes, RingSample, Term, fast_proof, shifted};
-use super::simd::{Isa, Kernel, dispatch, five_rows};
+use super::lanes::{RingSample, rows_of, shifted, zero};
 use super::skin::Exposed;
+use crate::cpu::{Kernel, Lanes, OCTET, Octet, Term, dispatch};
 use crate::format::normal;
 use bytemuck::Zeroable as _;
 
 pub(super) const REACH: u32 = 2;
 /// Samples of a wide and a narrow window.
-const WIDE: usize = 2 * LANES;
-const NARROW: usize = LANES;
+const WIDE: usize = 2 * OCTET;
+const NARROW: usize = OCTET;
 /// Samples that a window may touch beyond the last one it needs.
 pub(super) const OVERREAD: usize = WIDE;
 /// Most voxels of one brick in one slice.
@@ -68,20 +68,20 @@ impl<R: RingSample> Kernel for GradientKernel<'_, '_, R> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) {
+    fn run(self, lanes: impl Lanes) {
         // The usual taps as constants: the compiler knows them in the loop.
         if self.taps == Taps::ISOTROPIC {
-            self.with_taps(Taps::ISOTROPIC, isa);
+            self.with_taps(Taps::ISOTROPIC, lanes);
         } else {
             let taps = self.taps;
-            self.with_taps(taps, isa);
+            self.with_taps(taps, lanes);
         }
     }
 }
 
 impl<R: RingSample> GradientKernel<'_, '_, R> {
     #[inline(always)]
-    fn with_taps(self, taps: Taps, isa: impl Isa) {
+    fn with_taps(self, taps: Taps, lanes: impl Lanes) {
         let (w, out) = (self.window, self.out);
         let mut base = 0;
         for y in 0..32 {
@@ -91,23 +91,11 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
                 let first = todo.trailing_zeros();
                 let at = w.origin + y * w.stride + first as usize;
                 let done = if (todo >> first) >> (NARROW - 4) == 0 {
-                    let lanes = if let Some(avx2) = isa.avx2() {
-                        window::<R, R::Fast, NARROW>(w, taps, at, fast_proof(avx2), |eight| {
-                            R::widen_fast(avx2, eight)
-                        })
-                    } else {
-                        window::<R, R::Portable, NARROW>(w, taps, at, (), R::widen)
-                    };
-                    store(out, base, [skin, todo], first, &lanes, NARROW - 4)
+                    let found = window::<R, _, NARROW>(lanes, w, taps, at);
+                    store(out, base, [skin, todo], first, &found, NARROW - 4)
                 } else {
-                    let lanes = if let Some(avx2) = isa.avx2() {
-                        window::<R, R::Fast, WIDE>(w, taps, at, fast_proof(avx2), |eight| {
-                            R::widen_fast(avx2, eight)
-                        })
-                    } else {
-                        window::<R, R::Portable, WIDE>(w, taps, at, (), R::widen)
-                    };
-                    store(out, base, [skin, todo], first, &lanes, WIDE - 4)
+                    let found = window::<R, _, WIDE>(lanes, w, taps, at);
+                    store(out, base, [skin, todo], first, &found, WIDE - 4)
                 };
                 todo &= !done;
             }
@@ -119,15 +107,15 @@ impl<R: RingSample> GradientKernel<'_, '_, R> {
 /// Smoothing over five terms.
 #[inline(always)]
 fn smooth<T: Term>(taps: [i8; 3], v: [T; 5]) -> T {
-    let (near, far) = (v[1].plus(v[3]), v[0].plus(v[4]));
-    v[2].times(taps[0]).plus(near.times(taps[1])).plus(far.times(taps[2]))
+    let (near, far) = (v[1] + v[3], v[0] + v[4]);
+    v[2].times(taps[0]) + near.times(taps[1]) + far.times(taps[2])
 }
 
 /// The derivative over five terms.
 #[inline(always)]
 fn derive<T: Term>(taps: [i8; 2], v: [T; 5]) -> T {
-    let (near, far) = (v[3].minus(v[1]), v[4].minus(v[0]));
-    near.times(taps[0]).plus(far.times(taps[1]))
+    let (near, far) = (v[3] - v[1], v[4] - v[0]);
+    near.times(taps[0]) + far.times(taps[1])
 }
 
 /// Gradients of `N - 4` neighbouring voxels, the first at sample `at`; the last 4 lanes are void.
@@ -135,35 +123,35 @@ fn derive<T: Term>(taps: [i8; 2], v: [T; 5]) -> T {
 /// Along y and z whole vectors are combined; along x the same vectors are read again, shifted.
 #[inline(always)]
 fn window<R: RingSample, L: Lanes, const N: usize>(
+    lanes: L,
     w: &SliceWindow<'_, R>,
     taps: Taps,
     at: usize,
-    proof: L::Proof,
-    widen: impl Fn(&[R; LANES]) -> L,
 ) -> [[f32; N]; 3] {
     let start = at - 2 * w.stride - 2;
     let Taps { smooth: [taps_x, taps_y, taps_z], derive: taps_d } = taps;
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[L::Sum::zeroed(); WIDE + LANES]; 3];
-    for block in 0..N / LANES {
-        let mut smoothed = [L::zero(proof); 5];
-        let mut derived = [L::zero(proof); 5];
+    let mut sums = [[R::Number::zeroed(); WIDE + OCTET]; 3];
+    for block in 0..N / OCTET {
+        let mut smoothed = [zero::<R, L>(lanes); 5];
+        let mut derived = [zero::<R, L>(lanes); 5];
         for (k, plane) in w.planes.iter().enumerate() {
-            let [a, b, c, d, e] = five_rows::<R, LANES>(plane, start + block * LANES, w.stride);
-            let rows = [widen(&a), widen(&b), widen(&c), widen(&d), widen(&e)];
+            let [a, b, c, d, e] = rows_of::<R, OCTET, 5>(plane, start + block * OCTET, w.stride);
+            let wide = |row| R::widen(lanes, row);
+            let rows = [wide(&a), wide(&b), wide(&c), wide(&d), wide(&e)];
             (smoothed[k], derived[k]) = (smooth(taps_y, rows), derive(taps_d, rows));
         }
         let columns = [smooth(taps_z, smoothed), smooth(taps_z, derived), derive(taps_d, smoothed)];
         for (sums, column) in sums.iter_mut().zip(columns) {
-            sums[block * LANES..][..LANES].copy_from_slice(&column.store());
+            sums[block * OCTET..][..OCTET].copy_from_slice(&column.store());
         }
     }
     let mut out = [[0.0; N]; 3];
-    for block in 0..N / LANES {
-        let shifted = |axis: usize| -> [L; 5] { shifted(proof, &sums[axis], block * LANES) };
-        let lanes = [derive(taps_d, shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
-        for (out, lanes) in out.iter_mut().zip(lanes) {
-            out[block * LANES..][..LANES].copy_from_slice(&lanes.to_f32());
+    for block in 0..N / OCTET {
+        let shifted = |axis: usize| shifted::<R, L, 5>(lanes, &sums[axis], block * OCTET);
+        let found = [derive(taps_d, shifted(0)), smooth(taps_x, shifted(1)), smooth(taps_x, shifted(2))];
+        for (out, found) in out.iter_mut().zip(found) {
+            out[block * OCTET..][..OCTET].copy_from_slice(&found.to_f32());
         }
     }
     out
@@ -460,7 +448,7 @@ impl Kernel for EncodeKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         // Whole groups of 8 vectorise; slots past the end hold old gradients and are not used.
         let len = self.len.next_multiple_of(8).min(SLICE_VOXELS);
         let [x, y, z] = self.g.axes.each_ref().map(|axis| &axis[..len]);

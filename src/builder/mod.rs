@@ -65,7 +65,6 @@ mod reduce;
 mod report;
 mod ring;
 mod seal;
-mod simd;
 mod skin;
 mod slices;
 mod solid;

@@ -2,7 +2,7 @@
 
 use super::lanes::RingSample;
 use super::range::{Ordered, SampleRange};
-use super::simd::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::volume::{Scalar, ScalarType};
 
 /// The form in which samples of the file's type stand in the ring.
@@ -119,7 +119,7 @@ impl<F: RingForm> Kernel for ConvertKernel<'_, F> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         for (to, from) in self.to.iter_mut().zip(self.from) {
             *to = self.form.convert(*from);
         }

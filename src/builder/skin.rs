@@ -4,8 +4,8 @@
 
 use std::ops::Range;
 
-use super::simd::{Isa, Kernel, dispatch};
 use super::solid::BRICK;
+use crate::cpu::{Kernel, Lanes, dispatch};
 
 pub(super) const BRICK_ROWS: usize = BRICK as usize;
 
@@ -202,7 +202,7 @@ impl Kernel for SkinKernel<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let (bits, run) = (self.bits, &self.run);
         let slice = |row: usize| [bits.row(0, row, run), bits.row(1, row, run), bits.row(2, row, run)];
         let (mut north, mut here) = (slice(0), slice(1));

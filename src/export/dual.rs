@@ -20,7 +20,7 @@ use super::fault::ExportFault;
 use super::patch::{Patch, Spot, Spots, singles};
 use super::tint::{Light, Mixture};
 use super::write::{Sink, Vertex, unit};
-use crate::cpu::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::enclosed::Rows;
 use crate::geom::Affine;
 
@@ -471,7 +471,7 @@ impl<S: Spots> Kernel for LayerOf<'_, '_, '_, S> {
     type Output = io::Result<()>;
 
     #[inline(always)]
-    fn run(self, _: impl Isa) -> io::Result<()> {
+    fn run(self, _: impl Lanes) -> io::Result<()> {
         let Self { mesher, samples: [low, high], spots, height, z } = self;
         // Row `y` of cubes lies between the samples' rows `y - 1` and `y`.
         mesher.here.end_row();

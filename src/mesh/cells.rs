@@ -32,7 +32,7 @@ use super::bins::{Record, unpacked, ways};
 use super::bound::{LANES, at_least};
 use super::lattice::{HALF, STEPS};
 use super::nearest::{Facet, Nearest};
-use crate::cpu::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 
 /// Most triangles that are sorted at a time.
 const MAX_BALLS: usize = 1024;
@@ -194,7 +194,7 @@ impl<'r, F: Fn(u32) -> &'r Record> Kernel for Seek<'_, F> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let Self { cells, record, corner, wanted, nearest } = self;
         for (y, row) in wanted.iter().enumerate() {
             let mut left = *row;

@@ -34,7 +34,7 @@ use crate::builder::{
     BuildError, BuildFault, CellEdges, Cover, EdgeCrossing, Exposed, ItemForm, OccupancyRows, ScanSummary,
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::cpu::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::facts::SourceError;
 use crate::fault::Fault;
 use crate::format::{Channel, Metadata, SourceMeta, normal};
@@ -416,7 +416,7 @@ impl Kernel for OfferNear<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let Self { resident, offered, brick } = self;
         let record = |number| resident.record(number);
         let (z, reach) = (offered.corner[2], offered.reach / STEPS);

@@ -12,13 +12,13 @@
 
 use super::batch::Batch;
 use super::cells::Cells;
-use super::form::Form;
 use super::leave;
 use super::ray::Ray;
 use super::space::GridSpace;
 use super::surface::Skin;
 use super::tile::RAYS;
 use super::traverse::Hit;
+use crate::cpu::Form;
 use crate::geom::{cross, dot};
 use crate::load::ModelView;
 

@@ -27,22 +27,22 @@
 //!
 //! Bricks remembered, in turns with the row above: 1.1 to 1.25 times as fast where a batch has thousands of rays, as fast where
 //! it has sixteen; 0.9 for first hits from outside, which go without. Sent through all three rounds, as bricks that have to be
-//! fetched: 0.85. The estimates of a line's three pairs made before the first is compared: 0.85.
+//! fetched: 0.85.
 //!
 //! Within one run the row before that is 1.4 times `single` on random rays, and 1.25 times on rays of ambient occlusion. One of
 //! those looks at 3.1 bricks besides the five that it starts in (two in three of these have boxes ahead of it); they lie in the
 //! cache, so little is waited for. Making a ray takes 35 to 90 ns more.
 
+use crate::cpu::{Form, Kernel, Lanes, prefetch};
 use crate::geom::NodeIndex;
 use crate::load::{ModelView, NodeView};
 
-use super::form::{Form, LanesKernel};
 use super::image::refill;
-use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use super::line::Line;
 use super::mirrored_ray::MirroredRay;
-use super::occupancy::{at_least, place};
-use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
-use super::single::{self, ALONG_A, ALONG_B, BRICK_LEVELS, SLACK, top_edge};
+use super::occupancy::{mirrored_any, place, spread_children};
+use super::ray::{MAX_DEPTH, Ray};
+use super::single::{self, BRICK_LEVELS, top_edge};
 use super::surface::Surface;
 use super::traverse::Hit;
 
@@ -168,7 +168,7 @@ struct Flight<'a, S, A> {
     answers: A,
 }
 
-impl<S: Surface, A: Answers> LanesKernel for Flight<'_, S, A> {
+impl<S: Surface, A: Answers> Kernel for Flight<'_, S, A> {
     type Output = ();
 
     #[inline(always)]
@@ -202,12 +202,12 @@ const KNOWN: usize = 256;
 struct Bricks {
     /// The present call: another one may be for another view.
     call: u64,
-    known: Box<[Brick; KNOWN]>,
+    known: Box<[StoredBrick; KNOWN]>,
 }
 
 /// A brick as it is stored.
 #[derive(Clone, Copy, Debug)]
-struct Brick {
+struct StoredBrick {
     call: u64,
     node: u64,
     stored: u64,
@@ -217,7 +217,7 @@ struct Brick {
 
 impl Bricks {
     fn new() -> Self {
-        Self { call: 1, known: Box::new([Brick { call: 0, node: 0, stored: 0, parent: 0 }; KNOWN]) }
+        Self { call: 1, known: Box::new([StoredBrick { call: 0, node: 0, stored: 0, parent: 0 }; KNOWN]) }
     }
 
     /// Before rays that may be of another view.
@@ -236,7 +236,8 @@ impl Bricks {
     #[inline(always)]
     #[expect(clippy::cast_possible_truncation, reason = "a place in the cache")]
     fn set(&mut self, node: u64, stored: u64, parent: NodeIndex) {
-        self.known[node as usize % KNOWN] = Brick { call: self.call, node, stored, parent: parent.get() };
+        self.known[node as usize % KNOWN] =
+            StoredBrick { call: self.call, node, stored, parent: parent.get() };
     }
 }
 
@@ -245,13 +246,7 @@ impl Bricks {
 struct Slot {
     number: usize,
     exact: MirroredRay,
-    /// The line as estimates see it, as in [`super::single`].
-    origin: [f64; 3],
-    direction: [f64; 3],
-    slope: [[f32; SINGLES]; 3],
-    half: [f32; 3],
-    start: [i32; 3],
-    starts_inside: bool,
+    line: Line,
     /// Bricks on the way, by level: that of the finest boxes is 0.
     levels: [Level; BRICK_LEVELS],
     /// Levels with boxes to be visited, as bits.
@@ -287,12 +282,7 @@ impl Slot {
     const EMPTY: Self = Self {
         number: 0,
         exact: MirroredRay::NONE,
-        origin: [0.0; 3],
-        direction: [0.0; 3],
-        slope: [[0.0; SINGLES]; 3],
-        half: [0.0; 3],
-        start: [0; 3],
-        starts_inside: false,
+        line: Line::NONE,
         levels: [Level::EMPTY; BRICK_LEVELS],
         waiting: 0,
         next: Next { level: 0, low: [0; 3], node: NodeIndex::ROOT, infobyte: 0, parent: NodeIndex::ROOT },
@@ -300,11 +290,6 @@ impl Slot {
 
     /// Takes a ray, and looks at the bricks that it starts in.
     #[inline(always)]
-    #[expect(
-        clippy::cast_precision_loss,
-        clippy::cast_possible_truncation,
-        reason = "estimates within SLACK"
-    )]
     fn begin<L: Lanes>(
         &mut self,
         l: L,
@@ -314,22 +299,11 @@ impl Slot {
         unit: u32,
     ) {
         let exact = MirroredRay::new(ray);
-        let per_unit = 1.0 / (1_u64.wrapping_shl(FRACTION_BITS + unit)) as f64;
-        self.origin = exact.origin.map(|o| o as f64 * per_unit);
-        self.direction = exact.direction.map(|d| d as f64 * (1.0 / f64::from(1_u32 << DIRECTION_BITS)));
-        let direction = self.direction.map(|d| d as f32);
-        let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
-        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
-            let slope = along_a * l.f(direction[b]) - along_b * l.f(direction[a]);
-            l.f_store(slope, &mut self.slope[pair]);
-            self.half[pair] = 0.5 * (direction[a] + direction[b]) + SLACK;
-        }
-        self.start = exact.origin.map(|o| (o >> (FRACTION_BITS + unit)) as i32);
-        self.starts_inside = ray.entry().is_none();
+        self.line = Line::new(l, ray, &exact, unit);
         (self.number, self.exact, self.waiting) = (number, exact, 0);
 
-        let start = self.start.map(i32::cast_unsigned);
-        let within = self.starts_inside && start.iter().all(|c| *c <= path.last);
+        let start = self.line.start.map(i32::cast_unsigned);
+        let within = self.line.starts_inside && start.iter().all(|c| *c <= path.last);
         let bottom = if within {
             path.follow(l, view, each3!(A => if exact.mirror >> A & 1 == 1 { path.last.wrapping_sub(start[A]) } else { start[A] }));
             path.bottom
@@ -341,18 +315,18 @@ impl Slot {
             let at = level as usize % BRICK_LEVELS;
             let within_brick = 4_u32.wrapping_shl(2 * level).wrapping_sub(1);
             let low = if within { start.map(|c| c & !within_brick) } else { [0; 3] };
-            let mut pending = l.mirror_brick(path.stored[at], self.flip(path, level));
+            let mut pending = mirrored_any(l, path.stored[at], self.flip(path, level));
             if within {
                 let here = each3!(A => start[A].wrapping_shr(2 * level) & 3);
                 let v = spread(here[0]) | spread(here[1]) << 1 | spread(here[2]) << 2;
                 // The box that the ray starts in is on the path itself.
                 pending &= AHEAD[v as usize % 64] & !u64::from(level > bottom).wrapping_shl(v);
             } else {
-                pending &= self.ahead(low, level);
+                pending &= self.line.ahead(low, 2 * level);
             }
             // Of rays that leave a surface, many have nothing ahead of them in the bricks around.
             if pending != 0 {
-                pending &= self.intersected(l, low, level);
+                pending &= self.line.intersected(l, low, 2 * level);
             }
             if pending != 0 {
                 self.levels[at] = Level { pending, stored: path.stored[at], first: path.first[at], low };
@@ -373,49 +347,20 @@ impl Slot {
         mirror | if path.half_top && level == path.top { 0 } else { mirror << 3 }
     }
 
-    /// Boxes of the brick at `low` that are not behind the ray.
-    #[inline(always)]
-    fn ahead(&self, low: [u32; 3], level: u32) -> u64 {
-        let mut boxes = u64::MAX;
-        if self.starts_inside {
-            for (a, (start, low)) in self.start.into_iter().zip(low).enumerate() {
-                let behind = start.wrapping_sub(low.cast_signed()) >> (2 * level);
-                boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
-            }
-        }
-        boxes
-    }
-
-    /// Boxes of the brick at `low` that the line intersects.
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    fn intersected<L: Lanes>(&self, l: L, low: [u32; 3], level: u32) -> u64 {
-        let half_brick = f64::from(2_u32.wrapping_shl(2 * level));
-        let per_edge = 2.0 / half_brick;
-        let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
-        let mut boxes = u64::MAX;
-        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
-            let e = (from[a] * self.direction[b] - from[b] * self.direction[a]) * per_edge;
-            let beside = l.f_abs(l.f(e as f32) + l.f_load(&self.slope[pair]));
-            boxes &= l.extrude(pair, l.f_le(beside, l.f(self.half[pair])).bits());
-        }
-        boxes
-    }
-
     /// Finds where the children of the brick that is next stand.
     #[inline(always)]
-    fn find<L: Lanes>(&mut self, l: L, view: &ModelView<'_>) {
+    fn find(&mut self, view: &ModelView<'_>) {
         let node = self.next.node;
         self.next.infobyte = view.infobyte(node);
         self.next.parent = view.first_child(node).node();
-        view.sources(self.next.parent).iter().for_each(|bytes| l.prefetch(bytes));
+        view.sources(self.next.parent).iter().for_each(|bytes| prefetch(*bytes));
     }
 
     /// Looks at the brick that is next, and remembers it if that is wanted.
     #[inline(always)]
     fn look<L: Lanes>(&mut self, l: L, view: &ModelView<'_>, known: Option<&mut Bricks>) {
         let Next { level, low, infobyte, parent, node } = self.next;
-        let stored = l.spread_children(infobyte, view.infobytes(parent));
+        let stored = spread_children(l, infobyte, view.infobytes(parent));
         if let Some(known) = known {
             known.set(node.get(), stored, parent);
         }
@@ -432,9 +377,9 @@ impl Slot {
         (stored, parent): (u64, NodeIndex),
     ) {
         let mirror = self.exact.mirror;
-        let pending = l.mirror_brick(stored, mirror | mirror << 3)
-            & self.ahead(low, level)
-            & self.intersected(l, low, level);
+        let pending = mirrored_any(l, stored, mirror | mirror << 3)
+            & self.line.ahead(low, 2 * level)
+            & self.line.intersected(l, low, 2 * level);
         // Most bricks have nothing in the way.
         if pending != 0 {
             // Boxes of the finest level are numbered where they are met.
@@ -493,7 +438,7 @@ impl Path {
             (NodeIndex::ROOT, u64::from(root))
         } else {
             let parent = view.first_child(NodeIndex::ROOT).node();
-            (parent, l.spread_children(root, view.infobytes(parent)))
+            (parent, spread_children(l, root, view.infobytes(parent)))
         };
         path.stored[top] = stored;
         path.first[top] = if path.top > 0 { view.first_child(parent).get() } else { parent.get() };
@@ -520,7 +465,7 @@ impl Path {
             let parent = view.first_child(node).node();
             level = level.wrapping_sub(1);
             let at = level as usize % BRICK_LEVELS;
-            self.stored[at] = l.spread_children(view.infobyte(node), view.infobytes(parent));
+            self.stored[at] = spread_children(l, view.infobyte(node), view.infobytes(parent));
             self.first[at] = if level > 0 { view.first_child(parent).get() } else { parent.get() };
         }
         (self.start, self.bottom) = (start, level);
@@ -561,7 +506,7 @@ impl<S: Surface, A: Answers> Flight<'_, S, A> {
                 }
             }
             for slot in self.slots.iter_mut().take(live) {
-                slot.find(l, self.view);
+                slot.find(self.view);
             }
             for slot in self.slots.iter_mut().take(live) {
                 slot.look(l, self.view, A::ANY.then_some(&mut *self.known));
@@ -596,7 +541,7 @@ impl<S: Surface, A: Answers> Flight<'_, S, A> {
                     slot.look_at(l, self.view, (at.wrapping_sub(1), low), brick);
                     continue;
                 }
-                self.view.sources(node).iter().for_each(|bytes| l.prefetch(bytes));
+                self.view.sources(node).iter().for_each(|bytes| prefetch(*bytes));
                 slot.next = Next { level: at.wrapping_sub(1), low, node, ..slot.next };
                 return true;
             }

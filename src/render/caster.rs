@@ -4,7 +4,6 @@ use std::ops::Deref;
 
 use super::batch::Batch;
 use super::cells::Cells;
-use super::form::Form;
 use super::image::refill;
 use super::normals::shown::cell_coordinates;
 use super::ray::{BadRay, Ray};
@@ -13,6 +12,7 @@ use super::surface::Skin;
 use super::tile::{Listed, TILE, Tracer, row_of};
 use super::traverse::Hit;
 use super::{GridSpace, RenderError};
+use crate::cpu::Form;
 use crate::geom::{NodeIndex, VoxelIndex};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::RenderFault;

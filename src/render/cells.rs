@@ -16,11 +16,22 @@
 use crate::format::cell::{CORNERS, Plane};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 
-use super::lanes::{each3, larger, smaller};
 use super::ray::{FRACTION_BITS, Ray};
 use super::surface::{Approach, Crossing, Estimate, Glance, Passage, Surface};
 use super::traverse::Hit;
 use super::walls::{self, Hidden};
+
+/// The larger of two numbers, without the rules of [`f64::max`] for NaN.
+#[inline(always)]
+pub(super) fn larger(a: f64, b: f64) -> f64 {
+    if a > b { a } else { b }
+}
+
+/// The smaller of two numbers, as [`larger`].
+#[inline(always)]
+pub(super) fn smaller(a: f64, b: f64) -> f64 {
+    if a < b { a } else { b }
+}
 
 /// Half the edge of a cell in units of a ray's origin.
 pub(super) const HALF_CELL: i64 = 1 << (FRACTION_BITS - 1);

@@ -8,11 +8,11 @@ use crate::geom::NodeIndex;
 use crate::load::ModelView;
 
 use super::cells::{CROSSING_SLACK, HALF_CELL, meet_plane};
-use super::lanes::{each3, larger, smaller};
 use super::mirrored_ray::MirroredRay;
 use super::ray::Ray;
 use super::surface::{Approach, Estimate};
 use super::traverse::Hit;
+use crate::render::cells::{larger, smaller};
 
 /// Where a ray meets the larger leaf of a node, whose box of edge `2^edge_log2` is at the mirrored cell `low`.
 #[inline(never)]

@@ -10,9 +10,9 @@
 //! Products wrap: near the ray, where the answer can be yes, they do not, as `ray` proves; far from it the
 //! estimate that led here has said no.
 
-use super::lanes::PAIRS;
 use super::ray::{FRACTION_BITS, Ray};
 use super::surface::{Crossing, Passage};
+use crate::render::occupancy::PAIRS;
 
 /// A ray in mirrored coordinates.
 #[derive(Clone, Copy, Debug)]

@@ -14,8 +14,7 @@
 //! | [`surface`] | the last decision: is this box a hit |
 //! | [`cells`] | the surface within a cell: `meet` decides, `predict` and `look` are its short cuts |
 //! | [`discrete`] | the paper's own traversal |
-//! | [`form`] | portable, AVX2, AVX-512 or that with VBMI2; `lanes`, `lanes_x86` and `lanes_vbmi2` are their arithmetic |
-//! | `pairs` | rays of a tile and the planes of a brick, sixteen pairs at a time |
+//! | `pairs`, `pairs_vbmi2` | rays of a tile and the planes of a brick, sixteen pairs at a time |
 //! | `occupancy`, `mirrored_ray` | two levels of the octree at once; whether a ray passes through a box, exactly |
 //! | [`sight`] | the rays of a picture: one, eight in a row, or as affine functions of the pixel |
 //! | [`reference`](mod@reference), [`selfcheck`] | slow exact answers, and their comparison with the traversal |
@@ -38,6 +37,27 @@ macro_rules! add_counts {
 }
 pub(crate) use add_counts;
 
+/// An array of an expression of 0, 1 and 2: axes, or pairs of axes. Not a closure: a closure over vectors is inlined too
+/// late, if at all, and then calls a function for every instruction.
+macro_rules! each3 {
+    ($i:ident => $e:expr) => {
+        [
+            {
+                const $i: usize = 0;
+                $e
+            },
+            {
+                const $i: usize = 1;
+                $e
+            },
+            {
+                const $i: usize = 2;
+                $e
+            },
+        ]
+    };
+}
+
 pub(crate) mod ambient;
 pub(crate) mod annotate;
 pub mod batch;
@@ -51,20 +71,16 @@ pub(crate) mod colors;
 pub mod discrete;
 mod error;
 mod font;
-#[doc(hidden)]
-pub mod form;
 pub mod image;
-mod lanes;
-#[cfg(target_arch = "x86_64")]
-mod lanes_vbmi2;
-#[cfg(target_arch = "x86_64")]
-mod lanes_x86;
 pub(crate) mod leave;
 mod leaves;
+mod line;
 mod mirrored_ray;
 pub(crate) mod normals;
 mod occupancy;
 mod pairs;
+#[cfg(target_arch = "x86_64")]
+mod pairs_vbmi2;
 pub mod picture;
 pub mod ray;
 #[doc(hidden)]

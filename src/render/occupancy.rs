@@ -8,7 +8,10 @@
 use crate::geom::NodeIndex;
 use crate::load::{ModelView, NodeView};
 
-use super::lanes::{Lanes, each3};
+use crate::cpu::{Lanes, deposit, mirror_bits};
+
+/// The pairs of axes (a, b), a < b, whose planes a box is projected onto.
+pub(super) const PAIRS: [(usize, usize); 3] = [(0, 1), (0, 2), (1, 2)];
 
 /// The 64 boxes two levels below a node, as a ray in mirrored coordinates sees them.
 #[derive(Clone, Copy, Debug)]
@@ -33,11 +36,11 @@ impl Brick {
         let node = NodeIndex::new(node);
         let parent = view.first_child(node).node();
         let (children, infobytes) = (view.infobyte(node), view.infobytes(parent));
-        let stored = lanes.spread_children(children, infobytes);
+        let stored = spread_children(lanes, children, infobytes);
         let flip = mirror | mirror << 3;
         let mut larger = 0;
         if view.has_leaves() {
-            larger = mirrored(lanes.spread_children(children, zero_bytes(infobytes)), flip);
+            larger = mirrored(spread_children(lanes, children, zero_bytes(infobytes)), flip);
         }
         Self { boxes: mirrored(stored, flip) | larger, stored, flip, parent, larger, children }
     }
@@ -116,6 +119,68 @@ fn zero_bytes(word: u64) -> u64 {
     ((not_zero ^ !LOW) >> 7) * 0xff
 }
 
+/// Where four cells of a pair's plane stand in Morton order of space: `LOW` of the cells (a, b) in 0..2
+/// squared, `HIGH` of the quarters of the plane.
+const LOW: [[u64; 4]; 3] = [[0, 1, 2, 3], [0, 1, 4, 5], [0, 2, 4, 6]];
+const HIGH: [[u32; 4]; 3] = [[0, 8, 16, 24], [0, 8, 32, 40], [0, 16, 32, 48]];
+
+/// Factor that repeats a plane's bits along the axis that is not of the pair.
+const REPEAT: [u64; 3] =
+    [(1 + (1 << 4)) * (1 + (1 << 32)), (1 + (1 << 2)) * (1 + (1 << 16)), (1 + (1 << 1)) * (1 + (1 << 8))];
+
+/// The bits of 64 that a plane's sixteen come from: those with 0 along the other axis.
+const PLANE: [u64; 3] = [plane_bits(0), plane_bits(1), plane_bits(2)];
+
+const fn plane_bits(pair: usize) -> u64 {
+    let (mut bits, mut cell) = (0, 0);
+    while cell < 16 {
+        bits |= 1 << (LOW[pair][cell % 4] + HIGH[pair][cell / 4] as u64);
+        cell += 1;
+    }
+    bits
+}
+
+/// All sixteen values of four cells, spread.
+const LOW_SPREAD: [[u64; 16]; 3] = {
+    let mut spread = [[0; 16]; 3];
+    let mut at = 0;
+    while at < 3 * 16 * 4 {
+        let (pair, value, cell) = (at / 64, at / 4 % 16, at % 4);
+        spread[pair][value] |= (value as u64 >> cell & 1) << LOW[pair][cell];
+        at += 1;
+    }
+    spread
+};
+
+/// Sixteen truths of a plane's cells, in Morton order over the pair's two axes, repeated along the third axis: 64 truths
+/// in Morton order.
+#[inline(always)]
+pub(super) fn extrude(lanes: impl Lanes, pair: usize, plane: u32) -> u64 {
+    let once = if let Some(avx2) = lanes.avx2() {
+        deposit(avx2, plane.into(), PLANE[pair])
+    } else {
+        let spread = &LOW_SPREAD[pair];
+        (0..4).fold(0, |all, q| all | spread[(plane >> (4 * q) & 15) as usize] << HIGH[pair][q])
+    };
+    once.wrapping_mul(REPEAT[pair])
+}
+
+/// Infobytes of a node's children, lowest byte first, at the octants that `infobyte` names.
+#[inline(always)]
+pub(super) fn spread_children(lanes: impl Lanes, infobyte: u8, children: u64) -> u64 {
+    if let Some(avx2) = lanes.avx2() {
+        return deposit(avx2, children, deposit(avx2, infobyte.into(), LOWEST).wrapping_mul(0xff));
+    }
+    let (mut spread, mut rest) = (0, children);
+    for octant in 0..8 {
+        if infobyte >> octant & 1 == 1 {
+            spread |= (rest & 0xff) << (8 * octant);
+            rest >>= 8;
+        }
+    }
+    spread
+}
+
 /// Bits moved from place i to place `i ^ flip`.
 #[inline(always)]
 pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
@@ -135,6 +200,12 @@ pub(super) fn mirrored(bits: u64, flip: u32) -> u64 {
         }
     }
     bits
+}
+
+/// [`mirrored`] without branches, where the lanes can: for rays whose mirrors differ.
+#[inline(always)]
+pub(super) fn mirrored_any(lanes: impl Lanes, bits: u64, flip: u32) -> u64 {
+    lanes.avx2().map_or_else(|| mirrored(bits, flip), |avx2| mirror_bits(avx2, bits, flip))
 }
 
 /// Coordinates within a brick of box `v`.
@@ -164,11 +235,11 @@ pub(super) fn at_least(axis: usize, from: u32) -> u64 {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::{Form, Kernel, Portable};
     use crate::geom::Dims;
     use crate::geom::Octant;
     use crate::geom::morton;
     use crate::memory_tree::MemoryTree;
-    use crate::render::lanes::Portable;
 
     #[test]
     fn mirroring_moves_every_bit() {
@@ -215,6 +286,51 @@ mod tests {
                     assert_eq!(at_least(axis, from) >> v & 1 == 1, place(v)[axis] >= from);
                 }
             }
+        }
+    }
+
+    /// A plane of cells, children of a node, and a mirror.
+    #[derive(Clone, Copy)]
+    struct Moved(usize, u32, u64, u32);
+
+    impl Kernel for Moved {
+        type Output = [u64; 3];
+
+        #[inline(always)]
+        fn run(self, lanes: impl Lanes) -> [u64; 3] {
+            let Self(pair, plane, bits, flip) = self;
+            let spread = spread_children(lanes, plane.to_le_bytes()[0], bits);
+            [extrude(lanes, pair, plane), spread, mirrored_any(lanes, bits, flip)]
+        }
+    }
+
+    #[test]
+    fn every_form_moves_bits_alike() {
+        for i in 0..20_000_u32 {
+            let (bits, flip) = (u64::from(i).wrapping_mul(0x9e37_79b9_7f4a_7c15), i / 64 % 64);
+            let moved = Moved(i as usize % 3, i.wrapping_mul(0x9e37_79b9) >> 16, bits, flip);
+            let portable = moved.run(Portable);
+            Form::available().for_each(|form| assert_eq!(form.run(moved), portable, "{form:?} {i}"));
+        }
+    }
+
+    #[test]
+    fn a_plane_of_cells_is_repeated_along_the_third_axis() {
+        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
+            for bit in 0..16 {
+                let plane = 1_u32 << bit;
+                let of = |i: u32| (bit >> i & 1) | (bit >> (2 + i) & 1) << 1;
+                let mut want = 0;
+                for v in 0..64_u32 {
+                    let at = |axis: usize| (v >> axis & 1) | (v >> (3 + axis) & 1) << 1;
+                    if at(a) == of(0) && at(b) == of(1) {
+                        want |= 1_u64 << v;
+                    }
+                }
+                assert_eq!(extrude(Portable, pair, plane), want, "{pair} {bit}");
+            }
+            assert_eq!(extrude(Portable, pair, 0xffff), u64::MAX);
+            assert_eq!(PLANE[pair].wrapping_mul(REPEAT[pair]), u64::MAX);
         }
     }
 }

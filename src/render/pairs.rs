@@ -36,7 +36,9 @@
 use crate::format::cell::HAS_CORNERS;
 use crate::format::normal;
 
-use super::lanes::{SINGLES, each3};
+#[cfg(target_arch = "x86_64")]
+use super::pairs_vbmi2;
+use crate::cpu::{Lanes, SINGLES};
 
 /// Cells of a brick, and rays of a tile.
 pub(crate) const CELLS: usize = 64;
@@ -85,10 +87,23 @@ pub(crate) struct Compared {
     pub(crate) planes: [u32; SINGLES],
 }
 
+/// Returns the answer of VBMI2 where the lanes have it.
+macro_rules! with_vbmi2 {
+    ($lanes:ident, $function:ident($($argument:expr),*)) => {
+        #[cfg(target_arch = "x86_64")]
+        if let Some(vbmi2) = $lanes.vbmi2() {
+            return pairs_vbmi2::$function(vbmi2, $($argument),*);
+        }
+        #[cfg(not(target_arch = "x86_64"))]
+        let _ = $lanes;
+    };
+}
+
 /// Places of the first boxes, lowest first; what follows them means nothing.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "below 64")]
-pub(crate) fn list(boxes: u64, places: &mut [u8; LISTED]) {
+pub(crate) fn list(lanes: impl Lanes, boxes: u64, places: &mut [u8; LISTED]) {
+    with_vbmi2!(lanes, list(boxes, places));
     let mut rest = boxes;
     for place in places {
         *place = rest.trailing_zeros() as u8 % 64;
@@ -100,7 +115,14 @@ pub(crate) fn list(boxes: u64, places: &mut [u8; LISTED]) {
 /// from a stored place to a mirrored one.
 #[inline(always)]
 #[expect(clippy::cast_possible_truncation, reason = "components of L1-127 vectors; below 64")]
-pub(crate) fn planes(codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
+pub(crate) fn planes(
+    lanes: impl Lanes,
+    codes: &[[u8; 2]; CELLS],
+    offsets: &[u8; CELLS],
+    stored: u64,
+    flip: u32,
+) -> Planes {
+    with_vbmi2!(lanes, planes(codes, offsets, stored, flip));
     let offset = offsets.map(u8::cast_signed);
     let mut planes = Planes { normal: [[0; CELLS]; 3], offset, number: [0; CELLS], cells: ALL_CELLS };
     for (i, code) in codes.iter().enumerate() {
@@ -128,11 +150,13 @@ fn from_middle(place: u8, axis: usize) -> f32 {
 /// Compares sixteen rays with a cell each.
 #[inline(always)]
 pub(crate) fn compare(
+    lanes: impl Lanes,
     planes: &Planes,
     lines: &Lines<'_>,
     places: &[u8; SINGLES],
     rays: &[u8; SINGLES],
 ) -> Compared {
+    with_vbmi2!(lanes, compare(planes, lines, places, rays));
     let mut compared = Compared { past: 0, within: 0, planes: [0; SINGLES] };
     for i in 0..SINGLES {
         let (place, ray) = (places[i] % 64, usize::from(rays[i]) % CELLS);
@@ -168,8 +192,7 @@ pub(crate) fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::render::form::{Form, LanesKernel};
-    use crate::render::lanes::Lanes;
+    use crate::cpu::{Form, Kernel, Portable};
     use crate::render::selfcheck::Random;
 
     /// A brick and its rays, made up.
@@ -184,17 +207,17 @@ mod tests {
         rays: [u8; SINGLES],
     }
 
-    impl LanesKernel for &Made {
+    impl Kernel for &Made {
         type Output = (Planes, [u8; LISTED], Compared);
 
         #[inline(always)]
         fn run(self, l: impl Lanes) -> Self::Output {
-            let mut planes = l.planes(&self.codes, &self.offsets, self.stored, self.flip);
+            let mut planes = planes(l, &self.codes, &self.offsets, self.stored, self.flip);
             planes.cells = self.cells;
             let mut places = [0; LISTED];
-            l.list(self.stored, &mut places);
+            list(l, self.stored, &mut places);
             let lines = Lines { direction: &self.direction, beside: &self.beside, slack: SLACKS / 4096.0 };
-            let compared = l.compare(&planes, &lines, &places, &self.rays);
+            let compared = compare(l, &planes, &lines, &places, &self.rays);
             (planes, places, compared)
         }
     }
@@ -256,7 +279,7 @@ mod tests {
             let middle: [f64; 3] =
                 std::array::from_fn(|a| -f64::from(from_middle(place, a)) - 0.5 * (edge - 1.0));
             let mut beside = [[0.0; CELLS]; 3];
-            for ((a, b), beside) in crate::render::lanes::PAIRS.into_iter().zip(&mut beside) {
+            for ((a, b), beside) in crate::render::occupancy::PAIRS.into_iter().zip(&mut beside) {
                 let e = (middle[a] - o[a]) * d[b] - (middle[b] - o[b]) * d[a];
                 beside[0] = (e + random.range(-slack, slack)) as f32;
             }
@@ -264,9 +287,9 @@ mod tests {
             (0..3).for_each(|a| direction[a][0] = (d[a] + random.range(-slack, slack)) as f32);
             let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS * slack as f32 };
             let mut planes =
-                planes(&[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
+                planes(Portable, &[code.to_le_bytes(); CELLS], &[offset.cast_unsigned(); CELLS], u64::MAX, 0);
             planes.cells = if edge > 1.0 { 0 } else { ALL_CELLS };
-            let compared = compare(&planes, &lines, &[place; SINGLES], &[0; SINGLES]);
+            let compared = compare(Portable, &planes, &lines, &[place; SINGLES], &[0; SINGLES]);
             let n = normal::decode_l1(code).map(f64::from);
             let dot = |v: [f64; 3]| n[0] * v[0] + n[1] * v[1] + n[2] * v[2];
             let (start, s) = (dot(o) - f64::from(offset) * edge / 2.0, dot(d));

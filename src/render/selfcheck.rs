@@ -5,7 +5,6 @@ use crate::load::{ModelView, NodeView};
 
 use super::batch::Batch;
 use super::cells::Cells;
-use super::form::Form;
 use super::ray::{MAX_DEPTH, Ray};
 use super::reference::{self, BitVolume};
 use super::sight::Sight;
@@ -13,6 +12,7 @@ use super::surface::{Skin, Surface};
 use super::tile::{RAYS, TILE, Tile, Tracer};
 use super::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
 use super::{Camera, GridSpace, Projection, ViewPoint, single};
+use crate::cpu::Form;
 
 /// Rays of a batch.
 const LOT: usize = 100;

@@ -8,10 +8,10 @@
 //! are the same on every machine; powers are not taken from the system.
 
 use super::Shading;
-use super::form::LanesKernel;
-use super::lanes::Lanes;
 use super::sight::Sight;
 use super::tile::RAYS;
+use crate::cpu::Kernel;
+use crate::cpu::Lanes;
 use crate::geom::dot;
 
 /// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough
@@ -185,7 +185,7 @@ pub(crate) struct TileLight<'a> {
     pub(crate) out: &'a mut [[u16; RAYS]; 3],
 }
 
-impl LanesKernel for TileLight<'_> {
+impl Kernel for TileLight<'_> {
     type Output = ();
 
     // Loops over arrays: they are vectorised for the form that runs them.

@@ -4,10 +4,10 @@
 //! row has the same integers as [`crate::render::ray::Ray`] makes of it alone.
 
 use super::camera::Camera;
-use super::lanes::{DOUBLES, Lanes, each3};
 use super::ray::{DIRECTION_BITS, FRACTION_BITS, Ray};
 use super::space::GridSpace;
 use super::tile::{RAYS, TILE};
+use crate::cpu::{DOUBLES, Lanes};
 
 /// The lines of sight through a picture's pixels.
 #[derive(Clone, Copy, Debug)]

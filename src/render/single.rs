@@ -1,44 +1,23 @@
 //! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
 //!
-//! At each node the ray's line is compared with the 4 x 4 x 4 boxes two levels below at once: a box is
-//! intersected if and only if its three projections are (see [`super::tile`]), so three planes of 16 cells give
-//! 64 bits. Those that are occupied wait in Morton order, which in mirrored coordinates is front to back.
-//! All that is an over-estimate in singles; at the last level `mirrored_ray` decides in integers.
+//! At each node the ray's [`Line`] is compared with the 4 x 4 x 4 boxes two levels below at once. Those that are
+//! intersected and occupied wait in Morton order, which in mirrored coordinates is front to back. At the last level
+//! `mirrored_ray` decides in integers.
 //!
 //! Cost: some 40 ns a node, most of it waiting for memory: the rank of a node, then its children's
 //! infobytes. Memory: under 1 KiB of stack.
 
+use crate::cpu::{Form, Kernel, Lanes};
 use crate::geom::NodeIndex;
 use crate::load::ModelView;
 
-use super::form::{Form, LanesKernel};
-use super::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
 use super::leaves;
+use super::line::Line;
 use super::mirrored_ray::MirroredRay;
-use super::occupancy::{Brick, at_least, place};
-use super::ray::{DIRECTION_BITS, FRACTION_BITS, MAX_DEPTH, Ray};
+use super::occupancy::{Brick, place};
+use super::ray::{MAX_DEPTH, Ray};
 use super::surface::Surface;
 use super::traverse::Trace;
-
-/// How far an estimate may be off, in edges of the boxes compared and for directions of at most 1: the
-/// quantisation of a ray moves it by less than 2^-13, singles err by 2^-19.
-pub(super) const SLACK: f32 = 1.0 / 4096.0;
-
-/// Offset of a plane's cells from its middle along the first axis of a pair, in Morton order.
-pub(super) const ALONG_A: [f32; SINGLES] = offsets(0);
-/// The same along the second axis.
-pub(super) const ALONG_B: [f32; SINGLES] = offsets(1);
-
-const fn offsets(axis: usize) -> [f32; SINGLES] {
-    let mut offsets = [0.0; SINGLES];
-    let mut cell = 0;
-    while cell < SINGLES {
-        let at = (cell >> axis & 1) | (cell >> (axis + 1) & 2);
-        offsets[cell] = at as f32 - 1.5;
-        cell += 1;
-    }
-    offsets
-}
 
 /// Levels of bricks from the root to a box: a power of two, so that an index is masked instead of checked.
 pub(super) const BRICK_LEVELS: usize = 8;
@@ -121,7 +100,7 @@ struct Single<'a, S> {
     lod_edge_log2: u32,
 }
 
-impl<S: Surface> LanesKernel for Single<'_, S> {
+impl<S: Surface> Kernel for Single<'_, S> {
     type Output = Trace;
 
     #[inline(always)]
@@ -130,47 +109,8 @@ impl<S: Surface> LanesKernel for Single<'_, S> {
     }
 }
 
-/// A ray's line as the estimates see it: mirrored coordinates, in edges of the finest boxes; the direction
-/// is scaled to at most 1.
-struct Line<L: Lanes> {
-    origin: [f64; 3],
-    direction: [f64; 3],
-    /// How far a plane's cells are from its middle, and the half width of their projections, by pair.
-    slope: [L::F; 3],
-    half: [f32; 3],
-    /// The box that the ray starts in, if it starts inside the grid.
-    start: [i32; 3],
-    starts_inside: bool,
-}
-
-impl<L: Lanes> Line<L> {
-    /// Boxes of edge `2^edge` in the brick at `low` that the line intersects and that are not behind the ray.
-    #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
-    fn intersected(&self, l: L, low: [u32; 3], edge: u32) -> u64 {
-        let half_brick = f64::from(2_u32.wrapping_shl(edge));
-        let per_edge = 2.0 / half_brick;
-        let from = each3!(A => f64::from(low[A]) + half_brick - self.origin[A]);
-        let mut boxes = u64::MAX;
-        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
-            let e = (from[a] * self.direction[b] - from[b] * self.direction[a]) * per_edge;
-            let beside = l.f_abs(l.f(e as f32) + self.slope[pair]);
-            boxes &= l.extrude(pair, l.f_le(beside, l.f(self.half[pair])).bits());
-        }
-        if self.starts_inside {
-            #[expect(clippy::needless_range_loop, reason = "axes of several arrays at once")]
-            for a in 0..3 {
-                let behind = self.start[a].wrapping_sub(low[a].cast_signed()) >> edge;
-                boxes &= at_least(a, behind.clamp(0, 4).cast_unsigned());
-            }
-        }
-        boxes
-    }
-}
-
 /// [`trace`] within a kernel.
 #[inline(always)]
-#[expect(clippy::cast_precision_loss, clippy::cast_possible_truncation, reason = "estimates within SLACK")]
 pub(crate) fn first_hit<L: Lanes, S: Surface>(
     lanes: L,
     view: &ModelView<'_>,
@@ -193,26 +133,14 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
     if depth == 0 {
         return Trace { hit: meet(0, [0; 3]), steps: 1 };
     }
-    let per_unit = 1.0 / (1_u64.wrapping_shl(FRACTION_BITS + unit)) as f64;
-    let origin = exact.origin.map(|o| o as f64 * per_unit);
-    let direction = exact.direction.map(|d| d as f64 / f64::from(1_u32 << DIRECTION_BITS));
-    let start = exact.origin.map(|o| (o >> (FRACTION_BITS + unit)) as i32);
-    let starts_inside = ray.entry().is_none();
-    let (along_a, along_b) = (lanes.f_load(&ALONG_A), lanes.f_load(&ALONG_B));
-    let slope = each3!(PAIR => {
-        const A: usize = PAIRS[PAIR].0;
-        const B: usize = PAIRS[PAIR].1;
-        along_a * lanes.f(direction[B] as f32) - along_b * lanes.f(direction[A] as f32)
-    });
-    let half = PAIRS.map(|(a, b)| 0.5 * (direction[a] as f32 + direction[b] as f32) + SLACK);
-    let line = Line { origin, direction, slope, half, start, starts_inside };
+    let line = Line::new(lanes, ray, &exact, unit);
+    let near = |low, edge| line.intersected(lanes, low, edge) & line.ahead(low, edge);
 
     let mirror = exact.mirror;
     let mut edge = top_edge(depth);
     let brick = Brick::top(lanes, view, depth, mirror);
     let low = [0; 3];
-    let mut open =
-        OpenBrick { brick, pending: brick.boxes & line.intersected(lanes, low, edge), first: 0, low };
+    let mut open = OpenBrick { brick, pending: brick.boxes & near(low, edge), first: 0, low };
     open.first = brick.first(view);
     trace.steps = 1;
     let mut waiting = [open; BRICK_LEVELS];
@@ -248,7 +176,7 @@ pub(crate) fn first_hit<L: Lanes, S: Surface>(
         waiting[edge as usize / 2 % BRICK_LEVELS] = open;
         edge = edge.wrapping_sub(2);
         let brick = Brick::of(lanes, view, number, mirror);
-        open = OpenBrick::new(view, brick, line.intersected(lanes, low, edge), low);
+        open = OpenBrick::new(view, brick, near(low, edge), low);
         trace.steps = trace.steps.wrapping_add(1);
     }
 }

@@ -9,9 +9,8 @@
 //!
 //! A patch knows four pixels more on every side, which come from other tiles and bands.
 
-use super::form::{Form, LanesKernel};
-use super::lanes::Lanes;
 use super::tile::TILE;
+use crate::cpu::{Form, Kernel, Lanes};
 
 /// Columns of a patch, and pixels that it knows on every side of its own.
 pub(crate) const WIDE: usize = 256;
@@ -162,7 +161,7 @@ struct Mean<'a, const N: usize> {
     to: &'a mut Rows,
 }
 
-impl<const N: usize> LanesKernel for Mean<'_, N> {
+impl<const N: usize> Kernel for Mean<'_, N> {
     type Output = ();
 
     // Loops over columns: they are vectorised for the form that runs them.
@@ -239,7 +238,7 @@ impl Compare<'_> {
     }
 }
 
-impl LanesKernel for Compare<'_> {
+impl Kernel for Compare<'_> {
     type Output = ();
 
     #[inline(always)]

@@ -9,11 +9,11 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use crate::cpu::Form;
 use crate::geom::{NodeIndex, add_scaled, dot};
 use crate::render::Samples;
 use crate::render::ambient::{Lot, ShadedPoint, tangents};
 use crate::render::colors::label_of;
-use crate::render::form::Form;
 use crate::render::image::Image;
 use crate::render::normals::many::TileNormals;
 use crate::render::normals::shown::PixelHit;

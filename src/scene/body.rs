@@ -13,13 +13,13 @@
 
 use std::sync::OnceLock;
 
+use crate::cpu::Form;
 use crate::format::Walls;
 use crate::geom::{Affine, Dims, VoxelIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 use crate::render::batch::Batch;
 use crate::render::cells::Cells;
 use crate::render::colors::{color_of, first_voxel};
-use crate::render::form::Form;
 use crate::render::leave::{REACH, leaving};
 use crate::render::normals::around::Surroundings;
 use crate::render::normals::shown::{Line, NEAR_WALL, Normals, PixelHit, cell_coordinates};

@@ -12,12 +12,12 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use crate::cpu::Form;
 use crate::geom::dot;
 use crate::load::NodeView;
 use crate::render::ambient::Sky;
 use crate::render::choices::PLACES;
 use crate::render::discrete::DiscreteRays;
-use crate::render::form::Form;
 use crate::render::image::Image;
 use crate::render::normals::shown::Line;
 use crate::render::picture::{Traversal, check_size, pool};

@@ -9,8 +9,8 @@ use std::time::Instant;
 
 use rayon::prelude::*;
 
+use crate::cpu::Form;
 use crate::geom::{add_scaled, dot};
-use crate::render::form::Form;
 use crate::render::normals::shown::Line;
 use crate::render::shade::Shader;
 use crate::render::{NamedView, RenderError};

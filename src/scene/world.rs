@@ -1,9 +1,9 @@
 //! All bodies together: the nearest that a line meets, and how much light comes through.
 
+use crate::cpu::Form;
 use crate::geom::dot;
 use crate::render::Smoothing;
 use crate::render::batch::Batch;
-use crate::render::form::Form;
 use crate::render::normals::shown::Line;
 use crate::render::ray::Ray;
 use crate::render::traverse::Hit;

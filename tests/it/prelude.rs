@@ -34,6 +34,7 @@ pub(crate) use crate::common::{
 pub(crate) use infobyte::budget::{Budget, peak_rss_bytes};
 pub(crate) use infobyte::builder::{BuildError, ViewedFrom};
 pub(crate) use infobyte::clean::SizeLimit;
+pub(crate) use infobyte::cpu::Form;
 pub(crate) use infobyte::csg::{CsgInput, CsgOptions, NodeId, Operation, Shape, Tree, parse_tree};
 pub(crate) use infobyte::discovery::Catalogue;
 pub(crate) use infobyte::export::ExportForm;
@@ -48,7 +49,6 @@ pub(crate) use infobyte::load::{Frame, ModelView, NodeView, verify};
 pub(crate) use infobyte::mesh::{GridChoice, MeshOptions};
 pub(crate) use infobyte::progress::Silent;
 pub(crate) use infobyte::render::cells::Cells;
-pub(crate) use infobyte::render::form::Form;
 pub(crate) use infobyte::render::ray::{BadRay, Ray};
 pub(crate) use infobyte::render::reference::BitVolume;
 pub(crate) use infobyte::render::selfcheck::{Mismatches, random_ray};

@@ -5,7 +5,7 @@ use super::jet::{CellSamples, Jet};
 use super::pick::{self, SEPARABLE};
 use super::sharp::{Sharp, SharpCell, directions, fit_near};
 use super::stretch::{Fit, Stretch};
-use crate::builder::simd::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
 
@@ -205,7 +205,7 @@ impl Kernel for FitKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let b = self.0;
         // Whole groups of 8 become vectors; slots past the end hold old cells and are not used.
         let len = b.len.next_multiple_of(8).min(BATCH);
@@ -241,7 +241,7 @@ impl Kernel for GradientKernel<'_> {
 
     #[inline(always)]
     #[expect(clippy::needless_range_loop, reason = "the index is of many arrays")]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let b = self.0;
         let len = b.len.next_multiple_of(8).min(BATCH);
         let (mut normal, mut held, mut same) = ([[0.0; BATCH]; 3], [0.0; BATCH], [0_u32; BATCH]);
@@ -308,7 +308,7 @@ impl Kernel for StrayKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let (b, stretch) = (self.batch, *self.stretch);
         let len = b.len.next_multiple_of(8).min(BATCH);
         for i in 0..len {

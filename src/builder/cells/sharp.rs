@@ -8,7 +8,7 @@
 
 use super::corner::{EDGES, TOWARDS_GUESS};
 use super::fit::{BATCH, Fitted, fit_plane};
-use crate::builder::simd::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::CORNERS;
 use crate::format::normal;
 
@@ -115,7 +115,7 @@ impl Kernel for SharpKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let s = self.0;
         // Whole groups of 8 become vectors; slots past the end hold old cells and are not used.
         let len = s.len.next_multiple_of(8).min(BATCH);

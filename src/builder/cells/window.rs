@@ -16,13 +16,13 @@
 
 use super::fit::Batch;
 use super::jet::{CellSamples, DERIVE, Jet, MIXED, NEAR, PURE, TAPS};
-use crate::builder::lanes::{LANES, Lanes, RingSample, fast_proof, shifted};
-use crate::builder::simd::{Isa, Kernel, dispatch, rows_of};
+use crate::builder::lanes::{RingSample, rows_of, shifted, zero};
+use crate::cpu::{Kernel, Lanes, OCTET, Octet, Term, dispatch};
 use crate::format::cell::CORNERS;
 use bytemuck::Zeroable as _;
 
 /// Cells of a window: those whose samples all lie in it.
-const CELLS: u32 = (LANES - TAPS + 1) as u32;
+const CELLS: u32 = (OCTET - TAPS + 1) as u32;
 
 /// A row of cells of one brick, and the samples around them.
 pub(super) struct RowWindow<'a, R> {
@@ -55,17 +55,13 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) {
+    fn run(self, lanes: impl Lanes) {
         let w = self.window;
         let mut todo = w.inner;
         while todo != 0 {
             let bit = todo.trailing_zeros();
             let at = w.origin.wrapping_add(bit as usize).wrapping_sub(2 + 2 * w.stride);
-            let found = if let Some(avx2) = isa.avx2() {
-                look::<R, R::Fast>(w, at, fast_proof(avx2), |eight| R::widen_fast(avx2, eight))
-            } else {
-                look::<R, R::Portable>(w, at, (), R::widen)
-            };
+            let found = look(lanes, w, at);
             let last = bit + CELLS;
             let here = if last >= u32::BITS { todo } else { todo & ((1 << last) - 1) };
             let mut left = here;
@@ -82,16 +78,16 @@ impl<R: RingSample> Kernel for GatherKernel<'_, '_, R> {
 
 /// The content of a window of eight columns.
 struct Looked {
-    gradient: [[f32; LANES]; 3],
-    second: [[f32; LANES]; 6],
+    gradient: [[f32; OCTET]; 3],
+    second: [[f32; OCTET]; 6],
     /// Samples of the rows next to the cells: y low and z low, y high, z high, both.
-    samples: [[f32; LANES]; 4],
+    samples: [[f32; OCTET]; 4],
 }
 
 impl Looked {
     #[inline(always)]
     fn store(&self, batch: &mut Batch, slot: usize, lane: usize, level: f32) {
-        let lane = lane % (LANES - 2);
+        let lane = lane % (OCTET - 2);
         let corners: [f32; CORNERS] =
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
         let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
@@ -101,35 +97,31 @@ impl Looked {
 }
 
 #[inline(always)]
-fn smooth<L: Lanes>(v: [L; TAPS]) -> L {
-    v[1].plus(v[2]).times(NEAR).plus(v[0].plus(v[3]))
+fn smooth<T: Term>(v: [T; TAPS]) -> T {
+    (v[1] + v[2]).times(NEAR) + (v[0] + v[3])
 }
 
 #[inline(always)]
-fn derive<L: Lanes>(v: [L; TAPS]) -> L {
-    v[2].minus(v[1]).times(DERIVE[0]).plus(v[3].minus(v[0]).times(DERIVE[1]))
+fn derive<T: Term>(v: [T; TAPS]) -> T {
+    (v[2] - v[1]).times(DERIVE[0]) + (v[3] - v[0]).times(DERIVE[1])
 }
 
 #[inline(always)]
-fn bend<L: Lanes>(v: [L; TAPS]) -> L {
-    v[0].plus(v[3]).minus(v[1].plus(v[2]))
+fn bend<T: Term>(v: [T; TAPS]) -> T {
+    (v[0] + v[3]) - (v[1] + v[2])
 }
 
 /// Looks at the window whose first sample is `at`; the last lanes of the gradient are void.
 #[inline(always)]
-fn look<R: RingSample, L: Lanes>(
-    w: &RowWindow<'_, R>,
-    at: usize,
-    proof: L::Proof,
-    widen: impl Fn(&[R; LANES]) -> L,
-) -> Looked {
-    let mut smoothed = [L::zero(proof); TAPS];
-    let mut derived = [L::zero(proof); TAPS];
-    let mut bent = [L::zero(proof); TAPS];
-    let mut samples = [[0.0; LANES]; 4];
+fn look<R: RingSample, L: Lanes>(lanes: L, w: &RowWindow<'_, R>, at: usize) -> Looked {
+    let mut smoothed = [zero::<R, L>(lanes); TAPS];
+    let mut derived = [zero::<R, L>(lanes); TAPS];
+    let mut bent = [zero::<R, L>(lanes); TAPS];
+    let mut samples = [[0.0; OCTET]; 4];
     for (k, plane) in w.planes.iter().enumerate() {
-        let [a, b, c, d] = rows_of::<R, LANES, TAPS>(plane, at, w.stride);
-        let rows = [widen(&a), widen(&b), widen(&c), widen(&d)];
+        let wide = |row| R::widen(lanes, row);
+        let [a, b, c, d] = rows_of::<R, OCTET, TAPS>(plane, at, w.stride);
+        let rows = [wide(&a), wide(&b), wide(&c), wide(&d)];
         (smoothed[k], derived[k], bent[k]) = (smooth(rows), derive(rows), bend(rows));
         if k == 1 || k == 2 {
             (samples[2 * k - 2], samples[2 * k - 1]) = (rows[1].to_f32(), rows[2].to_f32());
@@ -139,11 +131,11 @@ fn look<R: RingSample, L: Lanes>(
     let columns =
         [smooth(smoothed), smooth(derived), derive(smoothed), derive(derived), smooth(bent), bend(smoothed)];
     // Room behind the last lane, for the shifted reads of the void ones.
-    let mut sums = [[L::Sum::zeroed(); 2 * LANES]; 6];
+    let mut sums = [[R::Number::zeroed(); 2 * OCTET]; 6];
     for (sums, column) in sums.iter_mut().zip(columns) {
-        sums[..LANES].copy_from_slice(&column.store());
+        sums[..OCTET].copy_from_slice(&column.store());
     }
-    let shifted = |axis: usize| -> [L; TAPS] { shifted(proof, &sums[axis], 0) };
+    let shifted = |axis: usize| shifted::<R, L, TAPS>(lanes, &sums[axis], 0);
     let (flat, by_y, by_z) = (shifted(0), shifted(1), shifted(2));
     let gradient = [derive(flat).to_f32(), smooth(by_y).to_f32(), smooth(by_z).to_f32()];
     let pure = [bend(flat).to_f32(), smooth(shifted(4)).to_f32(), smooth(shifted(5)).to_f32()];

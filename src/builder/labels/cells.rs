@@ -11,9 +11,9 @@ use super::ring::{self, CHUNK, Ring, bits_of};
 use super::wall::{WINDOW, Window};
 use crate::builder::gradient::SLICE_VOXELS;
 use crate::builder::range::Ordered;
-use crate::builder::simd::{Isa, Kernel, dispatch};
 use crate::builder::slices::Reach;
 use crate::builder::solid::{LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, SolidWorker, Tile, VoxelBox};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::cell::HAS_CORNERS;
 use crate::format::{Channel, WALL_BYTES};
 use crate::volume::{SourceError, VolumeInfo};
@@ -89,7 +89,7 @@ impl Kernel for CellKernel<'_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) {
+    fn run(self, isa: impl Lanes) {
         let low = self.rows.map(|row| row.as_chunks::<CHUNK>().0);
         let high = self.rows.map(|row| row.get(1..).unwrap_or_default().as_chunks::<CHUNK>().0);
         for (i, out) in self.out.iter_mut().enumerate() {
@@ -125,7 +125,7 @@ impl Kernel for FitKernel<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) {
+    fn run(self, isa: impl Lanes) {
         let Self { slices, at, stride, skin, fit, items } = self;
         let half = WINDOW / 2;
         for (row, bits) in skin.rows().iter().enumerate() {

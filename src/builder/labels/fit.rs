@@ -9,7 +9,7 @@
 //! turned.
 
 use super::wall::{Fit, MAX_SMOOTH, Wall, Window};
-use crate::builder::simd::{Isa, Kernel};
+use crate::cpu::{Kernel, Lanes};
 use crate::format::cell::{CORNERS, at_corner};
 use crate::format::{CornerLabels, WallItem, normal};
 
@@ -70,7 +70,12 @@ fn distinct(corners: &CornerLabels) -> ([u16; CORNERS], usize) {
 
 /// Describes a cell by its corners, which have at least two labels, and the samples around it.
 #[inline(always)]
-pub(super) fn fit_cell(isa: impl Isa, fit: &CellFit, window: &Window<'_>, corners: &CornerLabels) -> Fitted {
+pub(super) fn fit_cell(
+    isa: impl Lanes,
+    fit: &CellFit,
+    window: &Window<'_>,
+    corners: &CornerLabels,
+) -> Fitted {
     let (labels, count) = distinct(corners);
     match labels[..count] {
         [a, b] => {
@@ -104,7 +109,7 @@ impl Kernel for TwoPlanes<'_> {
     type Output = Option<Fitted>;
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) -> Option<Fitted> {
+    fn run(self, isa: impl Lanes) -> Option<Fitted> {
         let Self { fit, window, corners, labels: [a, b, c] } = self;
         let mut best: Option<(u8, Fitted)> = None;
         for [alone, one, other] in [[a, b, c], [b, a, c], [c, a, b]] {
@@ -124,7 +129,7 @@ impl Kernel for TwoPlanes<'_> {
 /// are connected around the cell.
 #[cold]
 fn sheet(
-    (isa, fit): (impl Isa, &CellFit),
+    (isa, fit): (impl Lanes, &CellFit),
     window: &Window<'_>,
     corners: &CornerLabels,
     labels: [u16; 2],
@@ -153,7 +158,7 @@ fn sheet(
 /// The plane that has the corners of a label behind it and those of another, of all others for `None`, in front.
 #[inline(always)]
 fn parting(
-    (isa, fit): (impl Isa, &CellFit),
+    (isa, fit): (impl Lanes, &CellFit),
     window: &Window<'_>,
     corners: &CornerLabels,
     one: u16,
@@ -246,7 +251,7 @@ fn turned(
 /// A smooth direction in a cell of octants: out of all labels where there is none, else out of the greatest.
 #[cold]
 fn smooth(
-    (isa, fit): (impl Isa, &CellFit),
+    (isa, fit): (impl Lanes, &CellFit),
     window: &Window<'_>,
     corners: &CornerLabels,
     greatest: u16,

@@ -9,9 +9,9 @@ use super::wall::WINDOW;
 use super::{Count, LabelChoice, LabelSolid};
 use crate::builder::classify::classify;
 use crate::builder::range::{Ordered, SampleRange};
-use crate::builder::simd::{Isa, movemask};
 use crate::builder::slices::Reach;
 use crate::builder::solid::{BRICK, OccupancyRows, ScanSummary, Tile, VoxelBox};
+use crate::cpu::{Lanes, movemask};
 use crate::fault::bad;
 use crate::format::MAX_LABELS;
 use crate::volume::{Rescale, ScalarType, SourceError, VolumeInfo};
@@ -171,7 +171,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
 
 /// Bit k of a word where sample k differs.
 #[inline(always)]
-pub(super) fn bits_of(isa: impl Isa, differ: &[u16; CHUNK]) -> u32 {
+pub(super) fn bits_of(isa: impl Lanes, differ: &[u16; CHUNK]) -> u32 {
     let mut mask = [0_u8; CHUNK];
     for (mask, differ) in mask.iter_mut().zip(differ) {
         *mask = if *differ != 0 { 0xff } else { 0 };

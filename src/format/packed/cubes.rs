@@ -6,7 +6,7 @@ use super::group::{Group, GroupCoder, Place, child_place, coordinates, wrong_cou
 use super::mixer::{KEY_BITS, Mixer};
 use super::prior::Prior;
 use super::{CUBE_DEPTH, CodingError};
-use crate::cpu::{Isa, Portable};
+use crate::cpu::{Lanes, Portable};
 
 /// Rows along a side of a grid: 128 cells and a border of two.
 const SIDE: usize = (1 << CUBE_DEPTH) + 4;
@@ -125,7 +125,7 @@ impl GroupCoder for NodeCoder {
 
     /// Takes the number of cubes from the group and appends to its levels.
     #[inline(always)]
-    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
+    fn decode(&mut self, isa: impl Lanes, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
         let mut decoder = BitDecoder::new(payload)?;
         let result = self.code(isa, &mut decoder, group, BitDecoder::check).and_then(|()| decoder.finish());
         if result.is_err() {
@@ -149,7 +149,7 @@ impl NodeCoder {
     #[inline(always)]
     fn code<C: BitCoder>(
         &mut self,
-        isa: impl Isa,
+        isa: impl Lanes,
         coder: &mut C,
         group: &mut Group,
         check: impl Fn(&C) -> Result<(), CodingError>,
@@ -172,7 +172,7 @@ impl NodeCoder {
     #[inline(always)]
     fn code_cube<C: BitCoder>(
         &mut self,
-        isa: impl Isa,
+        isa: impl Lanes,
         coder: &mut C,
         group: &mut Group,
         begins: &mut [usize; CUBE_DEPTH as usize],
@@ -223,7 +223,7 @@ impl NodeCoder {
 
     /// Codes the nodes at `places`, by z, y, x, into the grid of boxes.
     #[inline(always)]
-    fn code_depth<C: BitCoder>(&mut self, isa: impl Isa, coder: &mut C, masks: &[u8], depth: Depth) {
+    fn code_depth<C: BitCoder>(&mut self, isa: impl Lanes, coder: &mut C, masks: &[u8], depth: Depth) {
         let (mut low, mut high) = ([usize::MAX; 3], [0; 3]);
         for (place, mask) in self.places.iter().zip(masks) {
             self.boxes.set_children(*place, u8::MAX);
@@ -249,7 +249,7 @@ impl NodeCoder {
     }
 
     #[inline(always)]
-    fn code_node<C: BitCoder>(&mut self, isa: impl Isa, coder: &mut C, at: [usize; 3], depth: Depth) {
+    fn code_node<C: BitCoder>(&mut self, isa: impl Lanes, coder: &mut C, at: [usize; 3], depth: Depth) {
         let place = at[0] as Place | (at[1] as Place) << 10 | (at[2] as Place) << 20;
         let given = match &mut self.given {
             Some(given) if !C::READS => given.children(place),

@@ -1,7 +1,7 @@
 //! The subtrees of a group, one after the other (SPEC 5.2).
 use super::tables::{Decoder, Encoder, SymbolCoder};
 use super::{CodingError, SUBTREE_DEPTH};
-use crate::cpu::Isa;
+use crate::cpu::Lanes;
 
 /// Where a node lies in its subtree: ten bits for each of x, y, z.
 pub(super) type Place = u32;
@@ -65,7 +65,7 @@ pub(crate) trait GroupCoder: Default + Send {
     ///
     /// # Errors
     /// The payload holds impossible values, or does not end with the group.
-    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError>;
+    fn decode(&mut self, isa: impl Lanes, payload: &[u8], group: &mut Group) -> Result<(), CodingError>;
 }
 
 /// A codec of groups by symbols.
@@ -92,7 +92,7 @@ impl<G: SymbolGroups> GroupCoder for G {
     }
 
     #[inline(always)]
-    fn decode(&mut self, isa: impl Isa, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
+    fn decode(&mut self, isa: impl Lanes, payload: &[u8], group: &mut Group) -> Result<(), CodingError> {
         let mut decoder = Decoder::new(isa, payload)?;
         self.code(&mut decoder, group)?;
         decoder.finish()

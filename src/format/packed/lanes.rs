@@ -29,26 +29,26 @@ impl Row {
 pub(super) struct Octet(pub(super) [i16; 8]);
 
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{fetch, last_within, mean_of_four, products_above_0, sink};
+pub(super) use x86::{last_within, mean_of_four, products_above_0, sink};
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) use portable::{fetch, last_within, mean_of_four, products_above_0, sink};
+pub(super) use portable::{last_within, mean_of_four, products_above_0, sink};
 
 /// Written out with the instructions, for compilers take these loops apart into single lanes.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m128i, __m256i, _MM_HINT_T0, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_avg_epu16,
-        _mm_cmpgt_epi16, _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16,
-        _mm_movemask_epi8, _mm_mullo_epi16, _mm_packs_epi16, _mm_prefetch, _mm_set_epi64x, _mm_set1_epi16,
-        _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16,
-        _mm_xor_si128, _mm256_add_epi32, _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16,
+        __m128i, __m256i, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_avg_epu16, _mm_cmpgt_epi16,
+        _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16, _mm_movemask_epi8,
+        _mm_mullo_epi16, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16, _mm_setzero_si128,
+        _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16, _mm_xor_si128,
+        _mm256_add_epi32, _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16,
         _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi16, _mm256_movemask_epi8,
         _mm256_set1_epi16, _mm256_setzero_si256, _mm256_srl_epi16, _mm256_sub_epi16, _mm256_xor_si256,
     };
 
     use super::{LANES, Octet, Row};
-    use crate::cpu::Isa;
+    use crate::cpu::Lanes;
 
     #[inline(always)]
     fn halves(row: &Row) -> [__m128i; 2] {
@@ -62,7 +62,7 @@ mod x86 {
 
     /// `sink` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn sink(isa: impl Isa, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
+    pub(in super::super) fn sink(isa: impl Lanes, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
         let shift = i32::from(shift & 15);
         if isa.avx2().is_some() {
             let (lanes, turn, end) = (whole(row), whole(turn), whole(end));
@@ -89,7 +89,7 @@ mod x86 {
 
     /// `mean_of_four` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn mean_of_four(isa: impl Isa, a: [&Row; 2], b: [&Row; 2]) -> Row {
+    pub(in super::super) fn mean_of_four(isa: impl Lanes, a: [&Row; 2], b: [&Row; 2]) -> Row {
         if isa.avx2().is_some() {
             let ([a, b], [c, d]) = (a.map(whole), b.map(whole));
             // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
@@ -105,16 +105,9 @@ mod x86 {
         Row(bytemuck::cast([mean(0), mean(1)]))
     }
 
-    /// `fetch` of the portable form.
-    #[inline(always)]
-    pub(in super::super) fn fetch<T>(place: &T) {
-        // SAFETY: every x86-64 machine has SSE; the place may be read.
-        unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()) }
-    }
-
     /// `products_above_0` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn products_above_0(isa: impl Isa, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
+    pub(in super::super) fn products_above_0(isa: impl Lanes, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
         let sum = if isa.avx2().is_some() {
             let (sums, weights): ([__m256i; 2], [__m256i; 2]) =
                 (bytemuck::cast(*sums), bytemuck::cast(*weights));
@@ -144,7 +137,7 @@ mod x86 {
 
     /// `last_within` of the portable form.
     #[inline(always)]
-    pub(in super::super) fn last_within(isa: impl Isa, row: &Row, most: u16) -> usize {
+    pub(in super::super) fn last_within(isa: impl Lanes, row: &Row, most: u16) -> usize {
         // Machines compare lanes with signs.
         let (sign, most) = (i16::MIN, (most ^ 0x8000).cast_signed());
         let lanes = if isa.avx2().is_some() {
@@ -231,11 +224,11 @@ mod x86 {
 #[cfg(any(test, not(target_arch = "x86_64")))]
 mod portable {
     use super::{LANES, Row};
-    use crate::cpu::Isa;
+    use crate::cpu::Lanes;
 
     /// Moves lanes by 2^-shift of the way to `end`, the lanes and their ends seen through `turn`.
     #[inline(always)]
-    pub(in super::super) fn sink(_: impl Isa, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
+    pub(in super::super) fn sink(_: impl Lanes, row: &mut Row, turn: &Row, end: &Row, shift: u8) {
         for ((lane, turn), end) in row.0.iter_mut().zip(turn.0).zip(end.0) {
             let seen = *lane ^ turn;
             *lane = seen.wrapping_sub(seen.wrapping_sub(end) >> (shift & 15)) ^ turn;
@@ -244,27 +237,22 @@ mod portable {
 
     /// The mean of the means of two rows each, each mean rounded up.
     #[inline(always)]
-    pub(in super::super) fn mean_of_four(_: impl Isa, a: [&Row; 2], b: [&Row; 2]) -> Row {
+    pub(in super::super) fn mean_of_four(_: impl Lanes, a: [&Row; 2], b: [&Row; 2]) -> Row {
         let mean = |a: u16, b: u16| (a >> 1) + (b >> 1) + ((a | b) & 1);
         let both = |[a, b]: [&Row; 2], i: usize| mean(a.0[i], b.0[i]);
         Row(std::array::from_fn(|i| mean(both(a, i), both(b, i))))
     }
 
-    /// Brings a place near that will be read soon, where a machine can.
-    #[cfg(not(target_arch = "x86_64"))]
-    #[inline(always)]
-    pub(in super::super) fn fetch<T>(_: &T) {}
-
     /// The sum of products with weights, of sums above 0.
     #[inline(always)]
-    pub(in super::super) fn products_above_0(_: impl Isa, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
+    pub(in super::super) fn products_above_0(_: impl Lanes, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
         let products = sums.iter().zip(weights).map(|(sum, w)| i32::from((*sum).max(0)) * i32::from(*w));
         products.fold(0, i32::wrapping_add)
     }
 
     /// The lane before the first that is above a number; lanes rise from 0.
     #[inline(always)]
-    pub(in super::super) fn last_within(_: impl Isa, row: &Row, most: u16) -> usize {
+    pub(in super::super) fn last_within(_: impl Lanes, row: &Row, most: u16) -> usize {
         row.0.iter().position(|lane| *lane > most).unwrap_or(LANES).wrapping_sub(1) % LANES
     }
 }
@@ -310,14 +298,14 @@ impl Octet {
 #[cfg(all(test, target_arch = "x86_64"))]
 mod tests {
     use super::*;
-    use crate::cpu::{Isa, Kernel, Portable, dispatch};
+    use crate::cpu::{Kernel, Lanes, Portable, dispatch};
 
     struct Compare;
 
     impl Kernel for Compare {
         type Output = ();
 
-        fn run(self, isa: impl Isa) {
+        fn run(self, isa: impl Lanes) {
             let mut state = 1_u32;
             let mut number = || {
                 state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);

@@ -4,7 +4,8 @@
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]
 
 use super::bits::{BitCoder, PROBABILITIES};
-use super::lanes::{boxed, fetch};
+use super::lanes::boxed;
+use crate::cpu::prefetch;
 
 /// Bits of a context's key: eight that its slot keeps, and above them those that choose a pair of slots.
 pub(super) const KEY_BITS: u32 = 23;
@@ -147,7 +148,7 @@ impl Mixer {
     #[inline(always)]
     pub(super) fn fetch(&self, keys: [usize; 3]) {
         for (table, key) in self.tables.iter().zip(keys) {
-            fetch(&table[(key >> 11) % LINES]);
+            prefetch(&table[(key >> 11) % LINES]);
         }
     }
 

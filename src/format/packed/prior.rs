@@ -11,7 +11,7 @@ use std::sync::LazyLock;
 
 use super::lanes::products_above_0;
 use super::mixer::LOGIT;
-use crate::cpu::Isa;
+use crate::cpu::Lanes;
 
 /// Inputs in nibbles.
 const NIBBLES: usize = 28;
@@ -94,7 +94,7 @@ impl Prior {
 
     /// The logit of a bit.
     #[inline(always)]
-    pub(super) fn logit(&self, isa: impl Isa, sums: &Sums, bit: usize) -> i32 {
+    pub(super) fn logit(&self, isa: impl Lanes, sums: &Sums, bit: usize) -> i32 {
         let sum = products_above_0(isa, sums, &self.last[bit % 8]);
         (sum.wrapping_add(self.bias[bit % 8]) >> 4).clamp(-LOGIT, LOGIT)
     }

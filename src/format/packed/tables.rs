@@ -1,4 +1,4 @@
-//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.5): rANS with two states.
+//! Adaptive 16-ary tables and the coder that their symbols go through (SPEC 5.8): rANS with two states.
 //!
 //! A symbol is coded with the mean of two tables of different contexts, each itself the mean of a fast and a slow
 //! estimate; both tables learn it. All of it is sums, shifts and comparisons of sixteen 16-bit lanes, which a compiler
@@ -7,7 +7,7 @@
 
 use super::CodingError;
 use super::lanes::{LANES, Row, boxed, last_within, mean_of_four, sink};
-use crate::cpu::{Isa, Portable};
+use crate::cpu::{Lanes, Portable};
 
 /// Symbols of a table: a lane holds the frequency of symbols below it, of 65536; lane 0 is 0.
 const SYMBOLS: usize = LANES;
@@ -95,7 +95,7 @@ impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLO
     };
 
     #[inline(always)]
-    fn learn(&mut self, isa: impl Isa, context: usize, symbol: usize) {
+    fn learn(&mut self, isa: impl Lanes, context: usize, symbol: usize) {
         let context = context % COUNT;
         let (table, seen) = (&mut self.tables[context], &mut self.seen[context]);
         let [turn, end] = &WAYS[symbol % SYMBOLS];
@@ -108,7 +108,7 @@ impl<const COUNT: usize, const FAST: u8, const SLOW: u8> Tables<COUNT, FAST, SLO
 
 /// Where each symbol begins, of 65536.
 #[inline(always)]
-fn begins(isa: impl Isa, a: &Table, b: &Table) -> Row {
+fn begins(isa: impl Lanes, a: &Table, b: &Table) -> Row {
     mean_of_four(isa, [&a.fast, &a.slow], [&b.fast, &b.slow])
 }
 
@@ -127,9 +127,9 @@ pub(crate) trait SymbolCoder {
     /// Is what comes back not what was given?
     const READS: bool;
 
-    type Isa: Isa;
+    type Lanes: Lanes;
 
-    fn isa(&self) -> Self::Isa;
+    fn isa(&self) -> Self::Lanes;
 
     /// Codes one of sixteen symbols, of which this is where each begins.
     fn symbol(&mut self, begins: &Row, symbol: usize) -> usize;
@@ -207,7 +207,7 @@ impl Encoder {
 
 impl SymbolCoder for Encoder {
     const READS: bool = false;
-    type Isa = Portable;
+    type Lanes = Portable;
 
     #[inline(always)]
     fn isa(&self) -> Portable {
@@ -242,10 +242,10 @@ impl SymbolCoder for Encoder {
     }
 }
 
-/// Reads symbols with the instructions of `I`.
+/// Reads symbols with the instructions of `L`.
 #[derive(Debug)]
-pub(crate) struct Decoder<'a, I> {
-    isa: I,
+pub(crate) struct Decoder<'a, L> {
+    isa: L,
     /// The state of the next symbol and of the one after it.
     states: [u32; 2],
     words: &'a [[u8; 2]],
@@ -254,12 +254,12 @@ pub(crate) struct Decoder<'a, I> {
     items: u32,
 }
 
-impl<'a, I: Isa> Decoder<'a, I> {
+impl<'a, L: Lanes> Decoder<'a, L> {
     /// Starts on a payload.
     ///
     /// # Errors
     /// It does not hold whole words.
-    pub(crate) fn new(isa: I, payload: &'a [u8]) -> Result<Self, CodingError> {
+    pub(crate) fn new(isa: L, payload: &'a [u8]) -> Result<Self, CodingError> {
         let (words, rest) = payload.as_chunks::<2>();
         if words.is_empty() || !rest.is_empty() {
             return Err(CodingError::GroupCut);
@@ -331,12 +331,12 @@ impl<'a, I: Isa> Decoder<'a, I> {
     }
 }
 
-impl<I: Isa> SymbolCoder for Decoder<'_, I> {
+impl<L: Lanes> SymbolCoder for Decoder<'_, L> {
     const READS: bool = true;
-    type Isa = I;
+    type Lanes = L;
 
     #[inline(always)]
-    fn isa(&self) -> I {
+    fn isa(&self) -> L {
         self.isa
     }
 

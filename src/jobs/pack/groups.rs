@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::mpsc;
 
-use crate::cpu::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 use crate::format::packed::CodingError;
 use crate::format::packed::group::{Group, GroupCoder};
 use crate::render::picture::pool as pool_of;
@@ -51,7 +51,7 @@ impl<G: GroupCoder> Kernel for Work<'_, G> {
     type Output = Result<(), CodingError>;
 
     #[inline(always)]
-    fn run(self, isa: impl Isa) -> Self::Output {
+    fn run(self, isa: impl Lanes) -> Self::Output {
         let Worker { coder, group, payload, .. } = self.0;
         match self.1 {
             Direction::Encode => *payload = coder.encode(group)?,

@@ -4,8 +4,8 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use serde::Serialize;
 
+use crate::cpu::Form;
 use crate::platform;
-use crate::render::form::Form;
 
 /// Facts of the machine and the program.
 #[derive(Clone, Debug, Serialize)]

@@ -5,12 +5,12 @@ use std::time::Instant;
 use rayon::prelude::*;
 
 use super::rows::{Errors, Metric, Times};
+use crate::cpu::Form;
 use crate::error::Error;
 use crate::format::normal;
 use crate::geom::{BoxIndex, Dims, VoxelIndex, dot};
 use crate::load::{Model, ModelView, NodeView};
 use crate::render::cells::Cells;
-use crate::render::form::Form;
 use crate::render::picture::pool;
 use crate::render::surface::Skin;
 use crate::render::{Camera, GridSpace, NamedView, Projection, RayCaster, ViewPoint, single};

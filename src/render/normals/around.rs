@@ -8,8 +8,8 @@ use super::{larger, smooth};
 use crate::geom::{BoxIndex, NodeIndex, Octant};
 use crate::load::{ModelView, NodeView};
 
-use crate::render::lanes;
-use crate::render::occupancy::place;
+use crate::cpu::Portable;
+use crate::render::occupancy::{place, spread_children};
 
 /// Reach of a window in boxes, and the boxes along its side.
 pub(super) const REACH: i64 = 2;
@@ -23,8 +23,8 @@ const MAX_LEVELS: usize = 16;
 
 /// 4 x 4 x 4 boxes.
 #[derive(Clone, Copy)]
-struct Brick {
-    /// Where it lies, or [`Brick::NOWHERE`].
+struct WindowBrick {
+    /// Where it lies, or [`WindowBrick::NOWHERE`].
     key: u64,
     /// Its boxes in Morton order, and the number of the first.
     boxes: u64,
@@ -33,7 +33,7 @@ struct Brick {
     rows: u128,
 }
 
-impl Brick {
+impl WindowBrick {
     const NOWHERE: u64 = u64::MAX;
     const NONE: Self = Self { key: Self::NOWHERE, boxes: 0, first: 0, rows: 0 };
 }
@@ -50,7 +50,7 @@ struct Descent {
 /// 8 x 8 x 8 boxes: eight bricks.
 #[derive(Clone, Copy)]
 struct Block {
-    /// Where the lowest of the bricks lies, or [`Brick::NOWHERE`].
+    /// Where the lowest of the bricks lies, or [`WindowBrick::NOWHERE`].
     key: u64,
     /// Layers along z, rows along x eight bits apart.
     layers: [u64; 8],
@@ -59,14 +59,14 @@ struct Block {
 }
 
 impl Block {
-    const NONE: Self = Self { key: Brick::NOWHERE, layers: [0; 8], boxes: [(0, 0); 8] };
+    const NONE: Self = Self { key: WindowBrick::NOWHERE, layers: [0; 8], boxes: [(0, 0); 8] };
 }
 
 const KEPT_BLOCKS: usize = 64;
 
 /// Looks up windows of 5 x 5 x 5 boxes.
 pub(crate) struct Surroundings {
-    bricks: Vec<Brick>,
+    bricks: Vec<WindowBrick>,
     blocks: [Block; KEPT_BLOCKS],
     way: Descent,
     /// Levels of the grid that is kept here.
@@ -80,7 +80,7 @@ impl Surroundings {
     pub(crate) fn new() -> Self {
         let way = Descent { to: [0; 3], nodes: [NodeIndex::ROOT; MAX_LEVELS + 1], known: 1 };
         Self {
-            bricks: vec![Brick::NONE; KEPT],
+            bricks: vec![WindowBrick::NONE; KEPT],
             blocks: [Block::NONE; KEPT_BLOCKS],
             way,
             levels: u32::MAX,
@@ -180,10 +180,10 @@ impl Surroundings {
 
     /// The brick at these coordinates; one without boxes outside the grid.
     #[inline]
-    fn brick(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> Brick {
+    fn brick(&mut self, view: &ModelView<'_>, at: [i64; 3]) -> WindowBrick {
         let side = 1_i64 << self.levels.saturating_sub(2);
         if at.iter().any(|c| !(0..side).contains(c)) {
-            return Brick::NONE;
+            return WindowBrick::NONE;
         }
         #[expect(clippy::cast_sign_loss, clippy::cast_possible_truncation, reason = "within the grid")]
         let at = [at[0] as u32, at[1] as u32, at[2] as u32];
@@ -193,7 +193,7 @@ impl Surroundings {
         match self.bricks.get(slot) {
             Some(brick) if brick.key == key => *brick,
             _ => {
-                let brick = Brick { key, ..self.fetch(view, at) };
+                let brick = WindowBrick { key, ..self.fetch(view, at) };
                 if let Some(kept) = self.bricks.get_mut(slot) {
                     *kept = brick;
                 }
@@ -203,11 +203,11 @@ impl Surroundings {
     }
 
     /// Walks down to a brick.
-    fn fetch(&mut self, view: &ModelView<'_>, at: [u32; 3]) -> Brick {
+    fn fetch(&mut self, view: &ModelView<'_>, at: [u32; 3]) -> WindowBrick {
         let Some(steps) = self.levels.checked_sub(2) else {
             // The children of the root, as the lowest octant of a brick.
             let infobyte = view.infobyte(NodeIndex::ROOT);
-            return Brick::of(u64::from(infobyte), view.first_child(NodeIndex::ROOT));
+            return WindowBrick::of(u64::from(infobyte), view.first_child(NodeIndex::ROOT));
         };
         let way = &mut self.way;
         let apart = (0..3).fold(0, |apart, a| apart | at[a] ^ way.to[a]);
@@ -218,18 +218,18 @@ impl Surroundings {
             let down = steps - way.known;
             let octant = (0..3).fold(0, |octant, a| octant | (at[a] >> down & 1) << a);
             let node = way.nodes[way.known as usize - 1];
-            let Some(child) = view.child(node, Octant::low_bits(octant)) else { return Brick::NONE };
+            let Some(child) = view.child(node, Octant::low_bits(octant)) else { return WindowBrick::NONE };
             way.nodes[way.known as usize] = child.node();
             way.known += 1;
         }
         let node = way.nodes[steps as usize];
         let parent = view.first_child(node).node();
-        let boxes = lanes::spread_children(view.infobyte(node), view.infobytes(parent));
-        Brick::of(boxes, view.first_child(parent))
+        let boxes = spread_children(Portable, view.infobyte(node), view.infobytes(parent));
+        WindowBrick::of(boxes, view.first_child(parent))
     }
 }
 
-impl Brick {
+impl WindowBrick {
     fn of(boxes: u64, first: BoxIndex) -> Self {
         let (mut rows, mut rest) = (0, boxes);
         while rest != 0 {

@@ -3,7 +3,7 @@
 use super::around::Surroundings;
 use super::repair::tile::{Doubts, Judge, Settle, Stored, Verdicts};
 use super::shown::{Line, Normals, PixelHit, towards_eye};
-use crate::render::form::Form;
+use crate::cpu::Form;
 use crate::render::tile::RAYS;
 
 /// The pixels of a tile that `wanted` names.

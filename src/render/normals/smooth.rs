@@ -9,11 +9,11 @@
 //! from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
 use super::around::Surroundings;
+use crate::cpu::Lanes;
+use crate::cpu::{Form, Kernel};
 use crate::format::LabelItems;
 use crate::geom::dot;
 use crate::load::{CellItems, ModelView, NodeView};
-use crate::render::form::{Form, LanesKernel};
-use crate::render::lanes::Lanes;
 
 /// Places for neighbours: 27 and some that stay empty, in whole groups of [`LANES`].
 const SLOTS: usize = 32;
@@ -124,7 +124,7 @@ struct Mean<'a> {
     at: [f32; 3],
 }
 
-impl LanesKernel for Mean<'_> {
+impl Kernel for Mean<'_> {
     type Output = [f32; 3];
 
     // Lane by lane, and lanes together in the end: every form adds in one order.

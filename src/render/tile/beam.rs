@@ -5,11 +5,13 @@
 //! only if `|e| <= (d_a + d_b) / 2`. As origin or direction is the same for all rays, e is affine in the
 //! pixel, so its extremes are those of four corners.
 
+use crate::cpu::{Lanes, SINGLES, Truths};
 use crate::format::cell::Plane;
-use crate::render::lanes::{Lanes, PAIRS, SINGLES, Truths, each3};
+use crate::render::line::{ALONG_A, ALONG_B, SLACK, intersected, slopes};
+use crate::render::occupancy::{PAIRS, at_least, extrude};
 use crate::render::pairs::{Lines, SLACKS};
 use crate::render::sight::Pencil;
-use crate::render::single::{ALONG_A, ALONG_B, LargerLeaf, SLACK};
+use crate::render::single::LargerLeaf;
 
 use super::listed::MAX_OFF;
 
@@ -274,12 +276,12 @@ impl<L: Lanes> Beam<L> {
             let least = at + x.min(0.0) + y.min(0.0);
             let above = l.f_le(l.f((-most * per_edge) as f32), self.upper[pair]);
             let below = l.f_le(self.lower[pair], l.f((-least * per_edge) as f32));
-            boxes &= l.extrude(pair, (above & below).bits());
+            boxes &= extrude(l, pair, (above & below).bits());
         }
         if let Some(starts) = self.starts {
             for (a, (least, low)) in starts.least.into_iter().zip(low).enumerate() {
                 let passed = (least - f64::from(low)) * per_edge;
-                boxes &= super::super::occupancy::at_least(a, passed.clamp(0.0, 4.0) as u32);
+                boxes &= at_least(a, passed.clamp(0.0, 4.0) as u32);
             }
         }
         boxes
@@ -324,13 +326,10 @@ impl<L: Lanes> Beam<L> {
     pub(super) fn intersected_by(&self, rays: &Rays, ray: usize, low: [u32; 3], may_be_behind: bool) -> u64 {
         let l = self.lanes;
         let ray = ray % RAYS;
-        let (along_a, along_b) = (l.f_load(&ALONG_A), l.f_load(&ALONG_B));
-        let d = each3!(A => l.f(rays.direction[A][ray]));
+        let slopes = slopes(l, each3!(A => l.f(rays.direction[A][ray])));
         let mut boxes = u64::MAX;
-        for (pair, (a, b)) in PAIRS.into_iter().enumerate() {
-            let beside = l.f(rays.beside[pair][ray]) + along_a * d[b] - along_b * d[a];
-            let within = l.f_le(l.f_abs(beside), l.f(rays.half[pair][ray]));
-            boxes &= l.extrude(pair, within.bits());
+        for (pair, slope) in slopes.into_iter().enumerate() {
+            boxes &= intersected(l, pair, rays.beside[pair][ray], slope, rays.half[pair][ray]);
         }
         if may_be_behind && let Some(starts) = self.starts {
             boxes &= self.ahead_of(starts.least, ray, low);
@@ -396,7 +395,7 @@ impl<L: Lanes> Beam<L> {
         (0..3).filter(|a| start[*a] > f64::MIN).fold(u64::MAX, |boxes, a| {
             let o = self.origin[0][a] + x * self.origin[1][a] + y * self.origin[2][a];
             let passed = (o - self.start_slack[a] - f64::from(low[a])).clamp(0.0, 4.0) as u32;
-            boxes & super::super::occupancy::at_least(a, passed)
+            boxes & at_least(a, passed)
         })
     }
 }

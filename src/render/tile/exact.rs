@@ -3,7 +3,8 @@
 //! For surfaces that are not solid: each box that a ray may pass through is looked at once, with the ray's own
 //! integers as doubles. What is certain from that is taken; the rest is decided by integers, one ray alone.
 
-use crate::render::lanes::{DOUBLES, Lanes, Truths, each3, larger, smaller};
+use crate::cpu::{DOUBLES, Lanes, Truths};
+use crate::render::cells::{larger, smaller};
 use crate::render::ray::FRACTION_BITS;
 use crate::render::surface::{Approach, Glance};
 

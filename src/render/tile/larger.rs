@@ -1,9 +1,9 @@
 //! A tile's rays and the larger leaves on their way (SPEC 4.9).
 
+use crate::cpu::Lanes;
 use crate::format::cell::Plane;
 use crate::geom::NodeIndex;
 use crate::load::ModelView;
-use crate::render::lanes::{Lanes, each3};
 use crate::render::leaves;
 use crate::render::mirrored_ray::MirroredRay;
 use crate::render::single::LargerLeaf;

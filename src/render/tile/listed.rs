@@ -6,7 +6,7 @@
 //! them within the grid is measured and added to the tile's slack; above [`MAX_OFF`] cells the rays go another way.
 //! Estimates only: what is hit is decided by the exact rays, as always.
 
-use crate::render::lanes::{Lanes, each3};
+use crate::cpu::Lanes;
 use crate::render::ray::{BadRay, Ray};
 use crate::render::sight::{MAX_CELLS, Pencil, Row, Sight, quantised};
 use crate::render::space::GridSpace;
@@ -226,9 +226,9 @@ pub(crate) fn row_of(origins: &[[f64; 3]], directions: &[[f64; 3]]) -> Option<us
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::Form;
     use crate::geom::{Affine, Dims};
     use crate::memory_tree::MemoryTree;
-    use crate::render::form::Form;
     use crate::render::surface::Skin;
     use crate::render::tile::Tracer;
 

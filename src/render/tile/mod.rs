@@ -80,12 +80,11 @@ mod walk;
 
 use crate::load::ModelView;
 
-use super::form::Form;
-use super::lanes::each3;
 use super::ray::Face;
 use super::sight::Sight;
 use super::surface::Surface;
 use super::traverse::Hit;
+use crate::cpu::Form;
 
 pub use beam::{RAYS, TILE};
 pub(crate) use listed::{Listed, row_of};

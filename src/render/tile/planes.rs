@@ -9,11 +9,11 @@
 //! A ray whose first pair that is not past is not sure goes on alone from there, box by box. The times of what is within
 //! are worked out at the tile's end, a row at a time: by the same whole numbers as box by box, so they have the same bits.
 
+use crate::cpu::{Lanes, SINGLES};
 use crate::geom::NodeIndex;
 use crate::load::{BrickCodes, CellItems, NodeView};
-use crate::render::lanes::{Lanes, SINGLES};
 use crate::render::occupancy::Brick;
-use crate::render::pairs::{CELLS, LISTED, Planes};
+use crate::render::pairs::{self, CELLS, LISTED, Planes};
 use crate::render::surface::Surface;
 
 use super::beam::{Beam, RAYS, TILE};
@@ -122,7 +122,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             ) else {
                 continue;
             };
-            let compared = l.compare(&planes, &lines, places, rays);
+            let compared = pairs::compare(l, &planes, &lines, places, rays);
             let pairs_here = if of_list < SINGLES { (1 << of_list) - 1 } else { 0xffff };
             let mut open = !compared.past & pairs_here;
             while open != 0 {
@@ -163,13 +163,13 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         let cell = first.wrapping_sub(self.view.node_count());
         if brick.larger == 0 {
             let (codes, offsets) = items.brick(cell, room);
-            return l.planes(codes, offsets, brick.stored, brick.flip);
+            return pairs::planes(l, codes, offsets, brick.stored, brick.flip);
         }
         items.copy_brick(cell, room);
         let cells = brick.stored.count_ones();
         let (leaf, leaves) = brick.leaves(leaf_places);
         self.view.append_leaves(NodeIndex::new(leaf), (cells as usize, leaves), room);
-        let mut planes = l.planes(&room.normals, &room.offsets, brick.stored, brick.flip);
+        let mut planes = pairs::planes(l, &room.normals, &room.offsets, brick.stored, brick.flip);
         planes.cells = cells as u8;
         for (i, place) in leaf_places.iter().take(leaves).enumerate() {
             planes.number[usize::from(*place) % CELLS] = planes.cells.wrapping_add(i as u8);
@@ -196,7 +196,7 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
             let places = pairs.places.get_mut(listed..).and_then(<[u8]>::first_chunk_mut);
             let rays = pairs.rays.get_mut(listed..).and_then(<[u8]>::first_chunk_mut);
             if let (true, Some(places), Some(rays)) = (count <= LISTED, places, rays) {
-                beam.lanes.list(boxes, places);
+                pairs::list(beam.lanes, boxes, places);
                 *rays = [ray as u8; LISTED];
                 listed = listed.wrapping_add(count);
             } else {

@@ -4,7 +4,8 @@
 //!
 //! [`Passage::entry_hit`]: crate::render::surface::Passage::entry_hit
 
-use crate::render::lanes::{DOUBLES, Lanes, PAIRS, Truths, each3};
+use crate::cpu::{DOUBLES, Lanes, Truths};
+use crate::render::occupancy::PAIRS;
 use crate::render::ray::FRACTION_BITS;
 use crate::render::sight::Row;
 

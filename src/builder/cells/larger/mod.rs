@@ -38,7 +38,7 @@ use crate::format::cell::{CORNERS, HAS_CORNERS, at_corner};
 use crate::format::normal;
 use crate::geom::{add_scaled, dot, morton};
 
-use crate::cpu::{Isa, Kernel, dispatch};
+use crate::cpu::{Kernel, Lanes, dispatch};
 
 use crossings::{Crossings, Moments};
 pub(in crate::builder) use distances::Distances;
@@ -241,7 +241,7 @@ impl Kernel for Join<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let Self(joiner, brick) = self;
         joiner.list(brick);
         joiner.gather_all(brick);
@@ -267,7 +267,7 @@ impl Kernel for Measure<'_, '_> {
     type Output = ();
 
     #[inline(always)]
-    fn run(self, _: impl Isa) {
+    fn run(self, _: impl Lanes) {
         let Self(joiner, brick, distances) = self;
         joiner.for_each_run(brick, |cells| {
             distances.add_none(brick.sides[cells].iter().map(|sides| crossed_edges(*sides)).sum());

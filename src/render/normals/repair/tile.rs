@@ -6,8 +6,8 @@
 use crate::format::normal;
 
 use super::{MAX_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, Neighbourhood, nearness, settled};
-use crate::render::form::LanesKernel;
-use crate::render::lanes::Lanes;
+use crate::cpu::Kernel;
+use crate::cpu::Lanes;
 use crate::render::ray::Face;
 use crate::render::tile::RAYS;
 
@@ -138,7 +138,7 @@ pub(in crate::render) struct Settle<'a> {
     pub(in crate::render) edge_mm: f64,
 }
 
-impl LanesKernel for Settle<'_> {
+impl Kernel for Settle<'_> {
     type Output = ();
 
     #[inline(always)]
@@ -168,7 +168,7 @@ pub(in crate::render) struct Judge<'a> {
     pub(in crate::render) out: &'a mut Verdicts,
 }
 
-impl LanesKernel for Judge<'_> {
+impl Kernel for Judge<'_> {
     type Output = ();
 
     // Loops over arrays instead of lanes or closures: they are vectorised for the form that runs them.
@@ -270,8 +270,8 @@ const BIT: [u16; PLACES] = {
 mod tests {
     use super::super::{Around, Verdict, along, judge, neighbourhood};
     use super::*;
+    use crate::cpu::Form;
     use crate::random::Random;
-    use crate::render::form::Form;
 
     /// Codes near a direction, or anywhere.
     fn codes(random: &mut Random, spread: u32) -> [u16; 9] {

@@ -1,97 +1,116 @@
-//! [`Lanes`] of x86-64 machines: AVX2 in two registers, AVX-512 in one; and running a kernel with them.
+//! x86-64 machines: AVX2 with vectors of two registers, AVX-512 VBMI2 with one.
 //!
-//! SAFETY (every block of the two instances): a value of [`Avx2`] or [`Avx512`] is made only after its
-//! features were detected on this machine, and every other type here is made from such a value. Loads and
-//! stores go through references to whole arrays; no other memory is accessed.
+//! SAFETY (every block here): a value of [`Avx2`] or [`Vbmi2`] is made only after its features were detected on this
+//! machine, and every other type here is made from such a value. Loads and stores go through references to whole
+//! arrays; no other memory is accessed.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::*;
 use std::ops::{Add, BitAnd, BitOr, Div, Mul, Not, Sub};
 
-use crate::cpu::Avx2;
+use bytemuck::cast;
 
-use super::form::LanesKernel;
-use super::lanes::{DOUBLES, Lanes, PLANE, REPEAT, SINGLES, Truths, WHOLE};
-use super::lanes_vbmi2;
-use super::pairs::{self, CELLS, Compared, LISTED, Lines, Planes};
+use super::lanes::WHOLE;
+use super::{DOUBLES, Kernel, Lanes, OCTET, Octet, SINGLES, Term, Truths};
 
-/// Proof of those and of AVX-512 F and DQ; with `VBMI2` also of BW, VL, VBMI and VBMI2.
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct Avx512<const VBMI2: bool>(());
+/// Proof of AVX2, bit manipulation and population count.
+#[derive(Clone, Copy)]
+pub(crate) struct Avx2(());
 
-impl Avx2 {
-    /// Runs a kernel compiled with these instructions.
-    #[inline]
-    pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
-        // SAFETY: `self` proves every feature that `with_avx2` enables.
-        unsafe { with_avx2(self, kernel) }
-    }
+/// Proof of those and of AVX-512 F, DQ, BW, VL, VBMI and VBMI2.
+#[derive(Clone, Copy)]
+pub(crate) struct Vbmi2(());
+
+/// Detection of features, and kernels compiled with them.
+macro_rules! form {
+    ($proof:ident, $with:ident, $enabled:literal, $($feature:tt)*) => {
+        impl $proof {
+            /// The proof, if this machine has the instructions.
+            #[inline]
+            pub(crate) fn detect() -> Option<Self> {
+                ($(is_x86_feature_detected!($feature))&&*).then_some(Self(()))
+            }
+
+            /// Runs a kernel compiled with these instructions.
+            #[inline]
+            pub(crate) fn run<K: Kernel>(self, kernel: K) -> K::Output {
+                // SAFETY: `self` proves every feature that is enabled.
+                unsafe { $with(self, kernel) }
+            }
+        }
+
+        /// # Safety
+        /// The machine must have the features named.
+        #[target_feature(enable = $enabled)]
+        unsafe fn $with<K: Kernel>(proof: $proof, kernel: K) -> K::Output {
+            kernel.run(proof)
+        }
+    };
 }
+form!(
+    Avx2, with_avx2, "avx2,bmi1,bmi2,lzcnt,popcnt",
+    "avx2" "bmi1" "bmi2" "lzcnt" "popcnt"
+);
+form!(
+    Vbmi2, with_vbmi2, "avx512f,avx512dq,avx512bw,avx512vl,avx512vbmi,avx512vbmi2,avx2,bmi1,bmi2,lzcnt,popcnt",
+    "avx512f" "avx512dq" "avx512bw" "avx512vl" "avx512vbmi" "avx512vbmi2" "avx2" "bmi1" "bmi2" "lzcnt" "popcnt"
+);
 
-impl<const VBMI2: bool> Avx512<VBMI2> {
-    /// The proof, if this machine has the instructions.
-    #[inline]
-    pub(crate) fn detect() -> Option<Self> {
-        let has_vbmi2 = || {
-            is_x86_feature_detected!("avx512bw")
-                && is_x86_feature_detected!("avx512vl")
-                && is_x86_feature_detected!("avx512vbmi")
-                && is_x86_feature_detected!("avx512vbmi2")
-        };
-        (Avx2::detect().is_some()
-            && is_x86_feature_detected!("avx512f")
-            && is_x86_feature_detected!("avx512dq")
-            && (!VBMI2 || has_vbmi2()))
-        .then_some(Self(()))
-    }
-
-    /// Runs a kernel compiled with these instructions.
-    #[inline]
-    pub(crate) fn run<K: LanesKernel>(self, kernel: K) -> K::Output {
-        // SAFETY: `self` proves every feature that the one or the other enables.
-        unsafe { if VBMI2 { with_vbmi2(self, kernel) } else { with_avx512(self, kernel) } }
-    }
-}
-
-/// # Safety
-/// The machine must have the features named.
-#[target_feature(enable = "avx2,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn with_avx2<K: LanesKernel>(avx2: Avx2, kernel: K) -> K::Output {
-    kernel.run(avx2)
-}
-
-/// # Safety
-/// The machine must have the features named.
-#[target_feature(enable = "avx512f,avx512dq,avx2,bmi1,bmi2,lzcnt,popcnt")]
-unsafe fn with_avx512<K: LanesKernel>(avx512: impl Lanes, kernel: K) -> K::Output {
-    kernel.run(avx512)
-}
-
-/// # Safety
-/// The machine must have the features named.
-#[target_feature(
-    enable = "avx512f,avx512dq,avx512bw,avx512vl,avx512vbmi,avx512vbmi2,avx2,bmi1,bmi2,lzcnt,popcnt"
-)]
-unsafe fn with_vbmi2<K: LanesKernel>(vbmi2: impl Lanes, kernel: K) -> K::Output {
-    kernel.run(vbmi2)
-}
-
-/// A brick's boxes moved from place i to place `i ^ flip`: bytes by one shuffle, bits within them by two of nibbles.
-///
-/// # Safety
-/// The machine must have AVX2.
+/// Bit 7 of 32 bytes, byte i giving bit i: the one instruction that portable code does not reach.
 #[inline(always)]
-unsafe fn mirror_brick(boxes: u64, flip: u32) -> u64 {
+pub(crate) fn movemask(_: Avx2, bytes: [u8; 32]) -> u32 {
+    // SAFETY: see the top of this file.
+    unsafe { _mm256_movemask_epi8(cast(bytes)).cast_unsigned() }
+}
+
+/// The low bits, in order, at the places that a mask names.
+#[inline(always)]
+pub(crate) fn deposit(_: Avx2, bits: u64, mask: u64) -> u64 {
+    // SAFETY: see the top of this file.
+    unsafe { _pdep_u64(bits, mask) }
+}
+
+/// Hints that a place will be read soon.
+#[inline(always)]
+pub(crate) fn prefetch<T: ?Sized>(place: &T) {
+    // SAFETY: every x86-64 machine has SSE; nothing is read, and any address is allowed.
+    unsafe { _mm_prefetch::<_MM_HINT_T0>(std::ptr::from_ref(place).cast()) }
+}
+
+/// Integers of 8 or 16 bits.
+pub(crate) trait Narrow: bytemuck::Pod + Into<i32> {
+    /// Eight as 32-bit integers: one instruction.
+    fn widen(avx2: Avx2, narrow: &[Self; OCTET]) -> [i32; OCTET];
+}
+
+macro_rules! narrow {
+    ($($t:ty => $convert:ident),*) => {$(
+        impl Narrow for $t {
+            #[inline(always)]
+            fn widen(_: Avx2, narrow: &[Self; OCTET]) -> [i32; OCTET] {
+                let mut low = [<$t>::MIN; 16 / size_of::<$t>()];
+                low[..OCTET].copy_from_slice(narrow);
+                // SAFETY: see the top of this file.
+                cast(unsafe { $convert(cast(low)) })
+            }
+        }
+    )*};
+}
+narrow!(
+    u8 => _mm256_cvtepu8_epi32, i8 => _mm256_cvtepi8_epi32, u16 => _mm256_cvtepu16_epi32, i16 => _mm256_cvtepi16_epi32
+);
+
+/// Bits moved from place i to place `i ^ flip`: bytes by one shuffle, bits within them by two of nibbles.
+#[inline(always)]
+pub(crate) fn mirror_bits(_: Avx2, bits: u64, flip: u32) -> u64 {
     let flip = flip as usize;
-    let (bytes, nibbles) = (&FLIP_BYTES[flip >> 3 & 7], &FLIP_NIBBLES[flip & 7]);
-    // SAFETY: by the caller; the loads are of whole arrays of 16 bytes.
+    let (bytes, [of_low, of_high]) = (&FLIP_BYTES[flip >> 3 & 7], &FLIP_NIBBLES[flip & 7]);
+    // SAFETY: see the top of this file.
     unsafe {
-        let load = |from: *const [u8; 16]| _mm_loadu_si128(from.cast());
-        let boxes = _mm_shuffle_epi8(_mm_cvtsi64_si128(boxes.cast_signed()), load(bytes));
-        let low_nibbles = _mm_set1_epi8(15);
-        let low = _mm_shuffle_epi8(load(&nibbles[0]), _mm_and_si128(boxes, low_nibbles));
-        let high =
-            _mm_shuffle_epi8(load(&nibbles[1]), _mm_and_si128(_mm_srli_epi64::<4>(boxes), low_nibbles));
+        let bits = _mm_shuffle_epi8(_mm_cvtsi64_si128(bits.cast_signed()), cast(*bytes));
+        let nibble = _mm_set1_epi8(15);
+        let low = _mm_shuffle_epi8(cast(*of_low), _mm_and_si128(bits, nibble));
+        let high = _mm_shuffle_epi8(cast(*of_high), _mm_and_si128(_mm_srli_epi64::<4>(bits), nibble));
         _mm_cvtsi128_si64(_mm_or_si128(low, high)).cast_unsigned()
     }
 }
@@ -123,30 +142,27 @@ const FLIP_NIBBLES: [[[u8; 16]; 2]; 8] = {
     to
 };
 
-/// The methods that both machines answer with bit manipulation, and hints.
-macro_rules! bit_manipulation {
+/// The vectors of eight 32-bit numbers, the same in both forms, and how a kernel is called.
+macro_rules! octets_and_calls {
     () => {
+        type S = S1;
+        type N = N1;
+
         #[inline(always)]
-        fn extrude(self, pair: usize, plane: u32) -> u64 {
-            // SAFETY: see the top of this file.
-            unsafe { _pdep_u64(u64::from(plane), PLANE[pair]) }.wrapping_mul(REPEAT[pair])
+        fn s_load(self, x: &[f32; OCTET]) -> S1 {
+            S1(cast(*x))
         }
         #[inline(always)]
-        fn spread_children(self, infobyte: u8, children: u64) -> u64 {
-            // SAFETY: see the top of this file.
-            let lowest = unsafe { _pdep_u64(u64::from(infobyte), 0x0101_0101_0101_0101) };
-            // SAFETY: see the top of this file.
-            unsafe { _pdep_u64(children, lowest.wrapping_mul(0xff)) }
+        fn n_load(self, x: &[i32; OCTET]) -> N1 {
+            N1(cast(*x))
         }
         #[inline(always)]
-        fn mirror_brick(self, boxes: u64, flip: u32) -> u64 {
-            // SAFETY: see the top of this file.
-            unsafe { mirror_brick(boxes, flip) }
+        fn avx2(self) -> Option<Avx2> {
+            Some(Avx2(()))
         }
         #[inline(always)]
-        fn prefetch(self, bytes: &[u8]) {
-            // SAFETY: see the top of this file; nothing is read, and any address is allowed.
-            unsafe { _mm_prefetch::<_MM_HINT_T0>(bytes.as_ptr().cast()) }
+        fn call<K: Kernel>(self, kernel: K) -> K::Output {
+            self.run(kernel)
         }
     };
 }
@@ -220,20 +236,52 @@ unsafe fn times_u32_wide(a: __m512i, b: __m512i) -> __m512i {
     }
 }
 
+/// Eight singles.
+#[derive(Clone, Copy)]
+pub(crate) struct S1(__m256);
+/// Eight 32-bit integers.
+#[derive(Clone, Copy)]
+pub(crate) struct N1(__m256i);
+
+operators!(S1, one, Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps);
+operators!(N1, one, Add add _mm256_add_epi32, Sub sub _mm256_sub_epi32, Mul mul _mm256_mullo_epi32);
+
+/// Vectors of eight as terms.
+macro_rules! octet {
+    ($octet:ident of $t:ty, $every:ident, $to_f32:ident) => {
+        impl Term for $octet {
+            inlined! { fn times(self, tap: i8) -> Self { self * Self($every(tap.into())) } }
+        }
+
+        impl Octet for $octet {
+            type Number = $t;
+            #[inline(always)]
+            fn store(self) -> [$t; OCTET] {
+                cast(self.0)
+            }
+            inlined! {
+                fn to_f32(self) -> [f32; OCTET] { cast($to_f32(self.0)) }
+            }
+        }
+    };
+}
+octet!(S1 of f32, _mm256_set1_ps, _mm256_castps_si256);
+octet!(N1 of i32, _mm256_set1_epi32, _mm256_cvtepi32_ps);
+
 /// Sixteen singles in two registers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct F2([__m256; 2]);
 /// Eight doubles in two registers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct D2([__m256d; 2]);
 /// Eight integers in two registers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct I2([__m256i; 2]);
 /// Truth of sixteen comparisons of singles: all bits of a lane, or none.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct FTruths2([__m256; 2]);
 /// Truth of eight comparisons of doubles or integers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct Truths2([__m256d; 2]);
 
 operators!(F2, two, Add add _mm256_add_ps, Sub sub _mm256_sub_ps, Mul mul _mm256_mul_ps);
@@ -361,17 +409,17 @@ impl Lanes for Avx2 {
             D2(both!(x in field => _mm256_castsi256_pd(_mm256_slli_epi64::<52>(x))))
         }
     }
-    bit_manipulation!();
+    octets_and_calls!();
 }
 
 /// Sixteen singles.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct F1(__m512);
 /// Eight doubles.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct D1(__m512d);
 /// Eight integers.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy)]
 pub(crate) struct I1(__m512i);
 
 operators!(F1, one, Add add _mm512_add_ps, Sub sub _mm512_sub_ps, Mul mul _mm512_mul_ps);
@@ -392,7 +440,7 @@ impl Truths for __mmask8 {
     }
 }
 
-impl<const VBMI2: bool> Lanes for Avx512<VBMI2> {
+impl Lanes for Vbmi2 {
     type F = F1;
     type FTruths = __mmask16;
     type D = D1;
@@ -433,43 +481,10 @@ impl<const VBMI2: bool> Lanes for Avx512<VBMI2> {
         fn exponent_field(self, x: D1) -> I1 { I1(_mm512_srli_epi64::<52>(_mm512_castpd_si512(x.0))) }
         fn power(self, field: I1) -> D1 { D1(_mm512_castsi512_pd(_mm512_slli_epi64::<52>(field.0))) }
     }
-    bit_manipulation!();
-
-    const COMPARES_PAIRS: bool = VBMI2;
+    octets_and_calls!();
 
     #[inline(always)]
-    fn list(self, boxes: u64, places: &mut [u8; LISTED]) {
-        if VBMI2 {
-            // SAFETY: this value proves VBMI2, and what comes with it.
-            unsafe { lanes_vbmi2::list(boxes, places) }
-        } else {
-            pairs::list(boxes, places);
-        }
-    }
-
-    #[inline(always)]
-    fn planes(self, codes: &[[u8; 2]; CELLS], offsets: &[u8; CELLS], stored: u64, flip: u32) -> Planes {
-        if VBMI2 {
-            // SAFETY: this value proves VBMI2, and what comes with it.
-            unsafe { lanes_vbmi2::planes(codes, offsets, stored, flip) }
-        } else {
-            pairs::planes(codes, offsets, stored, flip)
-        }
-    }
-
-    #[inline(always)]
-    fn compare(
-        self,
-        planes: &Planes,
-        lines: &Lines<'_>,
-        places: &[u8; SINGLES],
-        rays: &[u8; SINGLES],
-    ) -> Compared {
-        if VBMI2 {
-            // SAFETY: this value proves VBMI2, and what comes with it.
-            unsafe { lanes_vbmi2::compare(planes, lines, places, rays) }
-        } else {
-            pairs::compare(planes, lines, places, rays)
-        }
+    fn vbmi2(self) -> Option<Self> {
+        Some(self)
     }
 }

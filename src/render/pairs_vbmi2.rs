@@ -1,14 +1,14 @@
 //! [`super::pairs`] with AVX-512 VBMI2: sixteen pairs of a ray and a cell at a time.
 //!
-//! SAFETY (every block here): the callers' machine has AVX-512 F, BW, DQ, VL, VBMI and VBMI2, as each function demands.
-//! Loads and stores are of whole arrays.
+//! SAFETY (every block here): a [`Vbmi2`] proves that the machine has AVX-512 F, BW, DQ, VL, VBMI and VBMI2; functions
+//! without one are called by those that have it. Loads and stores are of whole arrays.
 #![allow(unsafe_code)]
 
 use std::arch::x86_64::*;
 
+use crate::cpu::{SINGLES, Vbmi2};
 use crate::format::cell::HAS_CORNERS;
 
-use super::lanes::SINGLES;
 use super::pairs::{ALL_CELLS, CELLS, Compared, LISTED, Lines, Planes};
 
 /// Whole numbers from 0, with a factor and an offset.
@@ -33,11 +33,8 @@ static ODD: [u8; CELLS] = bytes(1, 2);
 const STEPS: [f32; 4] = [-1.5, -0.5, 0.5, 1.5];
 
 /// [`super::pairs::list`].
-///
-/// # Safety
-/// The machine must have the features that the top of this file names.
 #[inline(always)]
-pub(super) unsafe fn list(boxes: u64, places: &mut [u8; LISTED]) {
+pub(super) fn list(_: Vbmi2, boxes: u64, places: &mut [u8; LISTED]) {
     // SAFETY: see the top of this file.
     unsafe {
         let counted = _mm512_loadu_si512(COUNTED.as_ptr().cast());
@@ -47,11 +44,9 @@ pub(super) unsafe fn list(boxes: u64, places: &mut [u8; LISTED]) {
 }
 
 /// [`super::pairs::planes`].
-///
-/// # Safety
-/// As [`list`].
 #[inline(always)]
-pub(super) unsafe fn planes(
+pub(super) fn planes(
+    _: Vbmi2,
     codes: &[[u8; 2]; CELLS],
     offsets: &[u8; CELLS],
     stored: u64,
@@ -97,7 +92,7 @@ pub(super) unsafe fn planes(
 /// The values of sixteen rays.
 ///
 /// # Safety
-/// As [`list`]; `high` has the lanes whose ray is 32 or above.
+/// The machine must have the features that the top of this file names; `high` has the lanes whose ray is 32 or above.
 #[inline(always)]
 unsafe fn of_rays(values: &[f32; CELLS], rays: __m512i, high: __mmask16) -> __m512 {
     // SAFETY: see the top of this file.
@@ -112,7 +107,7 @@ unsafe fn of_rays(values: &[f32; CELLS], rays: __m512i, high: __mmask16) -> __m5
 /// The bytes of sixteen cells.
 ///
 /// # Safety
-/// As [`list`].
+/// As [`of_rays`].
 #[inline(always)]
 unsafe fn of_cells(values: &[i8; CELLS], cells: __m512i) -> __m128i {
     // SAFETY: see the top of this file.
@@ -125,7 +120,7 @@ unsafe fn of_cells(values: &[i8; CELLS], cells: __m512i) -> __m128i {
 /// Bytes as singles.
 ///
 /// # Safety
-/// As [`list`].
+/// As [`of_rays`].
 #[inline(always)]
 unsafe fn singles(bytes: __m128i) -> __m512 {
     // SAFETY: see the top of this file.
@@ -152,11 +147,9 @@ macro_rules! at {
 }
 
 /// [`super::pairs::compare`].
-///
-/// # Safety
-/// As [`list`].
 #[inline(always)]
-pub(super) unsafe fn compare(
+pub(super) fn compare(
+    _: Vbmi2,
     planes: &Planes,
     lines: &Lines<'_>,
     places: &[u8; SINGLES],
