@@ -1,4 +1,4 @@
-//! Pictures: camera, the one traversal kernel, shading, image files.
+//! Pictures: camera, traversal, shading, image files.
 //!
 //! ```text
 //! Camera + GridSpace --> Sight --rays (integers)--> tile, single, batch --Hit--> scene: Painter --> Image --> PNG
@@ -6,6 +6,7 @@
 //!
 //! | module | what it owns |
 //! |---|---|
+//! | `line` | the line of a ray against the boxes of a brick: the one test of all traversals |
 //! | [`ray`] | quantised rays: the only place where a ray is rounded |
 //! | [`traverse`] | what a first hit is, and the oracle: the plain walk over any [`crate::load::NodeView`] |
 //! | [`tile`] | the traversal of pictures: 8 x 8 rays together |
@@ -28,6 +29,8 @@
 //! | `soften` | openness as a mean over pixels, and where neighbours differ |
 //! | `colors` | the colour of what was hit, where the model has colours |
 //! | `annotate`, `font` | a scale bar, the patient's sides, letters |
+//!
+#![doc = include_str!("TRAVERSAL.md")]
 
 /// Adds fields of `other` to those of `$sum`.
 macro_rules! add_counts {

@@ -68,14 +68,12 @@ const MESSAGES: &str = "cause error fault message misuse note reason refusal sen
 const UNSAFE_FILES: &[&str] = &[
     "bin/platform.rs",
     "src/builder/lanes.rs",
-    "src/builder/simd.rs",
-    "src/cpu.rs",
+    "src/cpu/x86.rs",
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/platform/linux/resident.rs",
     "src/platform/linux/torn.rs",
-    "src/render/lanes_vbmi2.rs",
-    "src/render/lanes_x86.rs",
+    "src/render/pairs_vbmi2.rs",
 ];
 
 /// Where the operating system is seen, and how.
