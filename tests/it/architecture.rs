@@ -25,7 +25,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("identity", ""),
     ("fault", "exit text"),
     ("facts", "budget codec exit fault geom progress text"),
-    ("volume", "budget exit facts fault geom identity progress scratch"),
+    ("volume", "budget exit facts fault geom identity progress scratch text"),
     ("source", "budget codec cpu exit facts fault geom mark progress scratch volume"),
     ("synthetic", "facts fault geom volume"),
     (
