@@ -227,7 +227,7 @@ fn with_bodies<D: AsRef<[u8]>, T>(
         Error::Render(error) if of_scene && request.point.is_none() && request.fov_deg.is_none() => {
             match error.fault() {
                 RenderFault::Camera(fault) => {
-                    let fault = SceneFault::Camera(fault.clone());
+                    let fault = SceneFault::Camera(*fault);
                     Error::Scene(SceneError { path: path.to_path_buf(), fault })
                 }
                 _ => error.into(),
