@@ -3,29 +3,15 @@
 use super::error::{BuildError, Criterion};
 use super::histogram::{Bins, Kind, Split, Tally};
 use super::parallel::Share;
-use super::range::{Ordered, SampleRange, highest_below};
+use super::range::highest_below;
 use super::report::BuildNote;
+use super::ring::{FileRange, file_range};
 use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::BuildFault;
 use crate::format::{Selection, SelectionKind};
-use crate::volume::{ScalarType, VolumeSource};
-
-/// An expression for the type of the samples of a volume.
-macro_rules! by_type {
-    ($scalar:expr, $t:ident => $body:expr) => {
-        by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
-    };
-    ($scalar:expr, $t:ident => $body:expr, $($kind:ident $type:ty),*) => {
-        match $scalar {
-            $(ScalarType::$kind => {
-                type $t = $type;
-                $body
-            })*
-        }
-    };
-}
+use crate::volume::{VolumeInfo, VolumeSource};
 
 /// Chooses what is inside, as [`super::build_volume`] does, and notes what is odd about the volume;
 /// [`Threshold::Chosen`] hands the result on to it.
@@ -43,23 +29,18 @@ pub(crate) fn choose_noted(
     progress: &dyn Progress,
 ) -> Result<(Selection, Option<BuildNote>), BuildError> {
     let chooser = Chooser { source, memory, threads, progress };
-    by_type!(source.info().scalar, T => chooser.choose::<T>(threshold).map(Chosen::noted))
+    let Chosen { selection, note, .. } = chooser.choose(threshold)?;
+    Ok((selection, note))
 }
 
 /// What is inside.
-pub(super) struct Chosen<T> {
+pub(super) struct Chosen {
     /// In physical units.
     pub(super) selection: Selection,
     /// In samples.
-    pub(super) range: SampleRange<T>,
+    pub(super) range: Box<dyn FileRange>,
     /// What is odd about the volume.
     pub(super) note: Option<BuildNote>,
-}
-
-impl<T> Chosen<T> {
-    fn noted(self) -> (Selection, Option<BuildNote>) {
-        (self.selection, self.note)
-    }
 }
 
 /// A volume, and the means to look at its values.
@@ -73,8 +54,8 @@ pub(crate) struct Chooser<'a> {
 
 impl Chooser<'_> {
     /// What is inside.
-    pub(super) fn choose<T: Ordered>(&self, threshold: Threshold) -> Result<Chosen<T>, BuildError> {
-        let rescale = self.source.info().rescale;
+    pub(super) fn choose(&self, threshold: Threshold) -> Result<Chosen, BuildError> {
+        let VolumeInfo { scalar, rescale, .. } = *self.source.info();
         let open = f64::INFINITY;
         let mut note = None;
         let selection = match threshold {
@@ -82,32 +63,33 @@ impl Chooser<'_> {
             Threshold::Range(lo, hi) => Selection { kind: SelectionKind::Range, lo, hi },
             Threshold::Chosen(selection) => selection,
             Threshold::Otsu => {
-                let passes = 1 + u64::from(histogram::needs_extremes(T::TYPE));
+                let passes = 1 + u64::from(histogram::needs_extremes(scalar));
                 self.progress.stage("histogram", passes * self.source.info().dims.voxels());
                 let (threads, _memory) = self.reserve_histogram()?;
-                let Some(split) = histogram::otsu::<T>(self.source, threads, self.progress)? else {
-                    return Err(self.empty::<T>(Criterion::Split));
+                let Some(split) = histogram::otsu(self.source, threads, self.progress)? else {
+                    return Err(self.empty(Criterion::Split));
                 };
                 let by_otsu;
-                (by_otsu, note) = self.of_split::<T>(split);
+                (by_otsu, note) = self.of_split(split);
                 by_otsu
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
             return Err(BuildFault::EmptyRange { lo: selection.lo, hi: selection.hi }.into());
         }
-        match SampleRange::of_selection(&selection, rescale) {
+        match file_range(scalar, &selection, rescale) {
             Some(range) => Ok(Chosen { selection, range, note }),
-            None => Err(self.empty::<T>(Criterion::Within(selection))),
+            None => Err(self.empty(Criterion::Within(selection))),
         }
     }
 
     /// What a histogram says, in physical units.
-    fn of_split<T: Ordered>(&self, split: Split) -> (Selection, Option<BuildNote>) {
-        let rescale = self.source.info().rescale;
+    fn of_split(&self, split: Split) -> (Selection, Option<BuildNote>) {
+        let VolumeInfo { scalar, rescale, .. } = *self.source.info();
         // On a falling scale the samples below the split are the high values, and the split itself is
         // not one of them.
-        let lowest = if rescale.slope > 0.0 { split.at } else { highest_below::<T>(split.at) };
+        let below = || by_type!(scalar, T => highest_below::<T>(split.at));
+        let lowest = if rescale.slope > 0.0 { split.at } else { below() };
         let selected = |kind, lo| Selection { kind, lo, hi: f64::INFINITY };
         let by_otsu = selected(SelectionKind::Otsu, rescale.apply(lowest));
         match split.kind {
@@ -127,7 +109,7 @@ impl Chooser<'_> {
     pub(crate) fn extremes_of(&self, share: Share) -> Result<Option<(f64, f64)>, BuildError> {
         let (threads, _memory) = self.reserve_histogram()?;
         let Self { source, progress, .. } = *self;
-        by_type!(source.info().scalar, T => histogram::extremes::<T>(source, share, threads, progress))
+        histogram::extremes(source, share, threads, progress)
     }
 
     /// The histogram of a share of the volume; `extremes` are those of all of it.
@@ -137,9 +119,8 @@ impl Chooser<'_> {
     pub(crate) fn tally_of(&self, share: Share, extremes: Option<(f64, f64)>) -> Result<Tally, BuildError> {
         let (threads, _memory) = self.reserve_histogram()?;
         let Self { source, progress, .. } = *self;
-        let scalar = source.info().scalar;
-        let bins = Bins::new(scalar, extremes);
-        by_type!(scalar, T => Tally::take::<T>(source, share, bins, threads, progress))
+        let bins = Bins::new(source.info().scalar, extremes);
+        Tally::take(source, share, bins, threads, progress)
     }
 
     /// What is inside by the histogram of the whole volume.
@@ -151,11 +132,10 @@ impl Chooser<'_> {
         tally: Tally,
         extremes: Option<(f64, f64)>,
     ) -> Result<(Selection, Option<BuildNote>), BuildError> {
-        let scalar = self.source.info().scalar;
-        let bins = Bins::new(scalar, extremes);
+        let bins = Bins::new(self.source.info().scalar, extremes);
         let seen = extremes.or_else(|| tally.ends(bins));
         let Some(split) = tally.split(bins) else { return Err(self.nothing(Criterion::Split, seen)) };
-        Ok(by_type!(scalar, T => self.of_split::<T>(split)))
+        Ok(self.of_split(split))
     }
 
     /// Threads, as many as their histograms fit the budget, and their memory. Room for one worker of the scan is
@@ -195,9 +175,9 @@ impl Chooser<'_> {
     }
 
     /// The error for a range without voxels: says which values there are, at the price of one more pass.
-    pub(super) fn empty<T: Ordered>(&self, sought: Criterion) -> BuildError {
+    pub(super) fn empty(&self, sought: Criterion) -> BuildError {
         let seen = self.reserve_histogram().and_then(|(threads, _memory)| {
-            histogram::extremes::<T>(self.source, Share::ALL, threads, self.progress)
+            histogram::extremes(self.source, Share::ALL, threads, self.progress)
         });
         seen.map_or_else(|error| error, |seen| self.nothing(sought, seen))
     }

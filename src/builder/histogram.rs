@@ -14,7 +14,7 @@ use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
 use crate::geom::Dims;
 use crate::progress::Progress;
-use crate::volume::{ScalarType, VolumeSource};
+use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
 pub(super) const BINS: usize = 1 << 16;
@@ -32,27 +32,21 @@ pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
 
 /// Smallest and largest sample of a share of the volume that is a finite number, or `None` if there is none.
-pub(super) fn extremes<T: Ordered>(
+pub(super) fn extremes(
     source: &dyn VolumeSource,
     share: Share,
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Option<(f64, f64)>, BuildError> {
     let total = Mutex::new((f64::INFINITY, f64::NEG_INFINITY));
-    for_each_part::<T, _>(
+    let widen = by_type!(source.info().scalar, T => widen::<T> as fn(&mut (f64, f64), &[u8]));
+    for_each_part(
         source,
         share,
         (threads, EXTREMES_READ_BYTES),
         progress,
         &|| (f64::INFINITY, f64::NEG_INFINITY),
-        &|seen, _, samples| {
-            for sample in samples {
-                let v = sample.to_f64();
-                if v.is_finite() {
-                    *seen = (seen.0.min(v), seen.1.max(v));
-                }
-            }
-        },
+        &|seen, _, samples| widen(seen, samples),
         &|seen| {
             let mut t = total.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
             *t = (t.0.min(seen.0), t.1.max(seen.1));
@@ -60,6 +54,16 @@ pub(super) fn extremes<T: Ordered>(
     )?;
     let (min, max) = total.into_inner().unwrap_or_else(std::sync::PoisonError::into_inner);
     Ok((min <= max).then_some((min, max)))
+}
+
+/// Widens extremes by the samples that are finite numbers.
+fn widen<T: Ordered>(seen: &mut (f64, f64), samples: &[u8]) {
+    for sample in bytemuck::cast_slice::<u8, T>(samples) {
+        let v = sample.to_f64();
+        if v.is_finite() {
+            *seen = (seen.0.min(v), seen.1.max(v));
+        }
+    }
 }
 
 /// What a histogram says of a volume.
@@ -129,17 +133,18 @@ impl Bins {
 /// Types of 8 and 16 bits are counted exactly in one pass; wider ones need their extremes first, and
 /// then 65,536 bins between them. Source: Otsu 1979, *A threshold selection method from gray-level
 /// histograms*.
-pub(super) fn otsu<T: Ordered>(
+pub(super) fn otsu(
     source: &dyn VolumeSource,
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<Option<Split>, BuildError> {
-    let seen = match needs_extremes(T::TYPE) {
-        true => extremes::<T>(source, Share::ALL, threads, progress)?,
+    let scalar = source.info().scalar;
+    let seen = match needs_extremes(scalar) {
+        true => extremes(source, Share::ALL, threads, progress)?,
         false => None,
     };
-    let bins = Bins::new(T::TYPE, seen);
-    Ok(Tally::take::<T>(source, Share::ALL, bins, threads, progress)?.split(bins))
+    let bins = Bins::new(scalar, seen);
+    Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins))
 }
 
 /// The samples of a share of a volume, counted. Tallies of all shares add up to that of the whole, whatever the shares.
@@ -151,7 +156,7 @@ pub(crate) struct Tally {
 
 impl Tally {
     /// Counts the samples of a share; none, if there are no bins.
-    pub(super) fn take<T: Ordered>(
+    pub(super) fn take(
         source: &dyn VolumeSource,
         share: Share,
         bins: Bins,
@@ -160,46 +165,34 @@ impl Tally {
     ) -> Result<Self, BuildError> {
         let Bins::From { low, width } = bins else { return Ok(Self::default()) };
         let counts: Vec<AtomicU64> = (0..BINS).map(|_| AtomicU64::new(0)).collect();
-        let spill = |local: &mut Vec<u32>| {
-            for (sum, n) in counts.iter().zip(local.iter_mut()).filter(|(_, n)| **n > 0) {
+        let spill = |local: &mut [u32]| {
+            for (sum, n) in counts.iter().zip(local).filter(|(_, n)| **n > 0) {
                 sum.fetch_add(u64::from(std::mem::take(n)), Ordering::Relaxed);
             }
         };
-        let dims = source.info().dims;
+        let VolumeInfo { dims, scalar, .. } = *source.info();
+        let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &Part, &[u8]));
         // A picture that a device has taken holds no labels, however few its greys are.
         let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
         let start = Evidence::new(may_be_map, outside_samples(dims));
         let evidence = Mutex::new(start);
-        for_each_part::<T, _>(
+        for_each_part(
             source,
             share,
             (threads, READ_BYTES),
             progress,
-            &|| (vec![0_u32; BINS], 0_u64, start),
-            &|(local, seen, evidence), part, samples| {
-                evidence.add_edges(samples, local);
-                evidence.add_outside(dims, part, samples);
-                *seen += samples.len() as u64;
-                if *seen > u64::from(u32::MAX) {
-                    spill(local);
-                    *seen = samples.len() as u64;
+            &|| Counter { counts: vec![0; BINS], low, width, dims, evidence: start, seen: 0 },
+            &|counter, part, samples| {
+                counter.seen += (samples.len() / scalar.bytes()) as u64;
+                if counter.seen > u64::from(u32::MAX) {
+                    spill(&mut counter.counts);
+                    counter.seen = (samples.len() / scalar.bytes()) as u64;
                 }
-                for sample in samples {
-                    let v = sample.to_f64();
-                    if v.is_finite() {
-                        #[expect(
-                            clippy::cast_possible_truncation,
-                            clippy::cast_sign_loss,
-                            reason = "clamped below"
-                        )]
-                        let bin = (v / width - low / width) as usize;
-                        local[bin.min(BINS - 1)] += 1;
-                    }
-                }
+                count(counter, part, samples);
             },
-            &|(mut local, _, own)| {
-                spill(&mut local);
-                evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&own);
+            &|mut counter| {
+                spill(&mut counter.counts);
+                evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&counter.evidence);
             },
         )?;
         Ok(Self {
@@ -263,6 +256,35 @@ impl Tally {
 impl Default for Tally {
     fn default() -> Self {
         Self { counts: vec![0; BINS], evidence: Evidence::new(true, 1) }
+    }
+}
+
+/// One worker's counts.
+struct Counter {
+    counts: Vec<u32>,
+    low: f64,
+    width: f64,
+    dims: Dims,
+    evidence: Evidence,
+    /// Samples counted since the counts were last added to the sum.
+    seen: u64,
+}
+
+/// Counts the samples of a part.
+fn count<T: Ordered>(counter: &mut Counter, part: &Part, samples: &[u8]) {
+    let samples: &[T] = bytemuck::cast_slice(samples);
+    let Counter { counts, low, width, dims, evidence, .. } = counter;
+    evidence.add_edges(samples, counts);
+    evidence.add_outside(*dims, part, samples);
+    let (low, width) = (*low, *width);
+    let counts: &mut [u32] = counts;
+    for sample in samples {
+        let v = sample.to_f64();
+        if v.is_finite() {
+            #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped below")]
+            let bin = (v / width - low / width) as usize;
+            counts[bin.min(BINS - 1)] += 1;
+        }
     }
 }
 
@@ -570,27 +592,32 @@ fn best_split(counts: &[u64]) -> Option<usize> {
     (best > 0.0).then(|| first + (last - first).div_ceil(2))
 }
 
-/// Feeds every sample of a share of the volume to workers, some rows at a time; each worker's state is joined last.
-fn for_each_part<T: Ordered, L>(
+/// Feeds every sample of a share of the volume, as bytes, to workers, some rows at a time; each worker's state is joined
+/// last.
+fn for_each_part<L>(
     source: &dyn VolumeSource,
     share: Share,
     (threads, read_bytes): (usize, usize),
     progress: &dyn Progress,
     start: &(dyn Fn() -> L + Sync),
-    work: &(dyn Fn(&mut L, &Part, &[T]) + Sync),
+    work: &(dyn Fn(&mut L, &Part, &[u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
-    let blocks = Blocks::new(source.info().dims, read_bytes / size_of::<T>()).of(share);
+    let sample_bytes = source.info().scalar.bytes();
+    let blocks = Blocks::new(source.info().dims, read_bytes / sample_bytes).of(share);
     run_workers(threads, progress, &|stop| {
         let mut local = start();
-        let mut buffer = vec![T::zeroed(); blocks.size().iter().product()];
+        // Words, so that the samples are aligned for every type.
+        let bytes = blocks.size().iter().product::<usize>() * sample_bytes;
+        let mut buffer = vec![0_u64; bytes.div_ceil(size_of::<u64>())];
         while !stop() {
             let Some((columns, lines, z)) = blocks.next() else { break };
-            let samples = &mut buffer[..columns.len() * lines.len()];
+            let count = columns.len() * lines.len();
+            let samples = &mut bytemuck::cast_slice_mut(&mut buffer)[..count * sample_bytes];
             let part = Part { columns: columns.clone(), lines: lines.clone() };
-            source.read_rows(z, lines, columns, bytemuck::cast_slice_mut(samples))?;
+            source.read_rows(z, lines, columns, samples)?;
             work(&mut local, &part, samples);
-            progress.advance(samples.len() as u64);
+            progress.advance(count as u64);
         }
         join(local);
         Ok(())

@@ -36,6 +36,28 @@
 //! The result does not depend on the budget, the number of threads or the shape of columns: records are
 //! functions of voxels alone, and their offsets follow from the census.
 
+/// An expression for the type of the samples of a volume: one instance for each of eight types.
+macro_rules! by_type {
+    ($scalar:expr, $t:ident => $body:expr) => {
+        by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 u32, I32 i32, F32 f32, F64 f64)
+    };
+    ($scalar:expr, $t:ident => $body:expr, $($kind:ident $type:ty),*) => {
+        match $scalar {
+            $($crate::volume::ScalarType::$kind => {
+                type $t = $type;
+                $body
+            })*
+        }
+    };
+}
+
+/// An expression for the type of the samples of the ring: one instance for each of five.
+macro_rules! by_ring {
+    ($scalar:expr, $t:ident => $body:expr) => {
+        by_type!($scalar, $t => $body, U8 u8, I8 i8, U16 u16, I16 i16, U32 f32, I32 f32, F32 f32, F64 f32)
+    };
+}
+
 mod bits;
 mod boxes;
 mod brick;

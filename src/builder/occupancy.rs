@@ -40,16 +40,7 @@ pub(crate) fn range_test(
     selection: &Selection,
     rescale: Rescale,
 ) -> Option<Box<dyn RangeTest>> {
-    match scalar {
-        ScalarType::U8 => typed::<u8>(selection, rescale),
-        ScalarType::I8 => typed::<i8>(selection, rescale),
-        ScalarType::U16 => typed::<u16>(selection, rescale),
-        ScalarType::I16 => typed::<i16>(selection, rescale),
-        ScalarType::U32 => typed::<u32>(selection, rescale),
-        ScalarType::I32 => typed::<i32>(selection, rescale),
-        ScalarType::F32 => typed::<f32>(selection, rescale),
-        ScalarType::F64 => typed::<f64>(selection, rescale),
-    }
+    by_type!(scalar, T => typed::<T>(selection, rescale))
 }
 
 fn typed<T: Ordered>(selection: &Selection, rescale: Rescale) -> Option<Box<dyn RangeTest>> {

@@ -99,7 +99,6 @@ impl<T: Ordered> SampleRange<T> {
     /// Signed depth inside the range: positive inside, rising inwards, 0 for NaN; for a range with two
     /// ends the distance to the nearer one. Clamped so that sums over a neighbourhood stay finite.
     #[inline(always)]
-    #[expect(clippy::cast_possible_truncation, reason = "clamped to the range of f32 just before")]
     pub(super) fn depth(self, sample: T) -> f32 {
         let v = sample.to_f64();
         let (from_lo, from_hi) = (v - self.lo.to_f64(), self.hi.to_f64() - v);
@@ -108,8 +107,15 @@ impl<T: Ordered> SampleRange<T> {
             (true, false) => from_hi,
             (false, false) => from_lo.min(from_hi),
         };
-        if depth.is_nan() { 0.0 } else { depth.clamp(-DEPTH_LIMIT, DEPTH_LIMIT) as f32 }
+        depth_of(depth)
     }
+}
+
+/// A distance as a depth: 0 for NaN, and at most [`DEPTH_LIMIT`] either way.
+#[inline(always)]
+#[expect(clippy::cast_possible_truncation, reason = "clamped to the range of f32")]
+pub(super) fn depth_of(distance: f64) -> f32 {
+    if distance.is_nan() { 0.0 } else { distance.clamp(-DEPTH_LIMIT, DEPTH_LIMIT) as f32 }
 }
 
 /// Largest magnitude of [`SampleRange::depth`]: 125 weighted terms of it and their squares, after

@@ -1,60 +1,93 @@
-//! In which form samples stand in the ring of slices: as they are, or as depths inside the range.
+//! Samples on their way from the file into the ring of slices: as they are, or as depths inside the range.
+//!
+//! The type of the file's samples stays behind [`FileRange`], whose functions take whole rows: so solids and workers exist
+//! once for each of the five types of the ring instead of once for each pair of a file's type and a ring's (13), and a row
+//! costs one indirect call.
 
-use super::lanes::RingSample;
+use std::ops::Range;
+
+use super::classify::classify;
+use super::item::push_swapped;
 use super::range::{Ordered, SampleRange};
+use super::slices::OddSamples;
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::volume::{Scalar, ScalarType};
+use crate::format::Selection;
+use crate::volume::{Rescale, Scalar, ScalarType};
 
-/// The form in which samples of the file's type stand in the ring.
-pub(super) trait RingForm: Sync + Copy {
-    type File: Ordered;
-    type Ring: RingSample;
-    /// Are they the same, so that slices are read straight into the ring?
-    const IN_PLACE: bool;
-    fn range(&self) -> SampleRange<Self::File>;
-    /// File sample to ring sample (unused when in place).
-    fn convert(&self, sample: Self::File) -> Self::Ring;
-    /// Depth inside the range of a ring sample.
-    fn depth(&self, sample: Self::Ring) -> f32;
-    /// The ring sample at the surface, where the range begins at `bound` in samples of the file; `None` for a
-    /// range with two ends. Among integers a surface lies between the last sample outside and the first inside.
-    fn level(&self, bound: Option<f64>) -> f32;
-    /// Depth of a ring sample below that level.
-    fn depth_from(&self, sample: Self::Ring, level: f32) -> f32;
-    /// Is a ring sample inside? (Of depths: not outside; what is not a number has none.)
-    fn is_inside(&self, sample: Self::Ring) -> bool;
+/// The form in which samples stand in the ring, and how deep inside the range they are.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct RingForm {
+    /// True if samples stand as they are in the file, so that slices are read straight into the ring: with one lower
+    /// bound, and a type whose values a single holds exactly. Otherwise the ring holds depths.
+    pub(super) in_place: bool,
+    /// Type of a ring sample; singles for depths.
+    pub(super) scalar: ScalarType,
+    /// Step beyond the border: one unit for integers, so that a sample just at the bound still falls.
+    pub(super) unit: f32,
+    /// Ends of the range in samples of the file.
+    lo: f64,
+    hi: f64,
+    is_open_above: bool,
 }
 
-/// Samples stay as they are: one lower bound, and a type whose values a single holds exactly.
-#[derive(Clone, Copy)]
-pub(super) struct Samples<T>(pub(super) SampleRange<T>);
+impl RingForm {
+    fn new<T: Ordered>(range: SampleRange<T>) -> Self {
+        let is_open_above = range.is_open_above();
+        let is_float = matches!(T::TYPE, ScalarType::F32 | ScalarType::F64);
+        let in_place = is_open_above && (T::TYPE.bytes() <= 2 || T::TYPE == ScalarType::F32);
+        Self {
+            in_place,
+            scalar: if in_place { T::TYPE } else { ScalarType::F32 },
+            unit: if is_float { 0.0 } else { 1.0 },
+            lo: range.lo.to_f64(),
+            hi: range.hi.to_f64(),
+            is_open_above,
+        }
+    }
 
-impl<T: Ordered + RingSample> RingForm for Samples<T> {
-    type File = T;
-    type Ring = T;
-    const IN_PLACE: bool = true;
-    fn range(&self) -> SampleRange<T> {
-        self.0
+    /// True if a single value is inside, as in a map of labels.
+    pub(super) fn is_label(&self) -> bool {
+        self.lo == self.hi
     }
+
+    /// Ring sample of depth 0.
     #[inline(always)]
-    fn convert(&self, sample: T) -> T {
-        sample
+    fn zero(&self) -> f64 {
+        if self.in_place { self.lo } else { 0.0 }
     }
+
+    /// Depth inside the range of a ring sample.
     #[inline(always)]
-    fn depth(&self, sample: T) -> f32 {
-        self.0.depth(sample)
+    pub(super) fn depth(&self, sample: impl Scalar) -> f32 {
+        super::range::depth_of(sample.to_f64() - self.zero())
     }
-    fn level(&self, bound: Option<f64>) -> f32 {
-        let lo = self.0.lo.to_f64();
-        single(bound.map_or(lo, |bound| bound.clamp(lo - f64::from(border_unit::<Self>()), lo)))
+
+    /// The ring sample at the surface, where the range begins at `bound` in samples of the file; `None` for a
+    /// range with two ends. Among integers a surface lies between the last sample outside and the first inside.
+    pub(super) fn level(&self, bound: Option<f64>) -> f32 {
+        let unit = f64::from(self.unit);
+        if self.in_place {
+            return single(bound.map_or(self.lo, |bound| bound.clamp(self.lo - unit, self.lo)));
+        }
+        let level = match bound {
+            Some(bound) if self.is_open_above => bound - self.lo,
+            Some(bound) => self.hi - bound,
+            // Half way between neighbouring integers at either end.
+            None => -0.5 * unit,
+        };
+        single(level.clamp(-unit, 0.0))
     }
+
+    /// Depth of a ring sample below that level.
     #[inline(always)]
-    fn depth_from(&self, sample: T, level: f32) -> f32 {
+    pub(super) fn depth_from(sample: impl Scalar, level: f32) -> f32 {
         single(sample.to_f64()) - level
     }
+
+    /// True for a ring sample inside the range; never for NaN.
     #[inline(always)]
-    fn is_inside(&self, sample: T) -> bool {
-        self.0.contains(sample)
+    pub(super) fn is_inside(&self, sample: impl Scalar) -> bool {
+        sample.to_f64() >= self.zero()
     }
 }
 
@@ -65,68 +98,93 @@ fn single(v: f64) -> f32 {
     v as f32
 }
 
-/// The ring holds depths inside the range: wide types, two-sided ranges, falling scales.
-#[derive(Clone, Copy)]
-pub(super) struct Depths<T>(pub(super) SampleRange<T>);
+/// The range that is inside, of samples whose type is known at run time only. Samples are aligned bytes.
+pub(super) trait FileRange: Send + Sync {
+    /// The form in which samples stand in the ring.
+    fn form(&self) -> RingForm;
 
-impl<T: Ordered> RingForm for Depths<T> {
-    type File = T;
-    type Ring = f32;
-    const IN_PLACE: bool = false;
-    fn range(&self) -> SampleRange<T> {
-        self.0
+    /// Inside bits of the samples `own` of a row; a word before them and one after them have the sample next to them.
+    fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]);
+
+    /// Looks for samples that a user should know of.
+    fn look(&self, samples: &[u8], odd: &mut OddSamples);
+
+    /// Depths of a row inside the range.
+    fn depths(&self, row: &[u8], to: &mut [f32]);
+
+    /// Appends the swapped values of samples, those of `chosen` bits from `first` on, and widens `extent` by them.
+    fn push_values(
+        &self,
+        samples: &[u8],
+        first: usize,
+        chosen: u32,
+        values: &mut Vec<u8>,
+        extent: &mut (f32, f32),
+    );
+}
+
+/// The samples of a volume that lie in a selection, or `None` if no sample can.
+pub(super) fn file_range(
+    scalar: ScalarType,
+    selection: &Selection,
+    rescale: Rescale,
+) -> Option<Box<dyn FileRange>> {
+    by_type!(scalar, T => Some(Box::new(SampleRange::<T>::of_selection(selection, rescale)?)))
+}
+
+impl<T: Ordered> FileRange for SampleRange<T> {
+    fn form(&self) -> RingForm {
+        RingForm::new(*self)
     }
-    #[inline(always)]
-    fn convert(&self, sample: T) -> f32 {
-        self.0.depth(sample)
+
+    fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]) {
+        let samples: &[T] = bytemuck::cast_slice(row);
+        let [before, words @ .., after] = words else { return };
+        let (full, rest) = words.split_at_mut(own.len().div_ceil(64));
+        classify(&samples[own.clone()], *self, full);
+        rest.fill(0);
+        *before = if own.start > 0 { u64::from(self.contains(samples[own.start - 1])) << 63 } else { 0 };
+        *after = samples.get(own.end).map_or(0, |v| u64::from(self.contains(*v)));
     }
-    #[inline(always)]
-    fn depth(&self, sample: f32) -> f32 {
-        sample
+
+    fn look(&self, samples: &[u8], odd: &mut OddSamples) {
+        odd.look::<T>(bytemuck::cast_slice(samples), *self);
     }
-    fn level(&self, bound: Option<f64>) -> f32 {
-        let unit = f64::from(border_unit::<Self>());
-        let SampleRange { lo, hi } = self.0;
-        let level = match bound {
-            Some(bound) if self.0.is_open_above() => bound - lo.to_f64(),
-            Some(bound) => hi.to_f64() - bound,
-            // Half way between neighbouring integers at either end.
-            None => -0.5 * unit,
-        };
-        single(level.clamp(-unit, 0.0))
+
+    fn depths(&self, row: &[u8], to: &mut [f32]) {
+        dispatch(DepthKernel { range: *self, from: bytemuck::cast_slice(row), to });
     }
-    #[inline(always)]
-    fn depth_from(&self, sample: f32, level: f32) -> f32 {
-        sample - level
-    }
-    #[inline(always)]
-    fn is_inside(&self, sample: f32) -> bool {
-        sample >= 0.0
+
+    fn push_values(
+        &self,
+        samples: &[u8],
+        first: usize,
+        chosen: u32,
+        values: &mut Vec<u8>,
+        extent: &mut (f32, f32),
+    ) {
+        let samples: &[T] = bytemuck::cast_slice(samples);
+        let mut rest = chosen;
+        while rest != 0 {
+            push_swapped(samples[first + rest.trailing_zeros() as usize], values, extent);
+            rest &= rest - 1;
+        }
     }
 }
 
-pub(super) fn convert<F: RingForm>(form: &F, from: &[F::File], to: &mut [F::Ring]) {
-    dispatch(ConvertKernel { form, from, to });
+struct DepthKernel<'a, T> {
+    range: SampleRange<T>,
+    from: &'a [T],
+    to: &'a mut [f32],
 }
 
-struct ConvertKernel<'a, F: RingForm> {
-    form: &'a F,
-    from: &'a [F::File],
-    to: &'a mut [F::Ring],
-}
-
-impl<F: RingForm> Kernel for ConvertKernel<'_, F> {
+impl<T: Ordered> Kernel for DepthKernel<'_, T> {
     type Output = ();
 
     #[inline(always)]
     fn run(self, _: impl Lanes) {
         for (to, from) in self.to.iter_mut().zip(self.from) {
-            *to = self.form.convert(*from);
+            *to = self.range.depth(*from);
         }
     }
-}
-
-/// Step beyond the border: one unit for integers, so that a sample just at the bound still falls.
-pub(super) fn border_unit<F: RingForm>() -> f32 {
-    if matches!(<F::File as Scalar>::TYPE, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 }
 }

@@ -6,11 +6,11 @@
 use std::ops::Range;
 use std::time::{Duration, Instant};
 
-use super::classify::classify;
 use super::gradient::{OVERREAD, SLICE_VOXELS};
 use super::item::value_bytes;
+use super::lanes::RingSample;
 use super::range::{Ordered, SampleRange};
-use super::ring::{RingForm, convert};
+use super::ring::{FileRange, RingForm};
 use super::solid::{BRICK, OccupancyRows, Tile, VoxelBox};
 use crate::format::Channel;
 use crate::geom::Dims;
@@ -62,13 +62,13 @@ impl RingShape {
         }
     }
 
-    pub(super) fn of<F: RingForm>(info: &VolumeInfo, reach: Reach) -> Self {
+    pub(super) fn of(info: &VolumeInfo, form: &RingForm, reach: Reach) -> Self {
         Self {
             dims: info.dims,
             reach,
             file_bytes: info.scalar.bytes(),
-            ring_bytes: size_of::<F::Ring>(),
-            in_place: F::IN_PLACE,
+            ring_bytes: form.scalar.bytes(),
+            in_place: form.in_place,
             value_bytes: value_bytes(info.scalar),
         }
     }
@@ -76,7 +76,7 @@ impl RingShape {
     pub(super) fn bytes(&self, tile: &Tile) -> u64 {
         let values = if tile.channels.contains(Channel::Value) { self.value_bytes } else { 0 };
         let bytes = (self.reach.ring() * self.plane_samples(tile) + OVERREAD) * self.ring_bytes
-            + self.staging_slices(tile) * self.block_samples(tile) * self.file_bytes
+            + self.staging_words(tile) * size_of::<u64>()
             + SLICE_VOXELS * (15 + values);
         bytes as u64
     }
@@ -107,6 +107,11 @@ impl RingShape {
         self.stride(tile) * self.block(tile).1
     }
 
+    /// Words of those slices: so they are aligned for every type.
+    fn staging_words(&self, tile: &Tile) -> usize {
+        (self.staging_slices(tile) * self.block_samples(tile) * self.file_bytes).div_ceil(size_of::<u64>())
+    }
+
     /// Slices of file samples held in addition to the ring: enough that slice z is still there when its values
     /// are gathered.
     pub(super) fn staging_slices(&self, tile: &Tile) -> usize {
@@ -132,31 +137,43 @@ pub(super) struct Frame {
 }
 
 /// One thread's ring of slices.
-pub(super) struct Slices<'a, F: RingForm> {
+pub(super) struct Slices<'a, R> {
     source: &'a dyn VolumeSource,
-    pub(super) form: F,
+    range: &'a dyn FileRange,
+    pub(super) form: RingForm,
     pub(super) dims: [u32; 3],
     reach: Reach,
     stride: usize,
     pub(super) frame: Frame,
-    ring: Vec<F::Ring>,
+    ring: Vec<R>,
     plane_len: usize,
-    staging: Vec<F::File>,
+    /// Bytes of a sample in the file.
+    file_bytes: usize,
+    staging: Vec<u64>,
+    /// Slices of the staging, and bytes of each.
     staging_slices: usize,
+    staging_len: usize,
     /// Time spent waiting for input.
     pub(super) reading: Duration,
     /// Were there samples that are NaN, and infinite ones inside?
     pub(super) odd: OddSamples,
 }
 
-impl<'a, F: RingForm> Slices<'a, F> {
-    pub(super) fn new(source: &'a dyn VolumeSource, form: F, reach: Reach, tile: &Tile) -> Self {
-        let info = source.info();
-        let shape = RingShape::of::<F>(info, reach);
-        let (plane_len, staging_slices) = (shape.plane_samples(tile), shape.staging_slices(tile));
+impl<'a, R: RingSample> Slices<'a, R> {
+    /// `R` is the type that the form of the range names.
+    pub(super) fn new(
+        source: &'a dyn VolumeSource,
+        range: &'a dyn FileRange,
+        reach: Reach,
+        tile: &Tile,
+    ) -> Self {
+        let (info, form) = (source.info(), range.form());
+        let shape = RingShape::of(info, &form, reach);
+        let plane_len = shape.plane_samples(tile);
         let nothing = VoxelBox { x: 0..0, y: 0..0, z: 0..0 };
         Self {
             source,
+            range,
             form,
             dims: info.dims.to_array(),
             reach,
@@ -164,8 +181,10 @@ impl<'a, F: RingForm> Slices<'a, F> {
             frame: Frame { column: nothing, rows: 0..0, cols: 0..0, width: 0, stride: 0, samples: 0 },
             ring: vec![bytemuck::Zeroable::zeroed(); reach.ring() * plane_len + OVERREAD],
             plane_len,
-            staging: vec![bytemuck::Zeroable::zeroed(); staging_slices * shape.block_samples(tile)],
-            staging_slices,
+            file_bytes: shape.file_bytes,
+            staging: vec![0; shape.staging_words(tile)],
+            staging_slices: shape.staging_slices(tile),
+            staging_len: shape.block_samples(tile) * shape.file_bytes,
             reading: Duration::ZERO,
             odd: OddSamples::default(),
         }
@@ -188,7 +207,7 @@ impl<'a, F: RingForm> Slices<'a, F> {
 
     /// Reads a slice of the column into its slot of the ring and classifies it.
     pub(super) fn load(&mut self, wanted: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
-        let (f, z, range) = (&self.frame, wanted.z(), self.form.range());
+        let (f, z) = (&self.frame, wanted.z());
         if z >= self.dims[2] {
             wanted.y().for_each(|y| wanted.row_mut(y).fill(0));
             return Ok(());
@@ -197,22 +216,24 @@ impl<'a, F: RingForm> Slices<'a, F> {
         let plane = &mut self.ring[z as usize % ring * self.plane_len..][..f.samples];
         let (rows, cols) = (f.rows.clone(), f.cols.clone());
         let started = Instant::now();
-        if F::IN_PLACE {
-            let pitch = f.stride * size_of::<F::Ring>();
-            self.source.read_pitched(z, rows, cols, pitch, bytemuck::cast_slice_mut(plane))?;
+        if self.form.in_place {
+            let pitch = f.stride * size_of::<R>();
+            let bytes: &mut [u8] = bytemuck::cast_slice_mut(plane);
+            self.source.read_pitched(z, rows, cols, pitch, bytes)?;
             self.reading += started.elapsed();
-            self.odd.look::<F::File>(bytemuck::cast_slice(plane), range);
-            classify_rows(f, self.dims, bytemuck::cast_slice(plane), f.stride, range, wanted);
+            self.range.look(bytes, &mut self.odd);
+            classify_rows(f, self.dims, bytes, (f.stride, size_of::<R>()), self.range, wanted);
         } else {
-            let len = self.staging.len() / self.staging_slices;
-            let staged =
-                &mut self.staging[z as usize % self.staging_slices * len..][..f.width * f.rows.len()];
-            self.source.read_rows(z, rows, cols, bytemuck::cast_slice_mut(staged))?;
+            let width = f.width * self.file_bytes;
+            let staged = &mut bytemuck::cast_slice_mut(&mut self.staging)
+                [z as usize % self.staging_slices * self.staging_len..][..width * f.rows.len()];
+            self.source.read_rows(z, rows, cols, staged)?;
             self.reading += started.elapsed();
-            self.odd.look(staged, range);
-            classify_rows(f, self.dims, staged, f.width, range, wanted);
-            for (from, to) in staged.chunks_exact(f.width).zip(plane.chunks_mut(f.stride)) {
-                convert(&self.form, from, &mut to[..f.width]);
+            self.range.look(staged, &mut self.odd);
+            classify_rows(f, self.dims, staged, (f.width, self.file_bytes), self.range, wanted);
+            let plane: &mut [f32] = bytemuck::cast_slice_mut(plane);
+            for (from, to) in staged.chunks_exact(width).zip(plane.chunks_mut(f.stride)) {
+                self.range.depths(from, &mut to[..f.width]);
             }
         }
         Ok(())
@@ -221,18 +242,30 @@ impl<'a, F: RingForm> Slices<'a, F> {
     /// The samples of slice `z` in the ring, with [`OVERREAD`] more behind them. Any number is safe; those that
     /// are not in the ring have another slice's samples.
     #[inline(always)]
-    pub(super) fn plane(&self, z: u32) -> &[F::Ring] {
+    pub(super) fn plane(&self, z: u32) -> &[R] {
         &self.ring[z as usize % self.reach.ring() * self.plane_len..][..self.plane_len + OVERREAD]
     }
 
-    /// The samples of slice `z` as they are in the file, and from one row to the next.
-    pub(super) fn file_samples(&self, z: u32) -> (&[F::File], usize) {
-        if F::IN_PLACE {
-            let plane = &self.ring[z as usize % self.reach.ring() * self.plane_len..][..self.plane_len];
+    /// Appends the values of some samples of a slice, as [`FileRange::push_values`]: by rows from `first` on, column and
+    /// row of what is read, bits of those chosen.
+    pub(super) fn push_values(
+        &self,
+        z: u32,
+        first: [usize; 2],
+        chosen: &[u32],
+        values: &mut Vec<u8>,
+        extent: &mut (f32, f32),
+    ) {
+        let z = z as usize;
+        let (samples, stride): (&[u8], usize) = if self.form.in_place {
+            let plane = &self.ring[z % self.reach.ring() * self.plane_len..][..self.plane_len];
             (bytemuck::cast_slice(plane), self.frame.stride)
         } else {
-            let len = self.staging.len() / self.staging_slices;
-            (&self.staging[z as usize % self.staging_slices * len..][..len], self.frame.width)
+            let staging = bytemuck::cast_slice(&self.staging);
+            (&staging[z % self.staging_slices * self.staging_len..][..self.staging_len], self.frame.width)
+        };
+        for (row, chosen) in (first[1]..).zip(chosen) {
+            self.range.push_values(samples, row * stride + first[0], *chosen, values, extent);
         }
     }
 }
@@ -247,7 +280,7 @@ pub(super) struct OddSamples {
 
 impl OddSamples {
     /// Looks for them in parts without a branch, at the speed of memory.
-    fn look<T: Ordered>(&mut self, samples: &[T], range: SampleRange<T>) {
+    pub(super) fn look<T: Ordered>(&mut self, samples: &[T], range: SampleRange<T>) {
         const PART: usize = 256;
         if T::NO_NUMBER.is_none() {
             return;
@@ -262,30 +295,26 @@ impl OddSamples {
     }
 }
 
-/// Inside bits of the rows wanted, from samples whose rows are `stride` apart; a word of each row stands before
-/// the column and one after it.
-fn classify_rows<T: Ordered>(
+/// Inside bits of the rows wanted, from samples of so many bytes whose rows are `stride` apart; a word of each row stands
+/// before the column and one after it.
+fn classify_rows(
     f: &Frame,
     dims: [u32; 3],
-    plane: &[T],
-    stride: usize,
-    range: SampleRange<T>,
+    plane: &[u8],
+    (stride, sample_bytes): (usize, usize),
+    range: &dyn FileRange,
     wanted: &mut OccupancyRows<'_>,
 ) {
     let x0 = (f.column.x.start - f.cols.start) as usize;
-    // Of the columns those that exist.
+    // Columns that exist.
     let within = f.column.x.len().min((dims[0] - f.column.x.start.min(dims[0])) as usize);
     for y in wanted.y() {
         if y >= dims[1] {
             wanted.row_mut(y).fill(0);
             continue;
         }
-        let samples = &plane[(y - f.rows.start) as usize * stride..][..f.width];
-        let [before, words @ .., after] = wanted.row_mut(y) else { continue };
-        let (full, rest) = words.split_at_mut(within.div_ceil(64));
-        classify(&samples[x0..x0 + within], range, full);
-        rest.fill(0);
-        *before = if x0 > 0 { u64::from(range.contains(samples[x0 - 1])) << 63 } else { 0 };
-        *after = samples.get(x0 + within).map_or(0, |v| u64::from(range.contains(*v)));
+        let first = (y - f.rows.start) as usize * stride * sample_bytes;
+        let row = &plane[first..][..f.width * sample_bytes];
+        range.classify(row, x0..x0 + within, wanted.row_mut(y));
     }
 }

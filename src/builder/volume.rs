@@ -11,14 +11,15 @@
 
 use std::path::Path;
 
-use super::choose::Chooser;
+use super::choose::{Chooser, Chosen};
 use super::error::{BuildError, Criterion};
 use super::estimator::Gradient;
 use super::gradient::{Codes, Gradients, NormalRule, REACH, SLICE_VOXELS, SliceWindow, gradient_of_depths};
-use super::item::{ItemForm, push_swapped, value_bytes, value_form, value_scale};
+use super::item::{ItemForm, value_bytes, value_form, value_scale};
+use super::lanes::RingSample;
 use super::options::BuildOptions;
 use super::report::BuildNote;
-use super::ring::{RingForm, border_unit};
+use super::ring::{FileRange, RingForm};
 use super::skin::Exposed;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -26,7 +27,7 @@ use super::solid::{
 };
 use crate::format::{Channel, Metadata, Selection, SourceMeta};
 use crate::geom::Dims;
-use crate::volume::{ScalarType, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource};
 
 const BRICK_ROWS: usize = BRICK as usize;
 const RING: usize = 2 * REACH as usize + 1;
@@ -44,9 +45,11 @@ pub(super) fn volume_form(scalar: ScalarType, channel: Channel, found: &ScanSumm
 }
 
 /// The voxels of a volume whose samples lie in a range.
-pub(super) struct VolumeSolid<'a, F> {
+pub(super) struct VolumeSolid<'a> {
     pub(super) source: &'a dyn VolumeSource,
-    pub(super) form: F,
+    /// The range, and the form of its samples in the ring.
+    pub(super) range: Box<dyn FileRange>,
+    pub(super) form: RingForm,
     pub(super) selection: Selection,
     pub(super) gradient: Gradient,
     pub(super) rule: NormalRule,
@@ -56,13 +59,14 @@ pub(super) struct VolumeSolid<'a, F> {
     pub(super) note: Option<BuildNote>,
 }
 
-impl<'a, F: RingForm> VolumeSolid<'a, F> {
-    /// The solid of a range that has been chosen; `form` tests for it.
-    pub(super) fn new(form: F, selection: Selection, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
+impl<'a> VolumeSolid<'a> {
+    /// The solid of what has been chosen.
+    pub(super) fn new(chosen: Chosen, options: &BuildOptions, chooser: Chooser<'a>) -> Self {
         let source = chooser.source;
-        let gradient = options.gradient();
+        let Chosen { selection, range, note } = chosen;
+        let (form, gradient) = (range.form(), options.gradient());
         let rule = NormalRule::new(source.info().spacing_mm, gradient);
-        Self { source, form, selection, gradient, rule, chooser, note: None }
+        Self { source, range, form, selection, gradient, rule, chooser, note }
     }
 
     /// Where the range begins, in samples of the file, if that is its only end.
@@ -73,7 +77,7 @@ impl<'a, F: RingForm> VolumeSolid<'a, F> {
     }
 }
 
-impl<F: RingForm> Solid for VolumeSolid<'_, F> {
+impl Solid for VolumeSolid<'_> {
     fn dims(&self) -> Dims {
         self.source.info().dims
     }
@@ -110,7 +114,8 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        RingShape::of::<F>(self.source.info(), AROUND).bytes(tile) + NormalRule::more_bytes(self.gradient)
+        RingShape::of(self.source.info(), &self.form, AROUND).bytes(tile)
+            + NormalRule::more_bytes(self.gradient)
     }
 
     fn input_bytes(&self) -> u64 {
@@ -118,7 +123,7 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        Box::new(VolumeWorker::new(self, tile))
+        by_ring!(self.form.scalar, R => Box::new(VolumeWorker::<R>::new(self, tile)))
     }
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
@@ -134,13 +139,13 @@ impl<F: RingForm> Solid for VolumeSolid<'_, F> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        self.chooser.empty::<F::File>(Criterion::Within(self.selection))
+        self.chooser.empty(Criterion::Within(self.selection))
     }
 }
 
 /// One thread's ring of slices, and what it found at the skin.
-pub(super) struct VolumeWorker<'a, F: RingForm> {
-    slices: Slices<'a, F>,
+struct VolumeWorker<'a, R> {
+    slices: Slices<'a, R>,
     rule: &'a NormalRule,
     normals: bool,
     values: bool,
@@ -152,12 +157,12 @@ pub(super) struct VolumeWorker<'a, F: RingForm> {
     extent: (f32, f32),
 }
 
-impl<'a, F: RingForm> VolumeWorker<'a, F> {
-    fn new(solid: &'a VolumeSolid<'_, F>, tile: &Tile) -> Self {
+impl<'a, R: RingSample + Scalar> VolumeWorker<'a, R> {
+    fn new(solid: &'a VolumeSolid<'_>, tile: &Tile) -> Self {
         let values = tile.channels.contains(Channel::Value);
         let value_bytes = value_bytes(solid.source.info().scalar);
         Self {
-            slices: Slices::new(solid.source, solid.form, AROUND, tile),
+            slices: Slices::new(solid.source, &*solid.range, AROUND, tile),
             rule: &solid.rule,
             normals: tile.channels.contains(Channel::Normal),
             values,
@@ -175,14 +180,14 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
         let [x0, _, z] = skin.corner();
         let interior = self.interior(z, x0, skin.rows());
         let row0 = (f.column.y.start - f.rows.start) as usize;
-        let planes: [&[F::Ring]; RING] =
+        let planes: [&[R]; RING] =
             std::array::from_fn(|k| self.slices.plane(z + k as u32 + RING as u32 - REACH));
         let origin = row0 * f.stride + (x0 - f.cols.start) as usize;
         let window = SliceWindow { planes, stride: f.stride, origin, skin: skin.rows(), interior: &interior };
         let estimate = self.rule.estimate(&window, &mut self.gradients);
         let faces: [Exposed; BRICK_ROWS] = std::array::from_fn(|y| skin.exposed(y));
         let (dims, form) = (self.slices.dims, self.slices.form);
-        let unit = border_unit::<F>();
+        let unit = form.unit;
         NormalRule::codes(&estimate, &window, &faces, &mut self.gradients, &mut self.codes, |y, x| {
             let (cx, cy) = (i64::from(x0 + x), i64::from(f.column.y.start) + y as i64);
             let depths = std::array::from_fn(|k| {
@@ -227,22 +232,14 @@ impl<'a, F: RingForm> VolumeWorker<'a, F> {
         // Taken out while the samples are borrowed.
         let (mut values, mut extent) = (std::mem::take(&mut self.swapped_values), self.extent);
         values.clear();
-        let (plane, stride) = self.slices.file_samples(z);
         let f = &self.slices.frame;
-        let (x0, y0) = ((x0 - f.cols.start) as usize, (f.column.y.start - f.rows.start) as usize);
-        for (y, row) in skin.rows().iter().enumerate() {
-            let mut bits = *row;
-            while bits != 0 {
-                let x = bits.trailing_zeros() as usize;
-                bits &= bits - 1;
-                push_swapped(plane[(y0 + y) * stride + x0 + x], &mut values, &mut extent);
-            }
-        }
+        let first = [x0 - f.cols.start, f.column.y.start - f.rows.start].map(|c| c as usize);
+        self.slices.push_values(z, first, skin.rows(), &mut values, &mut extent);
         (self.swapped_values, self.extent) = (values, extent);
     }
 }
 
-impl<F: RingForm> SolidWorker for VolumeWorker<'_, F> {
+impl<R: RingSample + Scalar> SolidWorker for VolumeWorker<'_, R> {
     fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
         self.slices.start(column);
         Ok(())

@@ -37,8 +37,9 @@ use std::path::Path;
 
 use super::error::BuildError;
 use super::item::ItemForm;
+use super::lanes::RingSample;
 use super::report::BuildNote;
-use super::ring::{RingForm, border_unit};
+use super::ring::RingForm;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
     BRICK, EdgeCrossing, LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
@@ -47,7 +48,7 @@ use super::volume::VolumeSolid;
 use crate::format::cell::CORNERS;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
-use crate::volume::SourceError;
+use crate::volume::{Scalar, SourceError};
 
 use corner::{EDGES, signed_depth};
 pub(crate) use edges::{CellEdge, CellEdges};
@@ -85,20 +86,20 @@ pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
 }
 
 /// The cells of a volume whose samples lie in a range.
-pub(super) struct CellSolid<'a, F> {
-    volume: VolumeSolid<'a, F>,
+pub(super) struct CellSolid<'a> {
+    volume: VolumeSolid<'a>,
     dims: Dims,
     bound: f64,
 }
 
-impl<'a, F: RingForm> CellSolid<'a, F> {
+impl<'a> CellSolid<'a> {
     /// `dims` are those of [`cell_dims`], `bound` that of larger leaves in voxels of the finest spacing, 0 without them.
-    pub(super) fn new(volume: VolumeSolid<'a, F>, dims: Dims, bound: f64) -> Self {
+    pub(super) fn new(volume: VolumeSolid<'a>, dims: Dims, bound: f64) -> Self {
         Self { volume, dims, bound }
     }
 }
 
-impl<F: RingForm> Solid for CellSolid<'_, F> {
+impl Solid for CellSolid<'_> {
     fn dims(&self) -> Dims {
         self.dims
     }
@@ -132,7 +133,7 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        RingShape::of::<F>(self.volume.source.info(), AROUND_CELL).bytes(tile) + WORKER_BYTES
+        RingShape::of(self.volume.source.info(), &self.volume.form, AROUND_CELL).bytes(tile) + WORKER_BYTES
     }
 
     fn input_bytes(&self) -> u64 {
@@ -140,15 +141,15 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        let range = self.volume.form.range();
-        Box::new(CellWorker {
-            slices: Slices::new(self.volume.source, self.volume.form, AROUND_CELL, tile),
-            level: self.volume.form.level(self.volume.bound()),
-            is_label: range.lo == range.hi,
-            stretch: Stretch::new(self.volume.source.info().spacing_mm, self.bound),
+        let VolumeSolid { source, range, form, .. } = &self.volume;
+        by_ring!(form.scalar, R => Box::new(CellWorker {
+            slices: Slices::<R>::new(*source, &**range, AROUND_CELL, tile),
+            level: form.level(self.volume.bound()),
+            is_label: form.is_label(),
+            stretch: Stretch::new(source.info().spacing_mm, self.bound),
             batch: Batch::new(),
             items: CellItems::new(),
-        })
+        }))
     }
 
     fn note(&self) -> Option<BuildNote> {
@@ -161,18 +162,18 @@ impl<F: RingForm> Solid for CellSolid<'_, F> {
 }
 
 /// One thread's ring of slices, and the cells described last.
-pub(super) struct CellWorker<'a, F: RingForm> {
-    slices: Slices<'a, F>,
+struct CellWorker<'a, R> {
+    slices: Slices<'a, R>,
     /// Ring samples at the surface.
     level: f32,
-    /// Is a single value inside, as in a map of labels?
+    /// True if a single value is inside, as in a map of labels.
     is_label: bool,
     stretch: Stretch,
     batch: Box<Batch>,
     items: CellItems,
 }
 
-impl<F: RingForm> CellWorker<'_, F> {
+impl<R: RingSample + Scalar> CellWorker<'_, R> {
     /// Like [`CellWorker::field_of`], for a cell with these corners inside.
     fn field(&self, cell: [u32; 3], mask: u8) -> Field {
         let mut field = self.field_of(cell);
@@ -183,7 +184,7 @@ impl<F: RingForm> CellWorker<'_, F> {
     /// Depths inside the range of the samples around a cell; beyond the volume as far outside as inside before.
     fn field_of(&self, cell: [u32; 3]) -> Field {
         let (f, form, dims) = (&self.slices.frame, self.slices.form, self.slices.dims);
-        let (unit, low) = (border_unit::<F>(), i64::from(AROUND_CELL.low));
+        let (unit, low) = (form.unit, i64::from(AROUND_CELL.low));
         let mut field = Field::EMPTY;
         for k in 0..EDGE as i64 {
             let pz = i64::from(cell[2]) + k - low;
@@ -198,7 +199,7 @@ impl<F: RingForm> CellWorker<'_, F> {
                     let qx = px.clamp(0, i64::from(dims[0]) - 1);
                     let sample = plane[row + (qx as usize - f.cols.start as usize)];
                     let exists = (px, py, pz) == (qx, qy, qz);
-                    let depth = form.depth_from(sample, self.level);
+                    let depth = RingForm::depth_from(sample, self.level);
                     let inside = exists && form.is_inside(sample);
                     let depth = if exists { depth } else { -depth.abs() - unit };
                     field.set([i as usize, j as usize, k as usize], depth, inside);
@@ -240,7 +241,7 @@ impl<F: RingForm> CellWorker<'_, F> {
     }
 }
 
-impl<F: RingForm> SolidWorker for CellWorker<'_, F> {
+impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
     fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
         self.slices.start(column);
         Ok(())

@@ -10,7 +10,6 @@ use super::fit::{CellFit, Fitted, fit_cell};
 use super::ring::{self, CHUNK, Ring, bits_of};
 use super::wall::{WINDOW, Window};
 use crate::builder::gradient::SLICE_VOXELS;
-use crate::builder::range::Ordered;
 use crate::builder::slices::Reach;
 use crate::builder::solid::{LOOKAHEAD, OccupancyRows, ScanSummary, SkinSlice, SolidWorker, Tile, VoxelBox};
 use crate::cpu::{Kernel, Lanes, dispatch};
@@ -34,8 +33,8 @@ pub(in crate::builder) fn worker_bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
 }
 
 /// One thread's ring, and the cells described last.
-pub(super) struct CellWorker<'a, T> {
-    ring: Ring<'a, T>,
+pub(super) struct CellWorker<'a> {
+    ring: Ring<'a>,
     /// The slice that is read next.
     next: u32,
     fit: CellFit,
@@ -66,8 +65,8 @@ impl Items {
     }
 }
 
-impl<'a, T: Ordered> CellWorker<'a, T> {
-    pub(super) fn new(solid: &'a LabelSolid<'a>, to_number: fn(T) -> f64, tile: &Tile) -> Self {
+impl<'a> CellWorker<'a> {
+    pub(super) fn new(solid: &'a LabelSolid<'a>, tile: &Tile) -> Self {
         let items = Items {
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
@@ -75,7 +74,7 @@ impl<'a, T: Ordered> CellWorker<'a, T> {
             pairs: Vec::with_capacity(4 * SLICE_VOXELS),
         };
         let fit = CellFit::new(solid.smooth);
-        Self { ring: Ring::new(solid, to_number, tile), next: 0, fit, items }
+        Self { ring: Ring::new(solid, tile), next: 0, fit, items }
     }
 }
 
@@ -146,7 +145,7 @@ impl Kernel for FitKernel<'_, '_> {
     }
 }
 
-impl<T: Ordered> SolidWorker for CellWorker<'_, T> {
+impl SolidWorker for CellWorker<'_> {
     fn start(&mut self, column: &VoxelBox) -> Result<(), SourceError> {
         self.ring.column = column.clone();
         self.next = column.z.start.saturating_sub(AROUND.low);

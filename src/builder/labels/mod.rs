@@ -21,7 +21,6 @@ use super::cells::cell_dims;
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::options::BuildOptions;
-use super::range::Ordered;
 use super::report::BuildNote;
 use super::solid::{ScanSummary, Solid, SolidWorker, Tile};
 use crate::builder::BuildFault;
@@ -31,11 +30,12 @@ use crate::format::{
 };
 use crate::geom::Dims;
 use crate::text::Short;
-use crate::volume::{ScalarType, SourceError, StatedLabel, VolumeInfo, VolumeSource};
+use crate::volume::{SourceError, StatedLabel, VolumeInfo, VolumeSource};
 
 use crate::fault::{Fault, bad};
 use cells::CellWorker;
 pub(super) use cells::worker_bytes;
+use ring::ConvertRow;
 pub use wall::MAX_SMOOTH;
 
 /// The labels of a volume that a model is built of.
@@ -126,18 +126,10 @@ pub(super) fn label_solid<'a>(
         choice,
         names: names(&options.label_names, &info.description.labels),
         smooth: options.smooth,
+        convert: by_type!(info.scalar, T => ring::convert::<T>),
         counts: Mutex::default(),
     };
-    Ok(match info.scalar {
-        ScalarType::U8 => Box::new(Typed(solid, |v: u8| v.into())),
-        ScalarType::I8 => Box::new(Typed(solid, |v: i8| v.into())),
-        ScalarType::U16 => Box::new(Typed(solid, |v: u16| v.into())),
-        ScalarType::I16 => Box::new(Typed(solid, |v: i16| v.into())),
-        ScalarType::U32 => Box::new(Typed(solid, |v: u32| v.into())),
-        ScalarType::I32 => Box::new(Typed(solid, |v: i32| v.into())),
-        ScalarType::F32 => Box::new(Typed(solid, |v: f32| v.into())),
-        ScalarType::F64 => Box::new(Typed(solid, |v: f64| v)),
-    })
+    Ok(Box::new(solid))
 }
 
 /// Voxels of a label.
@@ -151,12 +143,11 @@ struct LabelSolid<'a> {
     names: Cow<'a, [LabelName]>,
     /// [`BuildOptions::smooth`]
     smooth: f64,
+    /// For samples of the file's type: so solid and worker exist once.
+    convert: ConvertRow,
     /// Counts of all workers that are done, by number.
     counts: Mutex<Vec<Count>>,
 }
-
-/// A solid whose samples have this type, and their numbers.
-struct Typed<'a, T>(LabelSolid<'a>, fn(T) -> f64);
 
 impl LabelSolid<'_> {
     fn wrong(&self, fault: Fault) -> SourceError {
@@ -180,14 +171,14 @@ impl LabelSolid<'_> {
         }
     }
 
-    fn found(&self) -> std::sync::MutexGuard<'_, Vec<Count>> {
+    fn counted(&self) -> std::sync::MutexGuard<'_, Vec<Count>> {
         self.counts.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
-impl<T: Ordered> Solid for Typed<'_, T> {
+impl Solid for LabelSolid<'_> {
     fn dims(&self) -> Dims {
-        self.0.dims
+        self.dims
     }
 
     fn surface(&self) -> SurfaceKind {
@@ -199,8 +190,8 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn metadata(&self, _: &ScanSummary) -> Metadata {
-        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.0.source.info();
-        let found = self.0.found();
+        let VolumeInfo { dims, scalar, rescale, spacing_mm, affine, description, .. } = self.source.info();
+        let found = self.counted();
         let ends = found.first().zip(found.last()).map_or((1, u16::MAX), |(first, last)| (first.0, last.0));
         Metadata {
             source: SourceMeta {
@@ -214,8 +205,8 @@ impl<T: Ordered> Solid for Typed<'_, T> {
             affine: affine.rows,
             rescale: [rescale.slope, rescale.intercept],
             selection: Selection { kind: SelectionKind::Range, lo: ends.0.into(), hi: ends.1.into() },
-            gradient: if self.0.smooth < MAX_SMOOTH {
-                format!("{} within {} voxel", cells::ESTIMATOR, Short(self.0.smooth))
+            gradient: if self.smooth < MAX_SMOOTH {
+                format!("{} within {} voxel", cells::ESTIMATOR, Short(self.smooth))
             } else {
                 cells::ESTIMATOR.into()
             },
@@ -224,7 +215,7 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn name(&self) -> String {
-        self.0.source.info().description.name.clone()
+        self.source.info().description.name.clone()
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
@@ -232,27 +223,27 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        worker_bytes(self.0.source.info(), tile)
+        worker_bytes(self.source.info(), tile)
     }
 
     fn input_bytes(&self) -> u64 {
-        self.0.source.resident_bytes()
+        self.source.resident_bytes()
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
-        Box::new(CellWorker::new(&self.0, self.1, tile))
+        Box::new(CellWorker::new(self, tile))
     }
 
     fn labels(&self) -> Result<Vec<Label>, BuildError> {
-        let found = self.0.found();
+        let found = self.counted();
         if found.len() > MAX_LABELS {
             return Err(BuildFault::Source(
-                self.0.wrong(bad!("holds more than {MAX_LABELS} labels; choose some of them")),
+                self.wrong(bad!("holds more than {MAX_LABELS} labels; choose some of them")),
             )
             .into());
         }
         let label = |(number, voxels): &Count| {
-            let stated = self.0.names.iter().find(|stated| stated.number == *number);
+            let stated = self.names.iter().find(|stated| stated.number == *number);
             Label {
                 number: *number,
                 name: stated.map_or_else(String::new, |stated| stated.name.clone()),
@@ -264,17 +255,17 @@ impl<T: Ordered> Solid for Typed<'_, T> {
     }
 
     fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.0.source.check_unchanged()
+        self.source.check_unchanged()
     }
 
     /// A table that names other labels, or the first label that was asked for, or has a name, and has no voxel.
     fn note(&self) -> Option<BuildNote> {
-        let (found, names) = (self.0.found(), &self.0.names);
+        let (found, names) = (self.counted(), &self.names);
         let is_found = |named: &LabelName| found.binary_search_by_key(&named.number, |count| count.0).is_ok();
         if !names.is_empty() && !names.iter().any(is_found) {
             return Some(BuildNote::LabelsUnnamed { named: names.len() });
         }
-        let LabelChoice::Only(ranges) = self.0.choice else {
+        let LabelChoice::Only(ranges) = self.choice else {
             let mut absent = names.iter().filter(|named| !is_found(named));
             let first = absent.next()?.number;
             return Some(BuildNote::NamesAbsent { first, others: absent.count() });

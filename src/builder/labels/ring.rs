@@ -8,13 +8,13 @@ use super::cells::AROUND;
 use super::wall::WINDOW;
 use super::{Count, LabelChoice, LabelSolid};
 use crate::builder::classify::classify;
-use crate::builder::range::{Ordered, SampleRange};
+use crate::builder::range::SampleRange;
 use crate::builder::slices::Reach;
 use crate::builder::solid::{BRICK, OccupancyRows, ScanSummary, Tile, VoxelBox};
 use crate::cpu::{Lanes, movemask};
 use crate::fault::bad;
 use crate::format::MAX_LABELS;
-use crate::volume::{Rescale, ScalarType, SourceError, VolumeInfo};
+use crate::volume::{Rescale, Scalar, ScalarType, SourceError, VolumeInfo};
 
 /// A cache line of the ring: rows are an odd number of lines apart, and may be read beyond their end.
 const LINE: usize = 32;
@@ -22,9 +22,8 @@ const LINE: usize = 32;
 pub(super) const CHUNK: usize = 32;
 
 /// The slices that are held, one thread's.
-pub(super) struct Ring<'a, T> {
+pub(super) struct Ring<'a> {
     pub(super) solid: &'a LabelSolid<'a>,
-    to_number: fn(T) -> f64,
     pub(super) column: VoxelBox,
     /// Samples from one row to the next, and of a slice.
     pub(super) stride: usize,
@@ -32,9 +31,8 @@ pub(super) struct Ring<'a, T> {
     samples: Vec<u16>,
     /// A slice beyond the volume.
     none: Vec<u16>,
-    staged: Vec<T>,
-    /// The sample before, and its label.
-    known: Option<(T, u16)>,
+    /// Samples of the file, in words so that they are aligned for every type.
+    staged: Vec<u64>,
     counts: Vec<Count>,
     reading: Duration,
 }
@@ -55,23 +53,21 @@ pub(super) fn bytes(info: &VolumeInfo, tile: &Tile) -> u64 {
     let ring = (AROUND.ring() + 1) * rows() * stride(tile) * size_of::<u16>();
     let columns = ((tile.columns + AROUND.low + AROUND.high) as usize).min(info.dims.nx() as usize);
     let staged = columns * rows().min(info.dims.ny() as usize) * info.scalar.bytes();
-    (ring + staged + MAX_LABELS * size_of::<Count>()) as u64
+    (ring + staged.next_multiple_of(size_of::<u64>()) + MAX_LABELS * size_of::<Count>()) as u64
 }
 
-impl<'a, T: Ordered> Ring<'a, T> {
-    pub(super) fn new(solid: &'a LabelSolid<'a>, to_number: fn(T) -> f64, tile: &Tile) -> Self {
+impl<'a> Ring<'a> {
+    pub(super) fn new(solid: &'a LabelSolid<'a>, tile: &Tile) -> Self {
         const { assert!(WINDOW <= LINE / 2) };
         let (stride, size) = (stride(tile), rows() * stride(tile));
         Self {
             solid,
-            to_number,
             column: VoxelBox { x: 0..0, y: 0..0, z: 0..0 },
             stride,
             size,
             samples: vec![0; AROUND.ring() * size],
             none: vec![0; size],
             staged: Vec::new(),
-            known: None,
             counts: Vec::new(),
             reading: Duration::ZERO,
         }
@@ -101,15 +97,16 @@ impl<'a, T: Ordered> Ring<'a, T> {
             |own: &std::ops::Range<u32>, n: u32| own.start.saturating_sub(low)..(own.end + high).min(n);
         let (cols, rows) = (around(&self.column.x, dims[0]), around(&self.column.y, dims[1]));
         let (first, width) = (self.at(cols.start, rows.start), cols.len());
-        self.staged.resize(width * rows.len(), bytemuck::Zeroable::zeroed());
+        let row_bytes = width * self.solid.source.info().scalar.bytes();
+        self.staged.resize((row_bytes * rows.len()).div_ceil(size_of::<u64>()), 0);
         let started = Instant::now();
-        let bytes = bytemuck::cast_slice_mut(&mut self.staged);
-        self.solid.source.read_rows(z, rows.clone(), cols.clone(), bytes)?;
+        let staged = &mut bytemuck::cast_slice_mut(&mut self.staged)[..row_bytes * rows.len()];
+        self.solid.source.read_rows(z, rows, cols, staged)?;
         self.reading += started.elapsed();
         let slice = &mut self.samples[z as usize % AROUND.ring() * self.size..][..self.size];
         slice.fill(0);
-        for (from, to) in self.staged.chunks_exact(width).zip(slice[first..].chunks_mut(self.stride)) {
-            convert(self.solid, self.to_number, &mut self.known, from, &mut to[..width])?;
+        for (from, to) in staged.chunks_exact(row_bytes).zip(slice[first..].chunks_mut(self.stride)) {
+            (self.solid.convert)(self.solid, from, &mut to[..width])?;
         }
         if self.column.z.contains(&z) { self.count(z) } else { Ok(()) }
     }
@@ -158,7 +155,7 @@ impl<'a, T: Ordered> Ring<'a, T> {
 
     /// Hands the counts on to the solid.
     pub(super) fn found(&self) -> ScanSummary {
-        let mut all = self.solid.found();
+        let mut all = self.solid.counted();
         for (number, voxels) in &self.counts {
             match all.binary_search_by_key(number, |count| count.0) {
                 Ok(at) => all[at].1 += voxels,
@@ -182,19 +179,19 @@ pub(super) fn bits_of(isa: impl Lanes, differ: &[u16; CHUNK]) -> u32 {
     }
 }
 
-/// Numbers of the labels of a row; a sample like the one before costs a comparison.
-fn convert<T: Ordered>(
+/// Converts a row of the file's samples, as aligned bytes, to numbers of labels.
+pub(super) type ConvertRow = fn(&LabelSolid<'_>, &[u8], &mut [u16]) -> Result<(), SourceError>;
+
+/// [`ConvertRow`] of a type; a sample like the one before costs a comparison.
+pub(super) fn convert<T: Scalar>(
     solid: &LabelSolid<'_>,
-    to_number: fn(T) -> f64,
-    known: &mut Option<(T, u16)>,
-    from: &[T],
+    from: &[u8],
     to: &mut [u16],
 ) -> Result<(), SourceError> {
     let as_it_is = *solid.choice == LabelChoice::All && solid.source.info().rescale == Rescale::IDENTITY;
     match T::TYPE {
         ScalarType::U8 if as_it_is => {
-            let bytes: &[u8] = bytemuck::cast_slice(from);
-            to.iter_mut().zip(bytes).for_each(|(to, from)| *to = u16::from(*from));
+            to.iter_mut().zip(from).for_each(|(to, from)| *to = u16::from(*from));
             return Ok(());
         }
         ScalarType::U16 if as_it_is => {
@@ -203,12 +200,13 @@ fn convert<T: Ordered>(
         }
         _ => {}
     }
-    for (to, sample) in to.iter_mut().zip(from) {
+    let mut known: Option<(T, u16)> = None;
+    for (to, sample) in to.iter_mut().zip(bytemuck::cast_slice::<u8, T>(from)) {
         *to = match known {
-            Some((before, label)) if before == sample => *label,
+            Some((before, label)) if before == *sample => label,
             _ => {
-                let label = solid.label_of(to_number(*sample))?;
-                *known = Some((*sample, label));
+                let label = solid.label_of(sample.to_f64())?;
+                known = Some((*sample, label));
                 label
             }
         };
