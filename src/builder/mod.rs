@@ -25,7 +25,7 @@
 //! | `labels` | the cells between the labels of a volume |
 //! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
-//! | `gradient`, `estimator`, `lanes`, `simd`, `item` | normals and the other channels of a record |
+//! | `gradient`, `estimator`, `lanes`, `item` | normals and the other channels of a record |
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
 //! | `reduce` | cells joined into larger leaves |
 //! | `layout`, `merge`, `seal` | the output |
