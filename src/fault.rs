@@ -39,6 +39,8 @@ pub(crate) enum FaultKind {
     Unfit,
     /// The input is broken.
     Damage,
+    /// A file that the input names is not there, which some readers can do without.
+    Absent,
     /// Slices are missing or uneven, and nothing else is wrong: a choice could mend it.
     Gaps,
     /// A grid is chosen for a tree of solids that has a volume's.
@@ -47,12 +49,12 @@ pub(crate) enum FaultKind {
 
 /// A fault that no code tells apart from others of its kind.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Fault {
-    pub kind: FaultKind,
+pub struct Fault {
+    pub(crate) kind: FaultKind,
     /// The file or folder at fault; empty if there is none, or until its reader is known.
-    pub path: PathBuf,
+    pub(crate) path: PathBuf,
     /// Cause and remedy, without the path.
-    pub text: Cow<'static, str>,
+    pub(crate) text: Cow<'static, str>,
 }
 
 impl Fault {

@@ -10,7 +10,9 @@
 use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::builder::BuildError;
-use crate::facts::{CsgFault, SourceError};
+use crate::csg::fault::{singular, too_many};
+use crate::facts::SourceError;
+use crate::fault::Fault;
 use crate::geom::Affine;
 
 /// Most leaves of a tree, those counted again that are used again.
@@ -48,7 +50,7 @@ pub(super) type Make<'a, 'm, T> = dyn FnMut(PlacedShape<'a, '_>) -> Result<(T, u
 
 /// Why a tree cannot be made flat.
 pub(super) enum Stop {
-    Fault(CsgFault),
+    Fault(Fault),
     /// It takes so much memory so far, and no more is there.
     Memory {
         bytes: u64,
@@ -57,8 +59,8 @@ pub(super) enum Stop {
     Build(BuildError),
 }
 
-impl From<CsgFault> for Stop {
-    fn from(fault: CsgFault) -> Self {
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
         Self::Fault(fault)
     }
 }
@@ -98,10 +100,10 @@ fn number(count: usize) -> u32 {
 }
 
 /// The affine behind another one.
-fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, CsgFault> {
+fn placed(first: &Affine, own: &Affine, line: u64) -> Result<Affine, Fault> {
     let placed = first.after(own);
     let sound = placed.rows.iter().flatten().all(|c| c.is_finite());
-    if sound { Ok(placed) } else { Err(CsgFault::Singular { line }) }
+    if sound { Ok(placed) } else { Err(singular(line)) }
 }
 
 impl<T> Flat<T> {
@@ -120,7 +122,7 @@ impl<T> Flat<T> {
         // Depth first: affines behind the current one are no longer wanted.
         let mut affines = vec![first];
         let mut open = vec![Visit { node: root, affine: 0, negated: false, above: 0 }];
-        let too_many = CsgFault::TooMany { most: MAX_LEAVES as u64 };
+        let too_many = too_many();
         while let Some(Visit { node, affine, negated, above }) = open.pop() {
             if flat.leaves.len().max(flat.joins.len()) >= MAX_LEAVES || open.len() > 4 * MAX_JOINS {
                 return Err(too_many.into());

@@ -15,12 +15,14 @@ use super::solid::CsgSolid;
 use super::tree::{Faces, NodeId, Shape, Tree};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
-use crate::facts::{CsgFacts, CsgFault, MeshFault, SourceError};
-use crate::fault::Fault;
+use crate::csg::fault::{grid_of_volume, nothing, singular};
+use crate::facts::{CsgFacts, SourceError};
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::platform::give_back;
+use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
 use crate::volume::VolumeSource;
 
 /// Triangles of a leaf that take no more have room always.
@@ -67,7 +69,7 @@ impl<'a, 't> Front<'a, 't> {
         Affine::from_spacing([self.csg.unit_mm; 3])
     }
 
-    fn wrong(&self, fault: CsgFault) -> BuildError {
+    fn wrong(&self, fault: Fault) -> BuildError {
         unusable(self.name, fault).into()
     }
 
@@ -82,7 +84,7 @@ impl<'a, 't> Front<'a, 't> {
             let _laying =
                 budget.reserve(laying).map_err(|_| too_small(self.name, self.options.memory, laying))?;
             let laid = ResampledVolume::new(source, &affine, &place, iso, &self.scratch, self.progress)?;
-            resampled.push((leaf, laid.ok_or_else(|| self.wrong(CsgFault::Singular { line }))?));
+            resampled.push((leaf, laid.ok_or_else(|| self.wrong(singular(line)))?));
         }
         Ok(PlacedTree { place, of_volume: own.is_some(), meshes, resampled })
     }
@@ -204,7 +206,7 @@ impl<'a, 't> Front<'a, 't> {
             if let Some(Shape::Volume { path, iso }) = met.shape {
                 // The millimetres of a file stay millimetres.
                 if self.csg.unit_mm != 1.0 {
-                    return Err(CsgFault::GridOfVolume.into());
+                    return Err(grid_of_volume().into());
                 }
                 let source = self.volume(path)?;
                 let info = source.info();
@@ -212,7 +214,7 @@ impl<'a, 't> Front<'a, 't> {
                 if !is_unmoved(met.affine) {
                     moved.push(MovedVolume { leaf, source, iso: *iso, affine: *met.affine, line: met.line });
                 } else if own.is_some_and(|own| own != grid) {
-                    return Err(CsgFault::Volumes.into());
+                    return Err(bad!("has volumes at the positions stated by their files, on different grids; place all but one with multmatrix, or all, and choose the grid with {GRID} or {VOXEL}").into());
                 } else {
                     own = Some(grid);
                 }
@@ -226,7 +228,7 @@ impl<'a, 't> Front<'a, 't> {
     /// The grid: that of the volumes that lie where their files say, or the one asked for.
     fn place(&self, own: Option<VolumeGrid>) -> Result<LatticeGrid, BuildError> {
         match (own, self.csg.grid) {
-            (Some(_), Some(_)) => Err(self.wrong(CsgFault::GridOfVolume)),
+            (Some(_), Some(_)) => Err(self.wrong(grid_of_volume())),
             (Some((dims, affine, spacing_mm)), None) => {
                 LatticeGrid::of_volume(dims, affine, spacing_mm).map_err(|fault| self.wrong(fault))
             }
@@ -236,7 +238,7 @@ impl<'a, 't> Front<'a, 't> {
                     GridChoice::Exact { .. } => Bounds::EMPTY,
                     _ => self.bounds()?,
                 };
-                let refused = |fault: MeshFault| fault.at(self.name);
+                let refused = |fault: Fault| SourceError::from(fault.at(self.name));
                 Ok(LatticeGrid::around(choice, &bounds).map_err(refused)?)
             }
         }
@@ -276,10 +278,10 @@ impl<'a, 't> Front<'a, 't> {
         let bounds = bounds::of_tree(&self.flat_bounds(self.unit())?);
         let sides = || bounds.low.iter().zip(&bounds.high);
         if sides().any(|(low, high)| low >= high) {
-            return Err(self.wrong(CsgFault::Nothing));
+            return Err(self.wrong(nothing()));
         }
         if sides().any(|(low, high)| !(high - low).is_finite()) {
-            return Err(self.wrong(CsgFault::Unbounded));
+            return Err(self.wrong(bad!("is not bounded, so that no grid can be put around it; give the grid in full with {VOXEL}, {ORIGIN} and {DIMS}")));
         }
         Ok(bounds)
     }

@@ -30,6 +30,7 @@ mod bounds;
 mod cells;
 mod describe;
 mod facets;
+mod fault;
 mod flat;
 mod front;
 mod leaf;

@@ -21,7 +21,8 @@
 use super::bounds::corners;
 use super::flat::MAX_LEAVES;
 use super::tree::{Node, NodeId, Operation, Shape, Tree};
-use crate::facts::{CsgFault, OffsetFault};
+use crate::csg::fault::{At, bad_size, singular, too_many};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 
 /// Lengths that differ by less than this part of them are the same, and so are right angles.
@@ -78,10 +79,10 @@ impl Tree {
     ///
     /// # Panics
     /// The node is of another tree.
-    pub fn offset(&mut self, by: f64, node: NodeId) -> Result<NodeId, CsgFault> {
+    pub fn offset(&mut self, by: f64, node: NodeId) -> Result<NodeId, Fault> {
         self.check(node);
         let made = self.offset_within(by, node, 0, u64::MAX)?;
-        made.ok_or(CsgFault::TooMany { most: MAX_LEAVES as u64 })
+        made.ok_or(too_many())
     }
 
     /// As [`Tree::offset`]; `None` where the tree would take more than so many bytes.
@@ -91,9 +92,9 @@ impl Tree {
         node: NodeId,
         line: u64,
         most_bytes: u64,
-    ) -> Result<Option<NodeId>, CsgFault> {
+    ) -> Result<Option<NodeId>, Fault> {
         if !by.is_finite() {
-            return Err(CsgFault::Size { line });
+            return Err(bad_size(line));
         }
         if by == 0.0 {
             return Ok(Some(node));
@@ -106,7 +107,7 @@ impl Tree {
                 return Ok(None);
             }
             if self.len() - first > 4 * MAX_LEAVES || tasks.len() > 4 * MAX_LEAVES {
-                return Err(CsgFault::TooMany { most: MAX_LEAVES as u64 });
+                return Err(too_many());
             }
             let (node, affine, by) = match task {
                 Task::Join { operation, count } => {
@@ -133,9 +134,12 @@ impl Tree {
                         Operation::Intersection | Operation::Difference | Operation::Complement => by < 0.0,
                     };
                 if !exact {
-                    let fault =
-                        if by > 0.0 { OffsetFault::GrownDifference } else { OffsetFault::ShrunkUnion };
-                    return Err(CsgFault::Offset { line, fault });
+                    let fault = if by > 0.0 {
+                        "an intersection, difference or complement of several parts to grow it"
+                    } else {
+                        "a union of several parts to shrink it"
+                    };
+                    return Err(no_offset(line, fault));
                 }
                 tasks.push(Task::Join { operation, count: children.len() });
                 for (at, child) in children.iter().enumerate().rev() {
@@ -166,17 +170,24 @@ impl Tree {
     }
 }
 
+fn no_offset(line: u64, solid: &str) -> Fault {
+    bad!(
+        "{}offset3d does not take {solid}; it grows and shrinks spheres, boxes, cylinders, cones, tori and half-spaces that are not stretched, grows unions of them, and shrinks their intersections and differences",
+        At(line)
+    )
+}
+
 /// The pieces of an offset leaf, in coordinates that the affine places without stretching.
-fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Piece>, Affine), CsgFault> {
-    let refused = |fault| Err(CsgFault::Offset { line, fault });
+fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Piece>, Affine), Fault> {
+    let refused = |fault| Err(no_offset(line, fault));
     let sound = |sizes: &[f64]| {
-        if sizes.iter().all(|s| s.is_finite() && *s >= 0.0) { Ok(()) } else { Err(CsgFault::Size { line }) }
+        if sizes.iter().all(|s| s.is_finite() && *s >= 0.0) { Ok(()) } else { Err(bad_size(line)) }
     };
     if let Shape::HalfSpace { normal, offset } = shape {
         let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
-        let Some(inverse) = affine.inverse() else { return Err(CsgFault::Singular { line }) };
+        let Some(inverse) = affine.inverse() else { return Err(singular(line)) };
         if !length.is_normal() || !offset.is_finite() {
-            return Err(CsgFault::Size { line });
+            return Err(bad_size(line));
         }
         // By how much offset . normal changes with a step of 1 where the half-space lies.
         let slope = |k: usize| (0..3).map(|j| inverse.rows[j][k] * normal[j] / length).sum::<f64>();
@@ -184,7 +195,7 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
         let moved = Shape::HalfSpace { normal: *normal, offset: offset + by * slope };
         return Ok((vec![Piece::new(moved)], *affine));
     }
-    let Some((scale, rigid)) = split(affine) else { return refused(OffsetFault::Stretched) };
+    let Some((scale, rigid)) = split(affine) else { return refused("a solid that is stretched or sheared") };
     let same = |a: f64, b: f64| (a - b).abs() <= SAME * a.abs().max(b.abs());
     let evenly = same(scale[0], scale[1]) && same(scale[1], scale[2]);
     let pieces = match shape {
@@ -192,7 +203,7 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
             sound(radii)?;
             let radii: [f64; 3] = std::array::from_fn(|k| radii[k] * scale[k]);
             if !(same(radii[0], radii[1]) && same(radii[1], radii[2])) {
-                return refused(OffsetFault::Ellipsoid);
+                return refused("an ellipsoid");
             }
             let radius = radii[0] + by;
             if radii[0] > 0.0 && radius > 0.0 { vec![Piece::new(ball(radius))] } else { Vec::new() }
@@ -203,18 +214,22 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
             sound(&[0, 1, 2].map(|k| high[k] - low[k]))?;
             if (0..3).any(|k| low[k] == high[k]) { Vec::new() } else { cuboid(low, high, by) }
         }
-        Shape::Torus { .. } if !evenly => return refused(OffsetFault::Stretched),
+        Shape::Torus { .. } if !evenly => return refused("a solid that is stretched or sheared"),
         Shape::Torus { major, minor } => {
             let (major, minor) = (major * scale[0], minor * scale[0]);
             sound(&[major, minor])?;
             match minor + by {
                 _ if major == 0.0 || minor == 0.0 => Vec::new(),
                 tube if tube <= 0.0 => Vec::new(),
-                tube if tube > MAX_TUBE * major => return refused(OffsetFault::Wide),
+                tube if tube > MAX_TUBE * major => {
+                    return refused("a rim that would become wider than 16 of its radii");
+                }
                 tube => vec![Piece::new(Shape::Torus { major, minor: tube })],
             }
         }
-        Shape::Cylinder { .. } if !same(scale[0], scale[1]) => return refused(OffsetFault::Stretched),
+        Shape::Cylinder { .. } if !same(scale[0], scale[1]) => {
+            return refused("a solid that is stretched or sheared");
+        }
         Shape::Cylinder { z, radii } => {
             let (z, radii) = (z.map(|z| z * scale[2]), radii.map(|r| r * scale[0]));
             sound(&[z[1] - z[0], radii[0], radii[1]])?;
@@ -223,14 +238,14 @@ fn of_leaf(shape: &Shape, affine: &Affine, by: f64, line: u64) -> Result<(Vec<Pi
             } else if by < 0.0 {
                 shrunk_cone(z, radii, -by)
             } else if radii.iter().any(|r| *r > 0.0 && by > MAX_TUBE * r) {
-                return refused(OffsetFault::Wide);
+                return refused("a rim that would become wider than 16 of its radii");
             } else {
                 grown_cone(z, radii, by)
             }
         }
-        Shape::Faces(_) => return refused(OffsetFault::Faces),
-        Shape::Mesh { .. } => return refused(OffsetFault::Mesh),
-        Shape::Volume { .. } => return refused(OffsetFault::Volume),
+        Shape::Faces(_) => return refused("a solid of facets (a polyhedron, a prism, or $fn)"),
+        Shape::Mesh { .. } => return refused("a mesh"),
+        Shape::Volume { .. } => return refused("a volume"),
         Shape::HalfSpace { .. } => Vec::new(),
     };
     Ok((pieces, rigid))

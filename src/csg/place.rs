@@ -6,9 +6,10 @@
 //!
 //! Voxel i spans `[4096 i, 4096 (i + 1))` along each axis, as for meshes.
 
-use crate::facts::{CsgFault, MeshFault};
+use crate::csg::fault::{singular, too_far};
+use crate::fault::Fault;
 use crate::geom::{Affine, Dims};
-use crate::mesh::{Bounds, Grid, GridChoice, MAX_VOXELS, STEPS};
+use crate::mesh::{Bounds, Grid, GridChoice, STEPS};
 
 /// Whole numbers that placed corners and axes stay below.
 const LIMIT: f64 = (1 << 29) as f64;
@@ -29,7 +30,7 @@ impl LatticeGrid {
     ///
     /// # Errors
     /// The grid would be too large.
-    pub(super) fn around(choice: GridChoice, bounds: &Bounds) -> Result<Self, MeshFault> {
+    pub(super) fn around(choice: GridChoice, bounds: &Bounds) -> Result<Self, Fault> {
         let Grid { dims, voxel_mm, origin_mm, .. } = Grid::new(choice, bounds, 1.0)?;
         let mut rows = [[0.0; 4]; 3];
         let mut to_lattice = rows;
@@ -51,8 +52,8 @@ impl LatticeGrid {
     ///
     /// # Errors
     /// Its affine has no inverse.
-    pub(super) fn of_volume(dims: Dims, affine: Affine, spacing_mm: [f64; 3]) -> Result<Self, CsgFault> {
-        let mut to_lattice = affine.inverse().ok_or(CsgFault::Singular { line: 0 })?;
+    pub(super) fn of_volume(dims: Dims, affine: Affine, spacing_mm: [f64; 3]) -> Result<Self, Fault> {
+        let mut to_lattice = affine.inverse().ok_or(singular(0))?;
         for row in &mut to_lattice.rows {
             row[3] += 0.5;
             row.iter_mut().for_each(|c| *c *= f64::from(STEPS));
@@ -62,16 +63,16 @@ impl LatticeGrid {
 }
 
 /// The nearest whole number; the even one of two.
-pub(super) fn whole(at: f64, line: u64) -> Result<i64, CsgFault> {
+pub(super) fn whole(at: f64, line: u64) -> Result<i64, Fault> {
     if !(at > -LIMIT && at < LIMIT) {
-        return Err(CsgFault::TooFar { line, most_voxels: MAX_VOXELS });
+        return Err(too_far(line));
     }
     #[expect(clippy::cast_possible_truncation, reason = "checked above")]
     let whole = at.round_ties_even() as i64;
     Ok(whole)
 }
 
-pub(super) fn point(at: [f64; 3], line: u64) -> Result<[i64; 3], CsgFault> {
+pub(super) fn point(at: [f64; 3], line: u64) -> Result<[i64; 3], Fault> {
     Ok([whole(at[0], line)?, whole(at[1], line)?, whole(at[2], line)?])
 }
 

@@ -8,10 +8,13 @@ use super::tree::{NodeId, Shape, Tree};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
-use crate::facts::{CsgFault, SourceError, SourceFault};
+use crate::csg::fault::nothing;
+use crate::facts::{SourceError, SourceFault};
 use crate::fault::{Fault, bad};
 use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
+use crate::text::names::FOLLOW_LINKS;
+use crate::text::shown;
 
 /// Bytes of a text that are read at a time.
 const READ_BYTES: usize = 16 << 10;
@@ -100,11 +103,11 @@ pub(crate) fn memory_bound(path: &Path) -> Option<(u64, u64)> {
 ///
 /// # Errors
 /// A fault of the text, with its line.
-pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), CsgFault> {
+pub fn parse_tree(text: &[u8], folder: &Path) -> Result<(Tree, NodeId), Fault> {
     text::parse(&mut { text }, folder, u64::MAX).map_err(|stop| match stop {
         Stop::Text(fault) => fault,
         // Memory can be read, and nothing was said of how much the tree may take.
-        Stop::Read(_) | Stop::Memory { .. } => CsgFault::Nothing,
+        Stop::Read(_) | Stop::Memory { .. } => nothing(),
     })
 }
 
@@ -123,12 +126,18 @@ pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
         None => Ok(()),
         Some(path) => {
             let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-            Err(unusable(text, CsgFault::Linked { name }))
+            Err(unusable(
+                text,
+                bad!(
+                    "names `{}`, a link that leads out of its folder; put the file there, or add {FOLLOW_LINKS}",
+                    shown(&name)
+                ),
+            ))
         }
     }
 }
 
-pub(super) fn unusable(path: &Path, fault: CsgFault) -> SourceError {
+pub(super) fn unusable(path: &Path, fault: Fault) -> SourceError {
     SourceError::from(Fault::from(fault).at(&path))
 }
 

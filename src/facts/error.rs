@@ -115,6 +115,16 @@ impl SourceError {
         SourceFault::ReadFailed { path: path.into(), slice, cause }.into()
     }
 
+    /// A fault that names no file yet is one of this file.
+    pub(crate) fn in_file(mut self, path: Option<&PathBuf>) -> Self {
+        if let (SourceFault::Said(fault), Some(path)) = (self.fault_mut(), path)
+            && fault.path().is_none()
+        {
+            fault.path.clone_from(path);
+        }
+        self
+    }
+
     /// The memory in bytes that reading needs, if there was too little of it.
     pub fn minimum_bytes(&self) -> Option<u64> {
         match self.fault() {
@@ -147,27 +157,6 @@ impl SourceError {
 impl From<Fault> for SourceError {
     fn from(fault: Fault) -> Self {
         SourceFault::Said(fault).into()
-    }
-}
-
-impl super::MeshFault {
-    pub(crate) fn at(self, path: impl Into<PathBuf>) -> SourceError {
-        match self {
-            Self::Description { needed_bytes, allowed_bytes } => {
-                SourceFault::Description { path: path.into(), needed_bytes, allowed_bytes }.into()
-            }
-            fault => Fault::new(FaultKind::Damage, fault.to_string()).at(path).into(),
-        }
-    }
-}
-
-impl From<super::CsgFault> for Fault {
-    fn from(fault: super::CsgFault) -> Self {
-        let kind = match fault {
-            super::CsgFault::GridOfVolume => FaultKind::OwnGrid,
-            _ => FaultKind::Damage,
-        };
-        Self::new(kind, fault.to_string())
     }
 }
 

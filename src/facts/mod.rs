@@ -31,7 +31,6 @@ mod stated;
 mod system;
 
 pub use csg::CsgFacts;
-pub(crate) use csg::{CsgFault, CsgToken, OffsetFault, SurplusArgument};
 pub(crate) use dicom::DicomNote;
 pub(crate) use error::OtherVolume;
 pub use error::SourceError;
@@ -39,7 +38,6 @@ pub(crate) use error::SourceFault;
 pub(crate) use found::{Candidate, Choice, Refusal};
 pub(crate) use left_out::{Known, NotVolume};
 pub use mesh::{Boundary, Fill, MeshFacts, MeshNote};
-pub(crate) use mesh::{Feature, ImageFault, MeshFault, MeshLack, Part};
 pub(crate) use note::Note;
 pub use note::sentences;
 pub(crate) use stated::{Carrier, Form, Packing, StatedBy, StatedNumber};

@@ -7,7 +7,8 @@
 //! there twice, or turned over, is such a loop, too: its cap undoes it.
 
 use super::lattice::{Triangle, smallest_first};
-use crate::facts::MeshFault;
+use crate::fault::{Fault, bad};
+use crate::text::names::FILL;
 
 /// Cells of the table. The number is part of the definition of a solid: it decides which meshes can be closed.
 const CELLS: usize = 3 << 13;
@@ -161,8 +162,11 @@ pub(super) fn disagree(edges: &[OpenEdge]) -> bool {
 }
 
 /// The fault of a mesh with too many open edges.
-pub(super) fn too_open() -> MeshFault {
-    MeshFault::TooOpen { most_edges: MAX_EDGES as u64 }
+pub(super) fn too_open() -> Fault {
+    bad!(
+        "has more than {} open edges, too many to close; repair the mesh, or say what is inside with {FILL} winding or {FILL} parity",
+        MAX_EDGES as u64
+    )
 }
 
 /// Edges of a graph, by the vertex at which they begin.

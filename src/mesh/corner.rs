@@ -3,10 +3,11 @@
 use super::census::vertex_hash;
 use super::lattice::MAX_VOXELS;
 use super::read::Stop;
-use crate::facts::MeshFault;
+use super::read::not_finite;
+use crate::fault::{Fault, bad};
 
 /// Brings a vertex onto the lattice.
-pub(super) type PlaceVertex<'a> = dyn Fn([f64; 3]) -> Result<[i32; 3], MeshFault> + 'a;
+pub(super) type PlaceVertex<'a> = dyn Fn([f64; 3]) -> Option<[i32; 3]> + 'a;
 
 /// Takes the corners of one triangle after the other.
 pub(super) type EachCorners<'a> = dyn FnMut(&[Corner; 3]) -> Result<(), Stop> + 'a;
@@ -27,6 +28,12 @@ enum State {
     TooLarge,
 }
 
+pub(super) fn too_far() -> Fault {
+    bad!(
+        "reaches more than {MAX_VOXELS} voxels from the corner of the grid; choose larger voxels, or an origin nearer to the mesh"
+    )
+}
+
 impl Corner {
     #[inline]
     pub(super) fn new(p: [f64; 3], place: &PlaceVertex<'_>) -> Self {
@@ -35,21 +42,21 @@ impl Corner {
             return none;
         }
         match place(p) {
-            Ok(at) => Self { at, state: State::Sound, hash: vertex_hash(&at) },
-            Err(_) => Self { state: State::TooLarge, ..none },
+            Some(at) => Self { at, state: State::Sound, hash: vertex_hash(&at) },
+            None => Self { state: State::TooLarge, ..none },
         }
     }
 
     /// Refuses a triangle, counted from 1, with a corner that is not sound.
     #[inline]
-    pub(super) fn check(corners: &[Self; 3], triangle: u64) -> Result<(), MeshFault> {
+    pub(super) fn check(corners: &[Self; 3], triangle: u64) -> Result<(), Fault> {
         let any = |state: State| corners.iter().any(|corner| corner.state == state);
         if corners.iter().all(|corner| corner.state == State::Sound) {
             Ok(())
         } else if any(State::NotFinite) {
-            Err(MeshFault::NotFinite { triangle })
+            Err(not_finite(triangle))
         } else {
-            Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS })
+            Err(too_far())
         }
     }
 }

@@ -24,11 +24,13 @@ use crate::builder::{
     BuildError, BuildFault, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims,
 };
 use crate::facts::SourceFault;
-use crate::facts::{Boundary, Fill, MeshFacts, MeshFault, MeshLack, MeshNote, SourceError};
+use crate::facts::{Boundary, Fill, MeshFacts, MeshNote, SourceError};
+use crate::fault::{Fault, bad};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::source::base_name;
+use crate::text::names::{FILL, SURFACE, KEEP_THIN};
 
 /// Most parts whose bounds are looked at.
 const MAX_PARTS: usize = 1024;
@@ -90,6 +92,10 @@ fn image_bytes(files: &[MeshFile], wanted: PaintChannels) -> u64 {
     images.map(|texture| paint::image_bytes(&texture.image)).max().unwrap_or(0)
 }
 
+fn no_triangles() -> Fault {
+    bad!("does not hold a triangle")
+}
+
 impl Front<'_> {
     /// Are cells built in place of skin voxels?
     fn is_of_cells(&self) -> bool {
@@ -106,9 +112,9 @@ impl Front<'_> {
         self.inputs.first().map(|p| p.display().to_string()).unwrap_or_default()
     }
 
-    fn unusable(&self, fault: MeshFault) -> SourceError {
+    fn unusable(&self, fault: Fault) -> SourceError {
         let path = self.inputs.first().cloned().unwrap_or_default();
-        fault.at(path)
+        fault.at(path).into()
     }
 
     /// The solid that is built, and the channels that it has of those that are asked for.
@@ -121,7 +127,7 @@ impl Front<'_> {
         let started = Instant::now();
         let (cells, thin) = (self.is_of_cells(), self.mesh.thin());
         if cells && thin.is_some() {
-            return Err(self.unusable(MeshFault::ThinCells).into());
+            return Err(self.unusable(bad!("cannot be built as cells with {KEEP_THIN} or {FILL} surface, which add voxels that lie outside; leave one of them out")).into());
         }
         let (mesh, facts, notes) = self.solid()?;
         // A mesh without colours has none to store; cells never have colours, and the builder refuses these by name.
@@ -193,7 +199,7 @@ impl Front<'_> {
         let binning = self.reserve(budget, BINNING_BYTES)?;
         let (binner, counted, paint) = self.binned(budget, &files, &grid)?;
         if counted.triangles == 0 {
-            return Err(self.unusable(MeshFault::NoTriangles).into());
+            return Err(self.unusable(no_triangles()).into());
         }
         let as_it_is = |binner: Binner, boundary, rule| {
             Ok::<_, BuildError>(Closing { bins: binner.finish()?, boundary, rule, closed: true })
@@ -209,7 +215,7 @@ impl Front<'_> {
         let parts = files.iter().map(MeshFile::parts).sum();
         let mut notes = self.notes(&files);
         if thin > 0 && self.mesh.thin().is_none() {
-            notes.push(MeshNote { mesh: self.mesh_name(), lack: MeshLack::Thin { thin, parts } });
+            notes.push(MeshNote { mesh: self.mesh_name(), lack: format!("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if thin == 1 { "is" } else { "are" }, if thin == 1 { "it" } else { "them" }) });
         }
         drop(files);
         drop((reading, held, described));
@@ -266,7 +272,7 @@ impl Front<'_> {
                 let first_part = files[..file].iter().map(MeshFile::parts).sum();
                 collector
                     .file(first_part, &files[file].summary.materials)
-                    .map_err(|fault| self.of_paint(fault, file))?;
+                    .map_err(|error| error.in_file(self.inputs.get(file)))?;
             }
             collector.add(t, look)?;
             binner.add(t)
@@ -313,12 +319,12 @@ impl Front<'_> {
     fn notes(&self, files: &[MeshFile]) -> Vec<MeshNote> {
         let of = |(file, path): (&MeshFile, &PathBuf)| {
             let mesh = base_name(path);
-            let note = |lack: &MeshLack| MeshNote { mesh: mesh.clone(), lack: lack.clone() };
+            let note = |lack: &String| MeshNote { mesh: mesh.clone(), lack: lack.clone() };
             file.summary.lacks.iter().map(note).collect::<Vec<_>>()
         };
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
         if self.is_of_cells() && self.placed.is_none() && files.iter().any(|file| file.summary.looks[0]) {
-            notes.push(MeshNote { mesh: self.mesh_name(), lack: MeshLack::ColorsOfCells });
+            notes.push(MeshNote { mesh: self.mesh_name(), lack: format!("has colours; add {SURFACE} skin to keep them") });
         }
         notes
     }
@@ -356,17 +362,15 @@ impl Front<'_> {
         }
     }
 
-    fn of_paint(&self, fault: paint::Fault, file: usize) -> SourceError {
-        match fault {
-            paint::Fault::Mesh(fault) => fault.at(self.inputs.get(file).cloned().unwrap_or_default()),
-            paint::Fault::Source(error) => error,
-        }
-    }
-
     /// What the model lacks, known once it is built: is it short of the mesh, as walls thinner than a voxel vanished?
     pub(super) fn short(&self) -> Option<MeshNote> {
         let voxels = self.reach.short()?;
-        Some(MeshNote { mesh: self.mesh_name(), lack: MeshLack::Short { voxels } })
+        Some(MeshNote {
+            mesh: self.mesh_name(),
+            lack: format!(
+                "extends {voxels} voxels beyond the model: that part is thinner than a voxel; {FILL} surface or smaller voxels keep it"
+            ),
+        })
     }
 
     fn mesh_name(&self) -> String {
@@ -388,7 +392,7 @@ impl Front<'_> {
                 [part.low, part.high].into_iter().for_each(|corner| bounds.add(corner));
             }
             if bounds == Bounds::EMPTY {
-                return Err(self.unusable(MeshFault::NoTriangles));
+                return Err(self.unusable(no_triangles()));
             }
         }
         let grid =
@@ -460,7 +464,7 @@ impl Front<'_> {
     }
 
     #[inline]
-    fn point(&self, grid: &Grid, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
+    fn point(&self, grid: &Grid, p: [f64; 3]) -> Option<[i32; 3]> {
         match &self.placed {
             Some(placed) => grid.point(placed.apply(p)),
             None => grid.point(p),

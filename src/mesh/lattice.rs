@@ -7,8 +7,10 @@
 //! Voxel i spans `[4096 i, 4096 (i + 1))` along each axis; its centre is at `4096 i + 2048`. After the one rounding
 //! all decisions are made in integers, so that they do not depend on order, memory or threads.
 
-use crate::facts::MeshFault;
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
+use crate::text::Short;
+use crate::text::names::{GRID, VOXEL};
 
 /// Lattice steps of a voxel.
 pub(crate) const STEPS: i32 = 1 << 12;
@@ -103,16 +105,19 @@ impl Grid {
     ///
     /// # Errors
     /// The mesh is a point, or the grid would be too large.
-    pub(crate) fn new(choice: GridChoice, bounds: &Bounds, unit_mm: f64) -> Result<Self, MeshFault> {
+    pub(crate) fn new(choice: GridChoice, bounds: &Bounds, unit_mm: f64) -> Result<Self, Fault> {
         if let GridChoice::Exact { edge_mm, origin_mm, dims } = choice {
             return Self::checked(dims, edge_mm, origin_mm, unit_mm);
         }
         let extent_mm = bounds.extent() * unit_mm;
         if extent_mm.is_infinite() {
-            return Err(MeshFault::Extent { mm: f64::MAX });
+            return Err(bad!(
+                "is {} mm long with its grid; voxels are 1e-15 to 1e15 mm long: scale it, or give the unit of its numbers",
+                Short(f64::MAX)
+            ));
         }
         if extent_mm <= 0.0 || extent_mm.is_nan() {
-            return Err(MeshFault::Point);
+            return Err(bad!("lies in one point; give a mesh with an extent"));
         }
         let (edge_mm, margin) = match choice {
             GridChoice::Side { voxels, margin } => {
@@ -129,7 +134,9 @@ impl Grid {
             // A side that divides evenly but for rounding does not get a voxel more.
             let voxels = (length / edge_mm - 1e-9).ceil().max(1.0) + 2.0 * f64::from(margin);
             if voxels > MAX_SIDE || voxels.is_nan() {
-                return Err(MeshFault::GridSize { side: voxels });
+                return Err(bad!(
+                    "its grid would be {voxels} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}"
+                ));
             }
             #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "checked above")]
             let side = voxels as u32;
@@ -137,20 +144,27 @@ impl Grid {
             let middle = (bounds.high[axis] / 2.0 + bounds.low[axis] / 2.0) * unit_mm;
             origin_mm[axis] = middle - voxels / 2.0 * edge_mm;
         }
-        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or(MeshFault::GridSize { side: MAX_SIDE })?;
+        let dims = Dims::new(sides[0], sides[1], sides[2]).ok_or_else(|| {
+            bad!("its grid would be {MAX_SIDE} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}")
+        })?;
         Self::checked(dims, edge_mm, origin_mm, unit_mm)
     }
 
-    fn checked(dims: Dims, voxel_mm: f64, origin_mm: [f64; 3], unit_mm: f64) -> Result<Self, MeshFault> {
+    fn checked(dims: Dims, voxel_mm: f64, origin_mm: [f64; 3], unit_mm: f64) -> Result<Self, Fault> {
         let side = dims.to_array().into_iter().max().map_or(0.0, f64::from);
         let scale = unit_mm / voxel_mm * f64::from(STEPS);
         let shift = origin_mm.map(|o| o / voxel_mm * f64::from(STEPS));
         let sound = scale.is_finite() && scale > 0.0 && shift.iter().all(|s| s.is_finite());
         if side > MAX_SIDE || !sound {
-            return Err(MeshFault::GridSize { side });
+            return Err(bad!(
+                "its grid would be {side} voxels long; choose 1 to 16384 with {GRID} or {VOXEL}"
+            ));
         }
         if Affine::from_spacing([voxel_mm; 3]).inverse().is_none() {
-            return Err(MeshFault::Extent { mm: side * voxel_mm });
+            return Err(bad!(
+                "is {} mm long with its grid; voxels are 1e-15 to 1e15 mm long: scale it, or give the unit of its numbers",
+                Short(side * voxel_mm)
+            ));
         }
         Ok(Self { dims, voxel_mm, origin_mm, scale, shift })
     }
@@ -170,23 +184,20 @@ impl Grid {
         })
     }
 
-    /// Nearest lattice point.
-    ///
-    /// # Errors
-    /// It lies beyond the lattice.
+    /// Nearest lattice point; `None` beyond the lattice.
     #[inline]
-    pub(crate) fn point(&self, p: [f64; 3]) -> Result<[i32; 3], MeshFault> {
+    pub(crate) fn point(&self, p: [f64; 3]) -> Option<[i32; 3]> {
         let mut out = [0; 3];
         for ((out, c), shift) in out.iter_mut().zip(p).zip(self.shift) {
             let at = c * self.scale - shift;
             if !(at > -LIMIT && at < LIMIT) {
-                return Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS });
+                return None;
             }
             #[expect(clippy::cast_possible_truncation, reason = "checked above")]
             let whole = ((at + ROUNDER) - ROUNDER) as i32;
             *out = whole;
         }
-        Ok(out)
+        Some(out)
     }
 }
 
@@ -257,12 +268,12 @@ mod tests {
         assert_eq!(grid.dims.to_array(), [12, 5, 3]);
         assert_eq!(grid.voxel_mm, 2.0);
         assert_eq!(grid.point([-1.0, 0.0, 0.05]).unwrap(), [4096, 4096 + 1024, 6144]);
-        assert_eq!(grid.point([1e9, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS }));
-        assert_eq!(grid.point([f64::NAN, 0.0, 0.0]), Err(MeshFault::TooLarge { most_voxels: MAX_VOXELS }));
+        assert_eq!(grid.point([1e9, 0.0, 0.0]), None);
+        assert_eq!(grid.point([f64::NAN, 0.0, 0.0]), None);
         let point = Bounds { low: [1.0; 3], high: [1.0; 3] };
         assert_eq!(
             Grid::new(GridChoice::Side { voxels: 9, margin: 1 }, &point, 1.0).unwrap_err(),
-            MeshFault::Point
+            bad!("lies in one point; give a mesh with an extent")
         );
     }
 }

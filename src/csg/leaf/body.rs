@@ -4,13 +4,13 @@
 
 use super::{Face, Rows};
 use crate::builder::{Cover, VoxelBox};
+use crate::csg::fault::{At, bad_size, too_far};
 use crate::csg::place::{centre, point};
 use crate::csg::tree::Faces;
-use crate::facts::CsgFault;
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, cross, dot};
 use crate::mesh::{
-    Census, Closed, Crossings, Facet, MAX_VOXELS, Nearest, Rule, STEPS, Triangle, cross_slice,
-    smallest_first, span,
+    Census, Closed, Crossings, Facet, Nearest, Rule, STEPS, Triangle, cross_slice, smallest_first, span,
 };
 
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
@@ -28,9 +28,12 @@ pub(in crate::csg) struct Body {
 ///
 /// # Errors
 /// It is open.
-fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, CsgFault> {
+fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, Fault> {
     match census.closed() {
-        Closed::No => Err(CsgFault::Open { line }),
+        Closed::No => Err(bad!(
+            "{}the faces of the polyhedron leave holes; close it, or write it as a mesh and import that",
+            At(line)
+        )),
         Closed::Mixed => Ok(Rule::Odd),
         Closed::Oriented => Ok(if odd { Rule::Odd } else { Rule::NonZero }),
     }
@@ -39,7 +42,7 @@ fn closed(census: &Census, odd: bool, line: u64) -> Result<Rule, CsgFault> {
 impl Body {
     /// # Errors
     /// It is open, or reaches beyond the lattice.
-    pub(in crate::csg) fn new(faces: &Faces, to_lattice: &Affine, line: u64) -> Result<Self, CsgFault> {
+    pub(in crate::csg) fn new(faces: &Faces, to_lattice: &Affine, line: u64) -> Result<Self, Fault> {
         let mut points = Vec::with_capacity(faces.points.len());
         for p in &faces.points {
             points.push(point(to_lattice.apply(*p), line)?);
@@ -51,13 +54,13 @@ impl Body {
     ///
     /// # Errors
     /// It is open, or reaches beyond the lattice.
-    pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, CsgFault> {
+    pub(super) fn of_points(points: &[[i64; 3]], faces: &Faces, line: u64) -> Result<Self, Fault> {
         let (mut low, mut high) = ([i32::MAX; 3], [i32::MIN; 3]);
         let mut placed = Vec::with_capacity(points.len());
         for p in points {
             let mut narrow = [0; 3];
             for k in 0..3 {
-                let far = |_| CsgFault::TooFar { line, most_voxels: MAX_VOXELS };
+                let far = |_| too_far(line);
                 narrow[k] = i32::try_from(p[k]).ok().filter(|c| c.abs() < 1 << 29).ok_or(()).map_err(far)?;
                 low[k] = low[k].min(narrow[k]);
                 high[k] = high[k].max(narrow[k]);
@@ -67,7 +70,7 @@ impl Body {
         let mut census = Census::default();
         let mut triangles = Vec::with_capacity(faces.triangles.len());
         for [a, b, c] in &faces.triangles {
-            let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(CsgFault::Size { line });
+            let corner = |at: &u32| placed.get(*at as usize).copied().ok_or(bad_size(line));
             let t = smallest_first([corner(a)?, corner(b)?, corner(c)?]);
             census.add(&t);
             triangles.push(t);

@@ -3,12 +3,12 @@
 use super::curved::tube_parts;
 use super::{Ball, Block, Body, Curved, Half, Leaf, Round};
 use crate::csg::facets;
+use crate::csg::fault::{bad_size, singular, too_far};
 use crate::csg::offset::MAX_TUBE;
 use crate::csg::place::{point, whole};
 use crate::csg::tree::Shape;
-use crate::facts::CsgFault;
+use crate::fault::Fault;
 use crate::geom::{Affine, cross, dot};
-use crate::mesh::MAX_VOXELS;
 
 /// Axes that are as long as each other, and at right angles, but for this part of their length make a sphere.
 const ROUND: f64 = 1e-10;
@@ -19,17 +19,17 @@ const NORMAL: f64 = (1 << 28) as f64;
 ///
 /// # Errors
 /// Sizes that make no sense, an affine that is singular, or a place beyond the lattice.
-pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Result<Leaf, CsgFault> {
+pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Result<Leaf, Fault> {
     let m = to_lattice;
     let columns = [m.column(0), m.column(1), m.column(2)];
     let volume = dot(columns[0], cross(columns[1], columns[2]));
     let cell: f64 = columns.iter().map(|c| dot(*c, *c).sqrt()).product();
     let finite = m.rows.iter().flatten().all(|c| c.is_finite());
     if !finite || !cell.is_finite() || volume.abs() <= 1e-12 * cell {
-        return Err(CsgFault::Singular { line });
+        return Err(singular(line));
     }
     let size = |sizes: &[f64]| match sizes {
-        sizes if sizes.iter().any(|s| !s.is_finite() || *s < 0.0) => Err(CsgFault::Size { line }),
+        sizes if sizes.iter().any(|s| !s.is_finite() || *s < 0.0) => Err(bad_size(line)),
         sizes => Ok(sizes.contains(&0.0)),
     };
     let axis = |k: usize, length: f64| point(columns[k].map(|c| c * length), line);
@@ -78,7 +78,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
                 return Ok(Leaf::Nothing);
             }
             if *minor > MAX_TUBE * major {
-                return Err(CsgFault::Size { line });
+                return Err(bad_size(line));
             }
             let axes = [axis(0, *major)?, axis(1, *major)?, axis(2, *major)?];
             Ok(curved(point(m.origin(), line)?, axes, Round::Torus(tube_parts(minor / major))))
@@ -86,7 +86,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
         Shape::HalfSpace { normal, offset } => {
             let length = dot(*normal, *normal).sqrt();
             if !length.is_normal() || !offset.is_finite() {
-                return Err(CsgFault::Size { line });
+                return Err(bad_size(line));
             }
             let unit = normal.map(|c| c / length);
             let on_it = point(m.apply(unit.map(|c| c * offset)), line)?;
@@ -97,7 +97,7 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
                 [0, 1, 2].map(|k| (0..3).map(|j| cofactors[j][k] * unit[j]).sum::<f64>() * volume.signum());
             let largest = placed.iter().fold(0.0, |most: f64, c| most.max(c.abs()));
             if !largest.is_normal() {
-                return Err(CsgFault::Singular { line });
+                return Err(singular(line));
             }
             #[expect(clippy::cast_possible_truncation, reason = "at most 2^28")]
             let normal = placed.map(|c| (c / largest * NORMAL).round_ties_even() as i64);
@@ -109,20 +109,20 @@ pub(in crate::csg) fn place(shape: &Shape, to_lattice: &Affine, line: u64) -> Re
     }
 }
 
-fn narrow(of: i64, line: u64) -> Result<i32, CsgFault> {
-    i32::try_from(of).map_err(|_| CsgFault::TooFar { line, most_voxels: MAX_VOXELS })
+fn narrow(of: i64, line: u64) -> Result<i32, Fault> {
+    i32::try_from(of).map_err(|_| too_far(line))
 }
 
 fn curved(middle: [i64; 3], axes: [[i64; 3]; 3], round: Round) -> Leaf {
     Curved::new(middle, axes, round).map_or(Leaf::Nothing, |curved| Leaf::Curved(Box::new(curved)))
 }
 
-fn body(faces: &super::super::tree::Faces, m: &Affine, line: u64) -> Result<Leaf, CsgFault> {
+fn body(faces: &super::super::tree::Faces, m: &Affine, line: u64) -> Result<Leaf, Fault> {
     Ok(Leaf::Body(Box::new(Body::new(faces, m, line)?)))
 }
 
 /// A box at an angle: one corner and three edges are rounded, so that opposite faces stay parallel and plane.
-fn slanted(low: [f64; 3], high: [f64; 3], m: &Affine, line: u64) -> Result<Leaf, CsgFault> {
+fn slanted(low: [f64; 3], high: [f64; 3], m: &Affine, line: u64) -> Result<Leaf, Fault> {
     let first = point(m.apply(low), line)?;
     let mut edges = [[0; 3]; 3];
     for (k, edge) in edges.iter_mut().enumerate() {

@@ -3,7 +3,7 @@
 use std::io::{self, BufRead};
 
 use super::Stop;
-use crate::facts::{CsgFault, CsgToken};
+use crate::csg::fault::expected;
 
 const LONGEST_WORD: usize = 64;
 const LONGEST_TEXT: usize = 4096;
@@ -54,8 +54,8 @@ impl<'a> Lexer<'a> {
         Ok(byte)
     }
 
-    fn expected(&self, what: CsgToken) -> Stop {
-        CsgFault::Expected { line: self.line, what }.into()
+    fn expected(&self, what: &str) -> Stop {
+        expected(self.line, what).into()
     }
 
     /// Leaves out white space and comments; a slash that begins neither is a sign.
@@ -82,7 +82,7 @@ impl<'a> Lexer<'a> {
         let mut last = 0;
         loop {
             match self.take()? {
-                None => return Err(self.expected(CsgToken::Comment)),
+                None => return Err(self.expected("the end of a comment")),
                 Some(b'/') if last == b'*' => return Ok(()),
                 Some(byte) => last = byte,
             }
@@ -111,7 +111,7 @@ impl<'a> Lexer<'a> {
             }
             self.take()?;
             if word.len() == LONGEST_WORD {
-                return Err(self.expected(CsgToken::Value));
+                return Err(self.expected("a value"));
             }
             word.push(byte);
         }
@@ -130,7 +130,7 @@ impl<'a> Lexer<'a> {
                 Ok(number) if word.ends_with(|c: char| c.is_ascii_digit() || c == '.') => {
                     Ok(Token::Number(number))
                 }
-                _ => Err(self.expected(CsgToken::Value)),
+                _ => Err(self.expected("a value")),
             },
         }
     }
@@ -139,13 +139,15 @@ impl<'a> Lexer<'a> {
         let mut text = Vec::new();
         loop {
             match self.take()? {
-                None => return Err(self.expected(CsgToken::Quote)),
+                None => return Err(self.expected("the end of a text in quotes")),
                 Some(b'"') => return Ok(Token::Text(String::from_utf8_lossy(&text).into_owned())),
                 Some(b'\\') => match self.take()? {
                     Some(byte @ (b'"' | b'\\')) => text.push(byte),
-                    _ => return Err(self.expected(CsgToken::Quote)),
+                    _ => return Err(self.expected("the end of a text in quotes")),
                 },
-                Some(_) if text.len() == LONGEST_TEXT => return Err(self.expected(CsgToken::Quote)),
+                Some(_) if text.len() == LONGEST_TEXT => {
+                    return Err(self.expected("the end of a text in quotes"));
+                }
                 Some(byte) => text.push(byte),
             }
         }

@@ -20,12 +20,12 @@ pub(super) use bound::memory_bound;
 pub(super) use modules::is_module;
 pub(super) use parser::parse;
 
-use crate::facts::CsgFault;
+use crate::fault::Fault;
 
 /// Why a text cannot be read.
 #[derive(Debug)]
 pub(super) enum Stop {
-    Text(CsgFault),
+    Text(Fault),
     Read(std::io::Error),
     /// The tree is larger than what it may take.
     Memory {
@@ -33,8 +33,8 @@ pub(super) enum Stop {
     },
 }
 
-impl From<CsgFault> for Stop {
-    fn from(fault: CsgFault) -> Self {
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
         Self::Text(fault)
     }
 }

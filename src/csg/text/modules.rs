@@ -4,9 +4,11 @@ use std::path::{Component, Path, PathBuf};
 
 use super::values::{Arguments, MAX_NAME};
 use crate::csg::facets;
+use crate::csg::fault::{At, bad_size, not_flat, unsupported};
 use crate::csg::tree::{Faces, Operation, Shape};
-use crate::facts::CsgFault;
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
+use crate::text::shown;
 
 /// Most sides of a facetted sphere or cylinder.
 pub(super) const MAX_SIDES: f64 = 256.0;
@@ -32,11 +34,7 @@ pub(super) enum Meaning {
 ///
 /// # Errors
 /// It is not read, or its arguments make no sense.
-pub(super) fn meaning(
-    of: &Arguments,
-    extruded: Option<[f64; 2]>,
-    folder: &Path,
-) -> Result<Meaning, CsgFault> {
+pub(super) fn meaning(of: &Arguments, extruded: Option<[f64; 2]>, folder: &Path) -> Result<Meaning, Fault> {
     if let Some((known, places)) = taken(&of.module) {
         of.only(known, places)?;
     }
@@ -59,16 +57,16 @@ pub(super) fn meaning(
         "offset3d" if extruded.is_none() => Ok(Meaning::Block(Block::Offset(of.need("r", Some(0))?))),
         "linear_extrude" => match extruded {
             None => heights(of).map(Meaning::Extruded),
-            Some(_) => Err(CsgFault::NotFlat { line: of.line, module: of.module.clone() }),
+            Some(_) => Err(not_flat(of.line, &of.module)),
         },
         "square" | "circle" | "polygon" => match extruded {
             Some(z) => flat(of, z).map(Meaning::Leaf),
-            None => Err(CsgFault::Flat { line: of.line, module: of.module.clone() }),
+            None => Err(bad!("{}{} is flat; put it into linear_extrude", At(of.line), shown(&of.module))),
         },
         _ => {
             let shape = solid(of, folder)?;
             if extruded.is_some() {
-                return Err(CsgFault::NotFlat { line: of.line, module: of.module.clone() });
+                return Err(not_flat(of.line, &of.module));
             }
             Ok(Meaning::Leaf(shape))
         }
@@ -120,7 +118,7 @@ fn taken(module: &str) -> Option<(&'static [&'static str], usize)> {
     })
 }
 
-fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
+fn solid(of: &Arguments, folder: &Path) -> Result<Shape, Fault> {
     Ok(match of.module.as_str() {
         "cube" => {
             let size = of.numbers::<3>("size", Some(0))?.unwrap_or([1.0; 3]);
@@ -149,7 +147,7 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
         "torus" => {
             let (major, minor) = (of.need("major", Some(0))?, of.need("minor", Some(1))?);
             if minor > major {
-                return Err(CsgFault::Size { line: of.line });
+                return Err(bad_size(of.line));
             }
             Shape::Torus { major, minor }
         }
@@ -170,8 +168,8 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, CsgFault> {
             Shape::Volume { path: beside(of.text("file", Some(0))?, folder)?, iso: of.need("iso", Some(1))? }
         }
         _ => {
-            let module = of.module.chars().take(MAX_NAME).collect();
-            return Err(CsgFault::Unsupported { line: of.line, module });
+            let module: String = of.module.chars().take(MAX_NAME).collect();
+            return Err(unsupported(of.line, &module));
         }
     })
 }
@@ -182,13 +180,13 @@ fn radius(
     radius: &'static str,
     diameter: &'static str,
     place: Option<usize>,
-) -> Result<Option<f64>, CsgFault> {
+) -> Result<Option<f64>, Fault> {
     let half = of.number(diameter, None)?.map(|d| d / 2.0);
     Ok(half.or(of.number(radius, place)?))
 }
 
 /// Sides of something round; `None` if it is to be round, or has so many sides that it is within 0.008 % of its radius.
-fn sides(of: &Arguments) -> Result<Option<usize>, CsgFault> {
+fn sides(of: &Arguments) -> Result<Option<usize>, Fault> {
     match of.number("$fn", None)? {
         None => Ok(None),
         Some(count) if count <= 0.0 || count > MAX_SIDES => Ok(None),
@@ -206,7 +204,7 @@ fn upright(z: [f64; 2], radii: [f64; 2], sides: Option<usize>) -> Shape {
     }
 }
 
-fn polyhedron(of: &Arguments) -> Result<Shape, CsgFault> {
+fn polyhedron(of: &Arguments) -> Result<Shape, Fault> {
     let points = of.list("points", Some(0))?.and_then(|list| list.rows_of::<3>());
     let points = points.ok_or_else(|| of.wrong("points"))?;
     let named = if of.value("faces", None).is_some() { "faces" } else { "triangles" };
@@ -240,12 +238,15 @@ pub(super) fn made_bytes(of: &Arguments) -> u64 {
     }
 }
 
-fn heights(of: &Arguments) -> Result<[f64; 2], CsgFault> {
+fn heights(of: &Arguments) -> Result<[f64; 2], Fault> {
     let straight = of.number("twist", None)?.unwrap_or(0.0) == 0.0
         && of.numbers::<2>("scale", None)?.is_none_or(|scale| scale == [1.0; 2]);
     let upwards = of.numbers::<3>("v", None)?.is_none_or(|v| v[0] == 0.0 && v[1] == 0.0 && v[2] > 0.0);
     if !straight || !upwards {
-        return Err(CsgFault::Twisted { line: of.line });
+        return Err(bad!(
+            "{}linear_extrude with twist, scale or a slanted direction is not supported; leave them out",
+            At(of.line)
+        ));
     }
     let height = of.number("height", Some(0))?.unwrap_or(100.0);
     let start = if of.flag("center", None)? { -height / 2.0 } else { 0.0 };
@@ -253,7 +254,7 @@ fn heights(of: &Arguments) -> Result<[f64; 2], CsgFault> {
 }
 
 /// A flat shape between two heights.
-fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, CsgFault> {
+fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, Fault> {
     Ok(match of.module.as_str() {
         "square" => {
             let size = of.numbers::<2>("size", Some(0))?.unwrap_or([1.0; 2]);
@@ -289,11 +290,15 @@ fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, CsgFault> {
 
 /// A file that lies in the folder of the text, or below it: a text that came from elsewhere must not make the program
 /// read any file it names.
-fn beside(name: &str, folder: &Path) -> Result<PathBuf, CsgFault> {
+fn beside(name: &str, folder: &Path) -> Result<PathBuf, Fault> {
     let path = Path::new(name.trim());
     let inside = path.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if !inside || path.as_os_str().is_empty() || name.contains('\0') {
-        return Err(CsgFault::Outside { name: name.chars().take(200).collect() });
+        let name: String = name.chars().take(200).collect();
+        return Err(bad!(
+            "names `{}`, which lies outside of its folder; put the file beside it or in a folder below",
+            shown(&name)
+        ));
     }
     Ok(folder.join(path))
 }

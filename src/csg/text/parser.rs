@@ -7,8 +7,8 @@ use super::Stop;
 use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, made_bytes, meaning};
 use super::values::Arguments;
+use crate::csg::fault::expected;
 use crate::csg::tree::{NodeId, Operation, Tree, boxed, push};
-use crate::facts::{CsgFault, CsgToken};
 use crate::geom::Affine;
 
 struct OpenBlock {
@@ -109,20 +109,19 @@ impl Parser<'_> {
             Some(token) => token,
             None => self.lexer.next()?,
         };
-        let expected =
-            |parser: &Self, what| Stop::from(CsgFault::Expected { line: parser.lexer.line(), what });
+        let expected = |parser: &Self, what| Stop::from(expected(parser.lexer.line(), what));
         match token {
             Token::Sign(b';') => {}
             Token::Sign(b'}') if self.open.len() > 1 => self.close()?,
             Token::End if self.open.len() == 1 => return Ok(false),
-            Token::End => return Err(expected(self, CsgToken::Brace)),
+            Token::End => return Err(expected(self, "} before the end of the file")),
             Token::Sign(mark @ (b'#' | b'%' | b'*')) => match self.lexer.next()? {
                 // Background, and what is switched off, is read and left out; # only marks.
                 Token::Name(name) => self.module(name, mark != b'#')?,
-                _ => return Err(expected(self, CsgToken::Module)),
+                _ => return Err(expected(self, "the name of a module")),
             },
             Token::Name(name) => self.module(name, false)?,
-            _ => return Err(expected(self, CsgToken::Module)),
+            _ => return Err(expected(self, "the name of a module")),
         }
         Ok(true)
     }
@@ -135,9 +134,9 @@ impl Parser<'_> {
             .last()
             .map_or((None, false), |above| (above.extruded.as_deref().copied(), above.left_out));
         let left_out = left_out || above_out;
-        let expected = |line, what| Stop::from(CsgFault::Expected { line, what });
+        let expected = |line, what| Stop::from(expected(line, what));
         if self.lexer.next()? != Token::Sign(b'(') {
-            return Err(expected(self.lexer.line(), CsgToken::Open));
+            return Err(expected(self.lexer.line(), "( behind the name of a module"));
         }
         let held = self.bytes();
         let room = self.most_bytes.saturating_sub(held);
@@ -161,7 +160,7 @@ impl Parser<'_> {
                         self.begin(union, extruded, line, true);
                         Ok(())
                     }
-                    _ => Err(expected(self.lexer.line(), CsgToken::End)),
+                    _ => Err(expected(self.lexer.line(), "; or { behind a module")),
                 };
             }
             Meaning::Block(block) => (block, extruded),
@@ -182,7 +181,7 @@ impl Parser<'_> {
                 }
                 self.pending = Some(token);
             }
-            _ => return Err(expected(self.lexer.line(), CsgToken::End)),
+            _ => return Err(expected(self.lexer.line(), "; or { behind a module")),
         }
         Ok(())
     }

@@ -2,9 +2,11 @@
 
 use super::Stop;
 use super::lexer::{Lexer, Token};
+use crate::csg::fault::{At, bad_argument, expected, singular};
 use crate::csg::tree::push;
-use crate::facts::{CsgFault, CsgToken, SurplusArgument};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
+use crate::text::shown;
 
 /// How deep lists may lie in lists: the rows of a list of lists.
 const DEEPEST: usize = 4;
@@ -116,11 +118,11 @@ impl Arguments {
         most_bytes: u64,
     ) -> Result<Self, Stop> {
         let mut all = Self { line, module, named: Vec::new(), placed: Vec::new() };
-        let expected = |line: u64, what| Stop::from(CsgFault::Expected { line, what });
+        let missing = |line: u64, what| Stop::from(expected(line, what));
         let mut token = lexer.next()?;
         while token != Token::Sign(b')') {
             if all.named.len() + all.placed.len() == MAX {
-                return Err(expected(lexer.line(), CsgToken::Close));
+                return Err(missing(lexer.line(), ", or ) behind an argument"));
             }
             let mut name = None;
             if let Token::Name(word) = &token
@@ -128,7 +130,7 @@ impl Arguments {
             {
                 name = Some(word.clone());
                 if lexer.next()? != Token::Sign(b'=') {
-                    return Err(expected(lexer.line(), CsgToken::Value));
+                    return Err(missing(lexer.line(), "a value"));
                 }
                 token = lexer.next()?;
             }
@@ -144,7 +146,7 @@ impl Arguments {
             token = match lexer.next()? {
                 Token::Sign(b',') => lexer.next()?,
                 Token::Sign(b')') => break,
-                _ => return Err(expected(lexer.line(), CsgToken::Close)),
+                _ => return Err(missing(lexer.line(), ", or ) behind an argument")),
             };
         }
         Ok(all)
@@ -165,26 +167,33 @@ impl Arguments {
 
     /// Refuses names that the module does not take, and more values than it has places: a misspelt name would
     /// change the solid without a word.
-    pub(super) fn only(&self, known: &'static [&'static str], places: usize) -> Result<(), CsgFault> {
+    pub(super) fn only(&self, known: &'static [&'static str], places: usize) -> Result<(), Fault> {
         let stranger = self
             .named
             .iter()
             .find(|(name, _)| !known.contains(&name.as_str()) && !SPECIAL.contains(&name.as_str()));
-        let argument = stranger.map(|(name, _)| name.chars().take(MAX_NAME).collect());
+        let argument = stranger.map(|(name, _)| name.chars().take(MAX_NAME).collect::<String>());
         if argument.is_none() && self.placed.len() <= places {
             return Ok(());
         }
-        let of = SurplusArgument { module: self.module.clone(), argument, known };
-        Err(CsgFault::Surplus { line: self.line, of: Box::new(of) })
+        let (at, module) = (At(self.line), shown(&self.module));
+        let taken = match known {
+            [] => "leave it out".to_owned(),
+            _ => format!("it takes {}", known.join(", ")),
+        };
+        Err(match argument {
+            Some(name) => bad!("{at}{module} does not take {}; {taken}", shown(&name)),
+            None => bad!("{at}{module} has more values than it takes; {taken}"),
+        })
     }
 
     /// The refusal of an argument.
-    pub(super) fn wrong(&self, argument: &'static str) -> CsgFault {
-        CsgFault::Argument { line: self.line, module: self.module.clone(), argument }
+    pub(super) fn wrong(&self, argument: &'static str) -> Fault {
+        bad_argument(self.line, &self.module, argument)
     }
 
     /// A number, if it is there.
-    pub(super) fn number(&self, name: &'static str, place: Option<usize>) -> Result<Option<f64>, CsgFault> {
+    pub(super) fn number(&self, name: &'static str, place: Option<usize>) -> Result<Option<f64>, Fault> {
         match self.value(name, place) {
             None => Ok(None),
             Some(Value::Number(number)) => Ok(Some(*number)),
@@ -193,12 +202,12 @@ impl Arguments {
     }
 
     /// A number that is finite and has to be there.
-    pub(super) fn need(&self, name: &'static str, place: Option<usize>) -> Result<f64, CsgFault> {
+    pub(super) fn need(&self, name: &'static str, place: Option<usize>) -> Result<f64, Fault> {
         self.number(name, place)?.filter(|n| n.is_finite()).ok_or_else(|| self.wrong(name))
     }
 
     /// A yes or no; no, if it is not there.
-    pub(super) fn flag(&self, name: &'static str, place: Option<usize>) -> Result<bool, CsgFault> {
+    pub(super) fn flag(&self, name: &'static str, place: Option<usize>) -> Result<bool, Fault> {
         match self.value(name, place) {
             None => Ok(false),
             Some(Value::Flag(flag)) => Ok(*flag),
@@ -211,7 +220,7 @@ impl Arguments {
         &self,
         name: &'static str,
         place: Option<usize>,
-    ) -> Result<Option<[f64; N]>, CsgFault> {
+    ) -> Result<Option<[f64; N]>, Fault> {
         match self.value(name, place) {
             None => Ok(None),
             Some(Value::Number(number)) => Ok(Some([*number; N])),
@@ -222,7 +231,7 @@ impl Arguments {
         }
     }
 
-    pub(super) fn list(&self, name: &'static str, place: Option<usize>) -> Result<Option<&List>, CsgFault> {
+    pub(super) fn list(&self, name: &'static str, place: Option<usize>) -> Result<Option<&List>, Fault> {
         match self.value(name, place) {
             None => Ok(None),
             Some(Value::List(list)) => Ok(Some(list)),
@@ -231,7 +240,7 @@ impl Arguments {
     }
 
     /// A text that has to be there.
-    pub(super) fn text(&self, name: &'static str, place: Option<usize>) -> Result<&str, CsgFault> {
+    pub(super) fn text(&self, name: &'static str, place: Option<usize>) -> Result<&str, Fault> {
         match self.value(name, place) {
             Some(Value::Text(text)) => Ok(text),
             _ => Err(self.wrong(name)),
@@ -239,7 +248,7 @@ impl Arguments {
     }
 
     /// The matrix of `multmatrix`, whose last row is 0, 0, 0, 1.
-    pub(super) fn matrix(&self) -> Result<Affine, CsgFault> {
+    pub(super) fn matrix(&self) -> Result<Affine, Fault> {
         let wrong = || self.wrong("m");
         let rows = self.list("m", Some(0))?.and_then(List::rows_of::<4>).ok_or_else(wrong)?;
         let (Some(head), last) = (rows.first_chunk::<3>(), rows.get(3)) else { return Err(wrong()) };
@@ -247,7 +256,7 @@ impl Arguments {
             return Err(wrong());
         }
         if !head.iter().flatten().all(|c| c.is_finite()) {
-            return Err(CsgFault::Singular { line: self.line });
+            return Err(singular(self.line));
         }
         Ok(Affine { rows: *head })
     }
@@ -262,10 +271,10 @@ fn value(lexer: &mut Lexer<'_>, token: Token, most_bytes: u64) -> Result<Value, 
             "true" => Ok(Value::Flag(true)),
             "false" => Ok(Value::Flag(false)),
             "undef" => Ok(Value::Nothing),
-            _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
+            _ => Err(expected(lexer.line(), "a value").into()),
         },
         Token::Sign(b'[') => list(lexer, most_bytes).map(Value::List),
-        _ => Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::Value }.into()),
+        _ => Err(expected(lexer.line(), "a value").into()),
     }
 }
 
@@ -296,7 +305,7 @@ fn list(lexer: &mut Lexer<'_>, most_bytes: u64) -> Result<List, Stop> {
             Token::Sign(b',') => {}
             Token::Text(_) | Token::Name(_) => all.mixed = true,
             Token::Sign(_) | Token::End => {
-                return Err(CsgFault::Expected { line: lexer.line(), what: CsgToken::List }.into());
+                return Err(expected(lexer.line(), "the ] of a list").into());
             }
         }
     }

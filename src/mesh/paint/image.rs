@@ -8,8 +8,8 @@ use png::{ColorType, DecodingError, Limits, Transformations};
 
 use super::super::read::Image;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg};
-use crate::facts::ImageFault;
 use crate::platform::FileExt;
+use std::borrow::Cow;
 
 /// Memory that a decoder of PNG may allocate.
 const DECODER_BYTES: usize = 4 << 20;
@@ -20,10 +20,13 @@ const MAX_SIDE: u32 = 32_768;
 const MAX_TEXELS: u64 = 1 << 24;
 const MAX_TEXELS_PER_BYTE: u64 = 64;
 
+const UNKNOWN: &str = "is not read: it is not a PNG or JPEG of 8 bits in grey or colour; convert it";
+const DAMAGED: &str = "is damaged or cut short; copy it again";
+
 /// Why an image is refused: it is wrong or unreadable, or the scratch file cannot be written.
 #[derive(Debug)]
 pub(super) enum Stop {
-    Wrong(ImageFault),
+    Wrong(Cow<'static, str>),
     Read(io::Error),
     Scratch(io::Error),
 }
@@ -64,13 +67,16 @@ impl Seek for FileRange<'_> {
     }
 }
 
-fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), ImageFault> {
+fn check_size(width: u32, height: u32, bytes: u64) -> Result<(), Cow<'static, str>> {
     let most = MAX_TEXELS + bytes.saturating_mul(MAX_TEXELS_PER_BYTE);
     if width == 0 || height == 0 {
-        return Err(ImageFault::Damaged);
+        return Err(DAMAGED.into());
     }
     if width > MAX_SIDE || height > MAX_SIDE || u64::from(width) * u64::from(height) > most {
-        return Err(ImageFault::TooLarge { width, height });
+        return Err(format!(
+            "would have {width} x {height} texels, which is more than 32768 along a side or than its bytes justify; make it smaller"
+        )
+        .into());
     }
     Ok(())
 }
@@ -128,7 +134,7 @@ pub(super) fn read(image: &Image, folder: &Path, rows: &mut dyn Rows) -> Result<
     match head {
         [0x89, b'P', b'N', b'G'] => read_png(run, folder, rows),
         [0xff, 0xd8, 0xff, _] => read_jpeg(run, rows),
-        _ => Err(Stop::Wrong(ImageFault::Unknown)),
+        _ => Err(Stop::Wrong(UNKNOWN.into())),
     }
 }
 
@@ -157,7 +163,7 @@ fn read_png(run: FileRange<'_>, folder: &Path, rows: &mut dyn Rows) -> Result<()
     let bytes = run.bytes;
     let failed = |error: DecodingError| match error {
         DecodingError::IoError(cause) if cause.raw_os_error().is_some() => Stop::Read(cause),
-        _ => Stop::Wrong(ImageFault::Damaged),
+        _ => Stop::Wrong(DAMAGED.into()),
     };
     let mut decoder = png::Decoder::new_with_limits(BufReader::new(run), Limits { bytes: DECODER_BYTES });
     decoder.set_ignore_text_chunk(true);
@@ -172,14 +178,14 @@ fn read_png(run: FileRange<'_>, folder: &Path, rows: &mut dyn Rows) -> Result<()
         ColorType::GrayscaleAlpha => 2,
         ColorType::Rgb => 3,
         ColorType::Rgba => 4,
-        ColorType::Indexed => return Err(Stop::Wrong(ImageFault::Damaged)),
+        ColorType::Indexed => return Err(Stop::Wrong(DAMAGED.into())),
     };
     rows.begin(width, height).map_err(Stop::Scratch)?;
     let (width, height) = (width as usize, height as usize);
     let mut texels = Vec::with_capacity(3 * width);
     // Calls `put` with the texels of the next row, which has so many.
     let mut next = |count: usize, put: &mut dyn FnMut(&[u8]) -> io::Result<()>| {
-        let short = || Stop::Wrong(ImageFault::Damaged);
+        let short = || Stop::Wrong(DAMAGED.into());
         let row = reader.next_row().map_err(failed)?.ok_or_else(short)?;
         texels.clear();
         for texel in row.data().get(..samples * count).ok_or_else(short)?.chunks_exact(samples) {
@@ -221,7 +227,7 @@ struct Samples<'a> {
     /// Are they brightness and two colours?
     differences: bool,
     texels: Vec<u8>,
-    wrong: Option<ImageFault>,
+    wrong: Option<Cow<'static, str>>,
     scratch: bool,
 }
 
@@ -235,7 +241,7 @@ impl RowSink for Samples<'_> {
         let fits = if matches!(components, 1 | 3) && format.precision == 8 {
             check_size(format.columns, format.rows, self.bytes)
         } else {
-            Err(ImageFault::Unknown)
+            Err(UNKNOWN.into())
         };
         if let Err(fault) = fits {
             self.wrong = Some(fault);
@@ -310,7 +316,7 @@ fn read_jpeg(mut run: FileRange<'_>, rows: &mut dyn Rows) -> Result<(), Stop> {
         (Some(fault), _) => Stop::Wrong(fault),
         (None, CodecError::Io(cause)) if samples.scratch => Stop::Scratch(cause),
         (None, CodecError::Io(cause)) if cause.raw_os_error().is_some() => Stop::Read(cause),
-        (None, CodecError::Unsupported(_)) => Stop::Wrong(ImageFault::Unknown),
-        (None, _) => Stop::Wrong(ImageFault::Damaged),
+        (None, CodecError::Unsupported(_)) => Stop::Wrong(UNKNOWN.into()),
+        (None, _) => Stop::Wrong(DAMAGED.into()),
     })
 }

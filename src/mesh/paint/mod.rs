@@ -40,7 +40,6 @@ pub(super) use image::needed_bytes as image_bytes;
 use near::{Near, Numbered, SORTING_BYTES, Sorter};
 use point::{nearest_point, squared_distance, texels_per_voxel};
 use store::Columns;
-pub(super) use texture::Fault;
 use texture::{Pages, Texture};
 
 /// Which channels of a mesh are painted.
@@ -129,7 +128,7 @@ impl Collector {
     ///
     /// # Errors
     /// An image is wrong or too large, or cannot be read, or the scratch file cannot.
-    pub(super) fn file(&mut self, first_part: u64, materials: &[Material]) -> Result<(), Fault> {
+    pub(super) fn file(&mut self, first_part: u64, materials: &[Material]) -> Result<(), SourceError> {
         self.first_part = first_part;
         self.first_coat = u32::try_from(self.coats.len()).unwrap_or(u32::MAX);
         if !self.wanted.colors {

@@ -8,11 +8,14 @@ use std::io;
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 
-use super::super::read::{Image, Texture as FileTexture, Wrap, linear};
+use super::super::read::{Image, Texture as FileTexture, Wrap, linear, missing};
 use super::image::{Rows, Stop, read};
-use crate::facts::{MeshFault, SourceError, SourceFault};
+use crate::facts::{SourceError, SourceFault};
+use crate::fault::bad;
 use crate::platform::FileExt;
 use crate::scratch::PageCache;
+use crate::text::names::CHANNELS;
+use crate::text::shown;
 
 /// Bytes of a texel: three parts of 16 bits.
 const TEXEL: usize = 6;
@@ -21,13 +24,6 @@ const PAGE: usize = 32;
 const PAGES: usize = 509;
 /// Most sizes of an image: sides are below 2^16.
 const MAX_LEVELS: usize = 17;
-
-/// Why a texture is refused.
-#[derive(Debug)]
-pub(in crate::mesh) enum Fault {
-    Mesh(MeshFault),
-    Source(SourceError),
-}
 
 #[derive(Clone, Copy, Debug)]
 struct Level {
@@ -143,19 +139,18 @@ impl Rows for Halver {
 }
 
 impl Levels {
-    fn read(image: &Image, number: u32, folder: &Path) -> Result<Self, Fault> {
-        let scratch = |cause| {
-            Fault::Source(SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause }))
-        };
+    fn read(image: &Image, number: u32, folder: &Path) -> Result<Self, SourceError> {
+        let scratch = |cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause });
+        let name = shown(&image.name);
         let file = crate::scratch::unnamed(folder).map_err(scratch)?;
         let mut halver = Halver { file, levels: Vec::new(), seen: Vec::new() };
         match read(image, folder, &mut halver) {
             Ok(()) => Ok(Self { file: halver.file, number, levels: halver.levels }),
             Err(Stop::Scratch(cause)) => Err(scratch(cause)),
-            Err(Stop::Read(cause)) => {
-                Err(Fault::Mesh(MeshFault::Missing { name: image.name.clone(), why: cause.kind() }))
+            Err(Stop::Read(cause)) => Err(missing(&image.name, &cause).into()),
+            Err(Stop::Wrong(fault)) => {
+                Err(bad!("has a texture, {name}, which {fault}, or build it with {CHANNELS} normal").into())
             }
-            Err(Stop::Wrong(fault)) => Err(Fault::Mesh(MeshFault::Image { name: image.name.clone(), fault })),
         }
     }
 }
@@ -165,7 +160,11 @@ pub(super) type ReadImages = Vec<(Arc<Image>, Arc<Levels>)>;
 
 impl Texture {
     /// Reads a texture's image, unless another texture had the same.
-    pub(super) fn open(stated: &FileTexture, folder: &Path, known: &mut ReadImages) -> Result<Self, Fault> {
+    pub(super) fn open(
+        stated: &FileTexture,
+        folder: &Path,
+        known: &mut ReadImages,
+    ) -> Result<Self, SourceError> {
         let levels = match known.iter().find(|(image, _)| Arc::ptr_eq(image, &stated.image)) {
             Some((_, levels)) => levels.clone(),
             None => {

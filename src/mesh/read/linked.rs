@@ -1,12 +1,16 @@
 //! Files that a mesh names: they lie in its folder, and links do not lead out of it.
 
 use std::fs::File;
+use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use super::stop::Stop;
-use crate::facts::MeshFault;
+use crate::fault::{Fault, FaultKind, bad};
+use crate::mesh::read::stop::outside;
 use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
+use crate::text::names::FOLLOW_LINKS;
+use crate::text::shown;
 
 /// A file that the mesh at `mesh` names, its whole path and its length.
 ///
@@ -16,20 +20,40 @@ pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File
     let relative = Path::new(name);
     let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if name.is_empty() {
-        return Err(MeshFault::NoName.into());
+        return Err(bad!("names a file by an empty name; repair the file").into());
     }
     if !inside {
-        return Err(MeshFault::Outside { name: name.to_owned() }.into());
+        return Err(outside(name).into());
     }
     let path = mesh.parent().unwrap_or(Path::new("")).join(relative);
     if !follow && !stays(mesh, &path) {
-        return Err(MeshFault::Linked { name: name.to_owned() }.into());
+        return Err(bad!(
+            "names {}, from which a link leads out of its folder; {FOLLOW_LINKS} reads it",
+            shown(name)
+        )
+        .into());
     }
+    let absent = |text| Stop::Mesh(Fault::new(FaultKind::Absent, text));
     match open_file(&path).and_then(|file| Ok((file.metadata()?.len(), file))) {
         Ok((bytes, file)) => Ok((file, path, bytes)),
-        Err(cause) if is_not_regular(&cause) => Err(MeshFault::NotRegular { name: name.to_owned() }.into()),
-        Err(cause) => Err(MeshFault::Missing { name: name.to_owned(), why: cause.kind() }.into()),
+        Err(cause) if is_not_regular(&cause) => Err(absent(format!(
+            "names {}, which is a folder, a pipe, a socket or a device; put the file in its place",
+            shown(name)
+        ))),
+        Err(cause) => Err(missing(name, &cause).into()),
     }
+}
+
+/// A named file that cannot be read.
+pub(in crate::mesh) fn missing(name: &str, cause: &io::Error) -> Fault {
+    let why = match cause.kind() {
+        io::ErrorKind::InvalidInput => "it is not a regular file".to_owned(),
+        why => why.to_string(),
+    };
+    Fault::new(
+        FaultKind::Absent,
+        format!("names {}, which cannot be read: {why}; put it beside the file", shown(name)),
+    )
 }
 
 /// The name in a URI: `%20` and the like stand for bytes.

@@ -37,11 +37,14 @@ use std::path::{Path, PathBuf};
 
 use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
-use crate::facts::{MeshFault, MeshLack, SourceError, SourceFault};
+use crate::facts::{SourceError, SourceFault};
+use crate::mesh::read::stop::unknown_format;
 use crate::platform;
+use crate::text::shown;
+pub(super) use linked::missing;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
-pub(super) use stop::Stop;
 use stop::{Each, EachLook};
+pub(super) use stop::{Stop, not_finite};
 
 /// Most memory that a reader holds.
 pub(super) const READER_BYTES: u64 = 512 << 10;
@@ -118,7 +121,7 @@ fn open_file(path: &Path) -> Result<(File, u64, Vec<u8>, Format), Stop> {
     let file = platform::open_file(path).map_err(Stop::Read)?;
     let bytes = file.metadata().map_err(Stop::Read)?.len();
     let head = stream::head(&file).map_err(Stop::Read)?;
-    let format = Format::of(&head, bytes, path).ok_or(MeshFault::Unknown)?;
+    let format = Format::of(&head, bytes, path).ok_or_else(|| unknown_format())?;
     Ok((file, bytes, head, format))
 }
 
@@ -181,7 +184,7 @@ pub(super) struct Summary {
     /// Other files that it is read from.
     pub(super) files: Vec<PathBuf>,
     /// What it lacks, or what of it is not read.
-    pub(super) lacks: Vec<MeshLack>,
+    pub(super) lacks: Vec<String>,
     /// Memory of its description.
     pub(super) held_bytes: u64,
     parts: u64,
@@ -231,7 +234,7 @@ impl MeshFile {
                 let (open, texture) = ply::Ply::open(file, bytes, limits)?;
                 let looks = open.has_looks();
                 let texture = texture.filter(|_| limits.colors);
-                let lacks = texture.map(|name| MeshLack::Texture { name }).into_iter().collect();
+                let lacks = texture.map(|name| format!("takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF", shown(&name))).into_iter().collect();
                 return Ok((Kind::Ply(open), Summary { looks, lacks, ..Summary::default() }));
             }
             Format::Off => Kind::Off(text::Faces::off(&file, bytes, limits.scratch)?),
@@ -324,10 +327,13 @@ impl MeshFile {
 
 fn error_of(path: &Path, scratch: &Path, stop: Stop) -> SourceError {
     match stop {
-        Stop::Mesh(fault) => fault.at(&path),
+        Stop::Mesh(fault) => fault.at(path).into(),
         Stop::Read(cause) => SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
         Stop::Scratch(cause) => {
             SourceError::from(SourceFault::Scratch { path: scratch.to_path_buf(), cause })
+        }
+        Stop::Memory { needed_bytes, allowed_bytes } => {
+            SourceFault::Description { path: path.to_path_buf(), needed_bytes, allowed_bytes }.into()
         }
         Stop::Caller(error) => error,
     }

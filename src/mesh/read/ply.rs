@@ -10,7 +10,8 @@ use super::stream::{Stream, Token, Words, head};
 use super::text::{Faces, Fan};
 use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
-use crate::facts::MeshFault;
+use crate::fault::bad;
+use crate::mesh::read::stop::{bad_index, count_lies, cut_short, no_coordinates, no_faces};
 
 const MAX_HEADER: u64 = 64 << 10;
 
@@ -155,14 +156,14 @@ impl Header {
         let mut line = 1_u64;
         loop {
             line += 1;
-            let wrong = || Stop::from(MeshFault::BadHeader { line });
+            let wrong = || Stop::from(bad!("line {line} of its header cannot be understood"));
             if words.offset() > MAX_HEADER {
                 return Err(wrong());
             }
             match words.next()? {
                 Token::Word => {}
                 Token::LineEnd => continue,
-                Token::End => return Err(MeshFault::CutShort.into()),
+                Token::End => return Err(cut_short().into()),
             }
             match words.word() {
                 b"format" => {
@@ -321,7 +322,7 @@ fn fields(element: &Element, names: [Name; 3]) -> Option<[(usize, Number); 3]> {
 
 /// Where x, y and z stand.
 fn coordinates(element: &Element) -> Result<[(usize, Number); 3], Stop> {
-    Ok(fields(element, PLACE).ok_or(MeshFault::NoCoordinates)?)
+    Ok(fields(element, PLACE).ok_or_else(no_coordinates)?)
 }
 
 /// By what stored colours become 0 to 1.
@@ -344,13 +345,13 @@ impl Binary {
             let least = element.count.saturating_mul(element.least().max(1));
             if element.kind != Kind::Other && least > left {
                 let held = left / element.least().max(1);
-                return Err(MeshFault::CountLies { stated: element.count, held }.into());
+                return Err(count_lies(element.count, held).into());
             }
             match element.kind {
                 Kind::Vertex => {
                     let fields = coordinates(&element)?;
                     let record = element.record().filter(|r| *r <= MAX_RECORD);
-                    let record = record.ok_or(MeshFault::NoCoordinates)?;
+                    let record = record.ok_or_else(no_coordinates)?;
                     let count = element.count;
                     let of = |fields| -> Result<Vertices, Stop> {
                         let file = file.try_clone().map_err(Stop::Read)?;
@@ -369,7 +370,7 @@ impl Binary {
                             && !matches!(p.value, Number::F32 | Number::F64)
                     });
                     let (Some(corners), Some(vertices)) = (corners, vertices) else {
-                        return Err(MeshFault::NoFaces.into());
+                        return Err(no_faces().into());
                     };
                     let colors = fields(&element, COLOR).filter(|_| looks.colors.is_none());
                     return Ok(Self {
@@ -386,10 +387,10 @@ impl Binary {
                 }
                 Kind::Other => {}
             }
-            let record = element.record().ok_or(MeshFault::NoFaces)?;
+            let record = element.record().ok_or_else(no_faces)?;
             at = at.saturating_add(element.count.saturating_mul(record));
         }
-        Err(MeshFault::NoFaces.into())
+        Err(no_faces().into())
     }
 
     fn for_each_of<P: Copy>(
@@ -432,7 +433,7 @@ impl Binary {
         each: &mut impl FnMut([V; 3]) -> Result<(), Stop>,
     ) -> Result<(), Stop> {
         let big = self.vertices.big;
-        let bad = |_| MeshFault::BadIndex { face: face + 1, vertices: self.vertices.count };
+        let bad = |_| bad_index(face + 1, self.vertices.count);
         for (at, property) in self.properties.iter().enumerate() {
             let Some(length) = property.length else {
                 stream.skip(property.value.bytes());
@@ -568,7 +569,7 @@ fn read_text(
         // Every value takes two bytes at least.
         let held = bytes / (2 * element.properties.len().max(1) as u64) + 1;
         if element.count > held {
-            return Err(MeshFault::CountLies { stated: element.count, held }.into());
+            return Err(count_lies(element.count, held).into());
         }
         match element.kind {
             Kind::Vertex => {
@@ -582,7 +583,7 @@ fn read_text(
             Kind::Face | Kind::Strips => {
                 let lists = |p: &Property| p.name == Name::Corners && p.length.is_some();
                 if !has_vertices || !element.properties.iter().any(lists) {
-                    return Err(MeshFault::NoFaces.into());
+                    return Err(no_faces().into());
                 }
                 let own = fields(element, COLOR);
                 let own = own.filter(|_| colored && colors.is_none() && element.kind == Kind::Face);
@@ -616,8 +617,8 @@ fn read_text(
                         fan = Fan::strip();
                         continue;
                     }
-                    let index = u32::try_from(words.as_whole()?)
-                        .map_err(|_| MeshFault::BadIndex { face: at + 1, vertices: vertices.count })?;
+                    let index =
+                        u32::try_from(words.as_whole()?).map_err(|_| bad_index(at + 1, vertices.count))?;
                     if let Some(t) = fan.next(index) {
                         triangles.numbers(t)?;
                         added += 1;
@@ -646,5 +647,5 @@ fn read_text(
             return Faces::of(vertices, triangles, written([colors, normals, of_triangles])?);
         }
     }
-    Err(MeshFault::NoFaces.into())
+    Err(no_faces().into())
 }

@@ -4,7 +4,7 @@ use std::fs::File;
 
 use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words};
-use crate::facts::MeshFault;
+use crate::mesh::read::stop::{count_lies, cut_short, not_finite};
 
 /// Bytes before the first triangle, and of each.
 const HEADER: u64 = 84;
@@ -25,10 +25,7 @@ fn stated(head: &[u8]) -> Option<u64> {
 pub(super) fn triangles(head: &[u8], bytes: u64) -> Result<Option<u64>, Stop> {
     match (binary_triangles(head, bytes), stated(head)) {
         (None, stated) if !is_text(head) => Err(stated
-            .map_or(MeshFault::CutShort, |stated| MeshFault::CountLies {
-                stated,
-                held: bytes.saturating_sub(HEADER) / RECORD,
-            })
+            .map_or(cut_short(), |stated| count_lies(stated, bytes.saturating_sub(HEADER) / RECORD))
             .into()),
         (triangles, _) => Ok(triangles),
     }
@@ -63,7 +60,7 @@ pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop
     loop {
         match words.next()? {
             Token::LineEnd => continue,
-            Token::End if solid || vertices > 0 => return Err(MeshFault::CutShort.into()),
+            Token::End if solid || vertices > 0 => return Err(cut_short().into()),
             Token::End => return Ok(()),
             Token::Word => {}
         }
@@ -95,7 +92,7 @@ pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop
                 *coordinate = words.as_number()?;
             }
             if !triangle[vertices].iter().all(|c| c.is_finite()) {
-                return Err(MeshFault::NotFinite { triangle: read + 1 }.into());
+                return Err(not_finite(read + 1).into());
             }
             vertices += 1;
         } else if words.is("endloop") {

@@ -1,7 +1,9 @@
 //! The callers of a reader, and what stops it.
 
 use super::look::Look;
-use crate::facts::{MeshFault, SourceError};
+use crate::facts::SourceError;
+use crate::fault::{Fault, FaultKind, bad};
+use crate::text::shown;
 
 /// Takes the vertices of one triangle after the other.
 pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), Stop> + 'a;
@@ -14,16 +16,96 @@ pub(in crate::mesh) type EachLook<'a> = dyn FnMut(&[[f64; 3]; 3], &Look) -> Resu
 
 /// Refuses a triangle, which is counted from 1, with coordinates that are not numbers.
 #[inline]
-pub(super) fn finite(t: &[[f64; 3]; 3], triangle: u64) -> Result<(), MeshFault> {
-    if t.iter().flatten().all(|c| c.is_finite()) { Ok(()) } else { Err(MeshFault::NotFinite { triangle }) }
+pub(super) fn finite(t: &[[f64; 3]; 3], triangle: u64) -> Result<(), Fault> {
+    if t.iter().flatten().all(|c| c.is_finite()) { Ok(()) } else { Err(not_finite(triangle)) }
+}
+
+pub(super) fn cut_short() -> Fault {
+    bad!("ends before all that it states; it was cut short, copy it again")
+}
+
+pub(super) fn bad_index(face: u64, vertices: u64) -> Fault {
+    bad!("face {face} names a vertex that does not exist ({vertices} are stated); repair the mesh")
+}
+
+pub(super) fn count_lies(stated: u64, held: u64) -> Fault {
+    bad!(
+        "states {stated} elements where its bytes hold {held} at most; it was cut short or damaged, copy it again"
+    )
+}
+
+pub(super) fn bad_text(line: u64) -> Fault {
+    bad!("line {line} cannot be understood; repair the file")
+}
+
+pub(super) fn bad_archive() -> Fault {
+    bad!("is an archive that is damaged or cut short; copy it again")
+}
+
+pub(super) fn recursion() -> Fault {
+    bad!("has parts that contain themselves, or nest too deep; repair the file")
+}
+
+pub(super) fn bad_transform() -> Fault {
+    bad!("places a part by numbers that are infinite; repair the file")
+}
+
+pub(super) fn no_faces() -> Fault {
+    bad!("its faces are not lists of vertices that come after the vertices; write it as triangles")
+}
+
+pub(super) fn no_coordinates() -> Fault {
+    bad!("its vertices have no x, y and z")
+}
+
+pub(super) fn too_many_triangles(most: u64) -> Fault {
+    bad!(
+        "repeats its parts to more than {most} triangles, far more than its size justifies; write the parts out"
+    )
+}
+
+pub(in crate::mesh) fn not_finite(triangle: u64) -> Fault {
+    bad!("triangle {triangle} has a coordinate that is infinite or not a number; repair the mesh")
+}
+
+pub(super) fn buffer_lies(stated: u64, held: u64) -> Fault {
+    bad!("states {stated} bytes of data where there are {held}; it was cut short or damaged, copy it again")
+}
+
+pub(super) fn gltf_version(version: &str) -> Fault {
+    bad!("is glTF of version {}; write it as glTF 2.0", shown(version))
+}
+
+pub(super) fn bad_reference(part: &str) -> Fault {
+    bad!("refers to {part} that does not exist or is not valid; repair the file")
+}
+
+pub(super) fn outside(name: &str) -> Fault {
+    Fault::new(
+        FaultKind::Absent,
+        format!("names {}, which is not below its own folder; copy it there", shown(name)),
+    )
+}
+
+pub(super) fn unread_extension(name: &str) -> Fault {
+    bad!("requires the extension {}, which is not read; write it without", shown(name))
+}
+
+pub(super) fn unknown_format() -> Fault {
+    bad!("is not a mesh of a known format; STL, PLY, OBJ, OFF, glTF and 3MF are read")
 }
 
 /// Why a reader stops: the file is wrong or unreadable, the scratch file failed, or the caller refuses a triangle.
 #[derive(Debug)]
 pub(in crate::mesh) enum Stop {
-    Mesh(MeshFault),
+    Mesh(Fault),
     Read(std::io::Error),
     Scratch(std::io::Error),
+    /// Descriptions take more memory than there is.
+    Memory {
+        needed_bytes: u64,
+        allowed_bytes: u64,
+    },
     Caller(SourceError),
 }
 
@@ -33,8 +115,8 @@ impl From<SourceError> for Stop {
     }
 }
 
-impl From<MeshFault> for Stop {
-    fn from(fault: MeshFault) -> Self {
+impl From<Fault> for Stop {
+    fn from(fault: Fault) -> Self {
         Self::Mesh(fault)
     }
 }
@@ -43,7 +125,7 @@ impl Stop {
     /// A failure to read; at the end of the file it was cut short.
     pub(super) fn reading(cause: std::io::Error) -> Self {
         if cause.kind() == std::io::ErrorKind::UnexpectedEof {
-            Self::Mesh(MeshFault::CutShort)
+            Self::Mesh(cut_short())
         } else {
             Self::Read(cause)
         }

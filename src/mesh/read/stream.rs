@@ -4,7 +4,7 @@ use std::fs::File;
 use std::io;
 
 use super::stop::Stop;
-use crate::facts::MeshFault;
+use crate::mesh::read::stop::{bad_text, cut_short};
 use crate::platform::FileExt;
 
 /// Bytes read at a time.
@@ -77,7 +77,7 @@ impl<'a> Stream<'a> {
                 return Ok(*bytes);
             }
             if !self.fill().map_err(Stop::Read)? {
-                return Err(MeshFault::CutShort.into());
+                return Err(cut_short().into());
             }
         }
     }
@@ -201,7 +201,7 @@ impl<'a> Words<'a> {
     }
 
     pub(super) fn wrong_at(line: u64) -> Stop {
-        MeshFault::BadText { line }.into()
+        bad_text(line).into()
     }
 
     /// Line of the last word, or of the next one where a line has ended.
@@ -267,7 +267,7 @@ impl<'a> Words<'a> {
         match self.next()? {
             Token::Word => Ok(()),
             Token::LineEnd => Err(Self::wrong_at(self.line - 1)),
-            Token::End => Err(MeshFault::CutShort.into()),
+            Token::End => Err(cut_short().into()),
         }
     }
 
@@ -277,7 +277,7 @@ impl<'a> Words<'a> {
             match self.next()? {
                 Token::Word => return Ok(()),
                 Token::LineEnd => {}
-                Token::End => return Err(MeshFault::CutShort.into()),
+                Token::End => return Err(cut_short().into()),
             }
         }
     }

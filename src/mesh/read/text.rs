@@ -7,7 +7,7 @@ use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words, numbers};
 use super::vertex_looks::VertexLooks;
 use super::vertices::{PAGES, Pages, Spool, Vertices};
-use crate::facts::MeshFault;
+use crate::mesh::read::stop::{bad_index, count_lies};
 
 /// Vertices, and triangles that name them.
 #[derive(Debug)]
@@ -61,7 +61,7 @@ pub(super) fn is_off(head: &[u8]) -> bool {
 
 /// A vertex by its number from 0.
 pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
-    let bad = || Stop::from(MeshFault::BadIndex { face: face + 1, vertices });
+    let bad = || Stop::from(bad_index(face + 1, vertices));
     u32::try_from(at).map_err(|_| bad())
 }
 
@@ -78,7 +78,7 @@ impl Faces {
         let [vertex_count, face_count, _] = counts;
         // A vertex takes six bytes at least, a face two.
         if vertex_count > bytes / 6 + 1 || face_count > bytes / 2 || vertex_count > u64::from(u32::MAX) {
-            return Err(MeshFault::CountLies { stated: vertex_count.max(face_count), held: bytes / 6 }.into());
+            return Err(count_lies(vertex_count.max(face_count), bytes / 6).into());
         }
         let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
         for _ in 0..vertex_count {

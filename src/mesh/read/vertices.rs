@@ -4,7 +4,7 @@ use std::fs::File;
 use std::path::Path;
 
 use super::stop::Stop;
-use crate::facts::MeshFault;
+use crate::mesh::read::stop::bad_index;
 use crate::platform::FileExt;
 use crate::scratch::{Appended, PageCache};
 
@@ -148,7 +148,7 @@ impl<'a, P: Copy> Pages<'a, P> {
     pub(super) fn get(&mut self, at: u64, face: u64) -> Result<P, Stop> {
         let Self { vertices, make, places, cache, bytes } = self;
         if at >= vertices.count {
-            return Err(MeshFault::BadIndex { face: face + 1, vertices: vertices.count }.into());
+            return Err(bad_index(face + 1, vertices.count).into());
         }
         let page = at / PAGE;
         // By a number that is known division is a product.

@@ -9,7 +9,8 @@ use std::io::Read;
 use super::stop::Stop;
 use super::stream::uninterrupted;
 use super::zip::reading;
-use crate::facts::{Feature, MeshFault};
+use crate::fault::bad;
+use crate::mesh::read::stop::{bad_text, cut_short, recursion};
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
@@ -86,7 +87,7 @@ impl<R: Read> Xml<R> {
     }
 
     pub(super) fn wrong(&self) -> Stop {
-        MeshFault::BadText { line: self.line }.into()
+        bad_text(self.line).into()
     }
 
     #[inline]
@@ -111,13 +112,13 @@ impl<R: Read> Xml<R> {
                 .iter()
                 .any(|mark| self.buffer.starts_with(mark))
         {
-            return Err(MeshFault::Unsupported(Feature::Utf16).into());
+            return Err(bad!("is written in UTF-16, which is not read; write it in UTF-8").into());
         }
         Ok(read > 0)
     }
 
     fn must(&mut self) -> Result<u8, Stop> {
-        self.byte()?.ok_or_else(|| MeshFault::CutShort.into())
+        self.byte()?.ok_or_else(|| cut_short().into())
     }
 
     /// Reads on past the end mark.
@@ -145,7 +146,7 @@ impl<R: Read> Xml<R> {
                     }
                     Some(_) => {}
                     None if self.depths.is_empty() => return Ok(Event::Done),
-                    None => return Err(MeshFault::CutShort.into()),
+                    None => return Err(cut_short().into()),
                 }
             }
             match self.must()? {
@@ -169,7 +170,7 @@ impl<R: Read> Xml<R> {
                     self.declare()?;
                     if !empty {
                         if self.depths.len() == MAX_DEPTH || self.open.len() + self.name > MAX_HELD {
-                            return Err(MeshFault::Recursion.into());
+                            return Err(recursion().into());
                         }
                         self.depths.push(self.open.len());
                         self.open.extend_from_slice(&self.tag[..self.name]);

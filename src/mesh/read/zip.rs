@@ -10,7 +10,9 @@ use flate2::{Crc, Decompress, FlushDecompress, Status};
 
 use super::stop::Stop;
 use super::stream::Stream;
-use crate::facts::{Feature, MeshFault};
+use crate::budget::Bytes;
+use crate::fault::bad;
+use crate::mesh::read::stop::{bad_archive, cut_short};
 use crate::platform::FileExt;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
@@ -53,7 +55,7 @@ pub(super) struct Member {
 
 impl Archive {
     pub(super) fn open(file: &File, bytes: u64) -> Result<Self, Stop> {
-        let bad = || Stop::from(MeshFault::BadArchive);
+        let bad = || Stop::from(bad_archive());
         let span = bytes.min(END + COMMENT);
         let mut tail = vec![0; usize::try_from(span).unwrap_or(0)];
         file.read_exact_at(&mut tail, bytes - span).map_err(Stop::reading)?;
@@ -87,7 +89,7 @@ impl Archive {
 
     /// The member of a name, in which upper and lower case are one (ECMA-376-2, 6.2.2).
     pub(super) fn find(&self, file: &File, wanted: &str) -> Result<Option<Member>, Stop> {
-        let bad = || Stop::from(MeshFault::BadArchive);
+        let bad = || Stop::from(bad_archive());
         let wanted = wanted.trim_start_matches('/').as_bytes();
         let mut stream = Stream::new(file, self.list);
         for _ in 0..self.entries {
@@ -108,12 +110,17 @@ impl Archive {
                 continue;
             }
             if two(8) & 1 != 0 {
-                return Err(MeshFault::Unsupported(Feature::Encrypted).into());
+                return Err(bad!("is encrypted; decrypt it first").into());
             }
             let deflated = match two(10) {
                 0 => false,
                 8 => true,
-                method => return Err(MeshFault::Unsupported(Feature::Packing { method }).into()),
+                method => {
+                    return Err(bad!(
+                        "is an archive packed by method {method}, which is not read; pack it by deflate"
+                    )
+                    .into());
+                }
             };
             // In this order, where they stand elsewhere.
             let mut numbers = [four(24), four(20), four(42)].map(u64::from);
@@ -122,7 +129,7 @@ impl Archive {
             }
             let [bytes, stored, header] = numbers;
             if header >= self.bytes {
-                return Err(MeshFault::CutShort.into());
+                return Err(cut_short().into());
             }
             let head: [u8; HEADER] = Stream::new(file, header).take()?;
             if !head.starts_with(b"PK\x03\x04") {
@@ -131,7 +138,7 @@ impl Archive {
             let lengths = [26, 28].map(|at| u64::from(u16::from_le_bytes([head[at], head[at + 1]])));
             let offset = header.saturating_add(HEADER as u64 + lengths.iter().sum::<u64>());
             if offset.checked_add(stored).is_none_or(|end| end > self.bytes) {
-                return Err(MeshFault::CutShort.into());
+                return Err(cut_short().into());
             }
             if !deflated && stored != bytes {
                 return Err(bad());
@@ -156,18 +163,18 @@ fn large(stream: &mut Stream<'_>, extra_bytes: u16, numbers: &mut [u64; 3]) -> R
     while left >= 4 {
         let [a, b, c, d]: [u8; 4] = stream.take()?;
         let (kind, mut bytes) = (u16::from_le_bytes([a, b]), u16::from_le_bytes([c, d]));
-        left = left.checked_sub(4).and_then(|left| left.checked_sub(bytes)).ok_or(MeshFault::BadArchive)?;
+        left = left.checked_sub(4).and_then(|left| left.checked_sub(bytes)).ok_or_else(bad_archive)?;
         if kind != EXTRA64 {
             stream.skip(bytes.into());
             continue;
         }
         for number in numbers.iter_mut().filter(|number| **number == ELSEWHERE) {
-            bytes = bytes.checked_sub(8).ok_or(MeshFault::BadArchive)?;
+            bytes = bytes.checked_sub(8).ok_or_else(bad_archive)?;
             *number = u64::from_le_bytes(stream.take()?);
         }
         return Ok(());
     }
-    Err(MeshFault::BadArchive.into())
+    Err(bad_archive().into())
 }
 
 impl Member {
@@ -178,7 +185,12 @@ impl Member {
     pub(super) fn checked_bytes(&self) -> Result<u64, Stop> {
         let most = MAX_UNASKED.max(self.stored.saturating_mul(MAX_TIMES));
         if self.bytes > most {
-            return Err(MeshFault::Bomb { stated: self.bytes, stored: self.stored }.into());
+            return Err(bad!(
+                "contains a part that would unpack from {} to {}, more than any mesh would; it is refused",
+                Bytes(self.stored),
+                Bytes(self.bytes)
+            )
+            .into());
         }
         Ok(self.bytes)
     }
@@ -283,7 +295,7 @@ impl Read for Content<'_> {
 /// The fault of a failure to read a member.
 pub(super) fn reading(cause: io::Error) -> Stop {
     match cause.kind() {
-        io::ErrorKind::InvalidData => MeshFault::BadArchive.into(),
+        io::ErrorKind::InvalidData => bad_archive().into(),
         _ => Stop::reading(cause),
     }
 }

@@ -11,9 +11,11 @@ use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
 use super::super::vertices::{Number, Spool, Vertices};
+use super::MESHOPT;
 use super::json::{Accessor, Described, Embedded, Shape};
-use crate::facts::{Feature, MeshFault, Part};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
+use crate::mesh::read::stop::{bad_reference, buffer_lies, count_lies, outside};
 use crate::platform::FileExt;
 
 /// Longest distance of two items.
@@ -45,11 +47,15 @@ pub(super) struct Buffers {
     runs: Vec<Section>,
 }
 
-pub(super) fn out_of_range(part: Part) -> Stop {
-    MeshFault::BadReference { part }.into()
+pub(super) fn out_of_range(part: &str) -> Stop {
+    bad_reference(part).into()
 }
 
-pub(super) fn item<T>(list: &[T], at: u32, part: Part) -> Result<&T, Stop> {
+fn bad_base64() -> Fault {
+    bad!("holds data that are not well-formed base64; write them to a file beside it, or as GLB")
+}
+
+pub(super) fn item<'a, T>(list: &'a [T], at: u32, part: &str) -> Result<&'a T, Stop> {
     list.get(at as usize).ok_or_else(|| out_of_range(part))
 }
 
@@ -74,7 +80,7 @@ impl Resolver<'_> {
         let mut head = Vec::new();
         loop {
             if left == 0 || head.len() > 256 {
-                return Err(MeshFault::Unsupported(Feature::DataUri).into());
+                return Err(bad_base64().into());
             }
             let [byte] = stream.take()?;
             left -= 1;
@@ -84,7 +90,7 @@ impl Resolver<'_> {
             head.push(byte);
         }
         if !head.ends_with(b";base64") {
-            return Err(MeshFault::Unsupported(Feature::DataUri).into());
+            return Err(bad_base64().into());
         }
         let (file, offset) = match self.decoded.take() {
             Some(known) => known,
@@ -102,7 +108,7 @@ impl Resolver<'_> {
                 b'/' | b'_' => 63,
                 // An escape before a slash, and padding.
                 b'\\' | b'=' => continue,
-                _ => return Err(MeshFault::Unsupported(Feature::DataUri).into()),
+                _ => return Err(bad_base64().into()),
             };
             bits = bits << 6 | u32::from(value);
             held += 6;
@@ -123,11 +129,11 @@ impl Resolver<'_> {
     pub(super) fn section(&mut self, uri: &str, described: &Described) -> Result<Section, Stop> {
         if let Some(number) = uri.strip_prefix("data:") {
             let at = number.parse().ok().and_then(|at: usize| described.embedded.get(at));
-            let at = at.ok_or_else(|| out_of_range(Part::Buffer))?;
+            let at = at.ok_or_else(|| out_of_range("a buffer"))?;
             return self.decode(*at);
         }
         if uri.contains("://") {
-            return Err(MeshFault::Outside { name: uri.to_owned() }.into());
+            return Err(outside(&uri).into());
         }
         let (file, path, bytes) = open_linked(self.path, &unescaped(uri), self.limits.follow_links)?;
         self.files.push(path);
@@ -141,12 +147,12 @@ impl Buffers {
         for (at, buffer) in described.root.buffers.iter().enumerate() {
             let run = match &buffer.uri {
                 Some(uri) => resolver.section(uri, described)?,
-                None if at == 0 => resolver.binary.clone().ok_or_else(|| out_of_range(Part::Buffer))?,
-                None => return Err(out_of_range(Part::Buffer)),
+                None if at == 0 => resolver.binary.clone().ok_or_else(|| out_of_range("a buffer"))?,
+                None => return Err(out_of_range("a buffer")),
             };
             if run.bytes < buffer.byte_length {
                 let (stated, held) = (buffer.byte_length, run.bytes);
-                return Err(MeshFault::BufferLies { stated, held }.into());
+                return Err(buffer_lies(stated, held).into());
             }
             runs.push(Section { bytes: buffer.byte_length, ..run });
         }
@@ -154,26 +160,26 @@ impl Buffers {
     }
 
     pub(super) fn view(&self, described: &Described, at: u32) -> Result<(Section, Option<u64>), Stop> {
-        let view = item(&described.root.buffer_views, at, Part::View)?;
+        let view = item(&described.root.buffer_views, at, "a view of a buffer")?;
         if view.extensions.meshopt.is_some() {
-            return Err(MeshFault::Unsupported(Feature::Meshopt).into());
+            return Err(bad!("{MESHOPT}").into());
         }
-        let run = item(&self.runs, view.buffer, Part::Buffer)?;
+        let run = item(&self.runs, view.buffer, "a buffer")?;
         let end = view.byte_offset.checked_add(view.byte_length);
         if end.is_none_or(|end| end > run.bytes) {
-            return Err(out_of_range(Part::View));
+            return Err(out_of_range("a view of a buffer"));
         }
         let run = Section { offset: run.offset + view.byte_offset, bytes: view.byte_length, ..run.clone() };
         Ok((run, view.byte_stride))
     }
 
     pub(super) fn items(&self, described: &Described, at: u32) -> Result<Items, Stop> {
-        let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
+        let accessor: &Accessor = item(&described.root.accessors, at, "an accessor")?;
         if accessor.sparse.is_some() {
-            return Err(MeshFault::Unsupported(Feature::SparseAccessor).into());
+            return Err(bad!("has sparse accessors, which are not read; write them out").into());
         }
         let Some(view) = accessor.buffer_view else {
-            return Err(MeshFault::Unsupported(Feature::EmptyAccessor).into());
+            return Err(bad!("has accessors without bytes, which are not read; write them out").into());
         };
         let (number, most) = match accessor.component_type {
             5120 => (Number::I8, 127.0),
@@ -182,14 +188,14 @@ impl Buffers {
             5123 => (Number::U16, 65_535.0),
             5125 => (Number::U32, 1.0),
             5126 => (Number::F32, 1.0),
-            _ => return Err(out_of_range(Part::Accessor)),
+            _ => return Err(out_of_range("an accessor")),
         };
-        let parts = accessor.shape.parts().ok_or_else(|| out_of_range(Part::Accessor))?;
+        let parts = accessor.shape.parts().ok_or_else(|| out_of_range("an accessor"))?;
         let own = parts * number.bytes();
         let (run, stride) = self.view(described, view)?;
         let stride = stride.unwrap_or(own);
         if stride < own || stride > MAX_STRIDE {
-            return Err(out_of_range(Part::View));
+            return Err(out_of_range("a view of a buffer"));
         }
         let end = accessor
             .count
@@ -197,7 +203,7 @@ impl Buffers {
             .and_then(|last| last.checked_mul(stride)?.checked_add(own)?.checked_add(accessor.byte_offset));
         if end.is_none_or(|end| end > run.bytes) {
             let held = run.bytes.saturating_sub(accessor.byte_offset) / stride.max(1);
-            return Err(MeshFault::CountLies { stated: accessor.count, held }.into());
+            return Err(count_lies(accessor.count, held).into());
         }
         let run = Section { offset: run.offset + accessor.byte_offset, ..run };
         let scale = if accessor.normalized { 1.0 / most } else { 1.0 };
@@ -206,12 +212,12 @@ impl Buffers {
 
     /// Matrices of singles, one behind the other.
     pub(super) fn matrices(&self, described: &Described, at: u32) -> Result<Vec<Affine>, Stop> {
-        let accessor: &Accessor = item(&described.root.accessors, at, Part::Accessor)?;
-        let view = accessor.buffer_view.ok_or_else(|| out_of_range(Part::Accessor))?;
+        let accessor: &Accessor = item(&described.root.accessors, at, "an accessor")?;
+        let view = accessor.buffer_view.ok_or_else(|| out_of_range("an accessor"))?;
         let (run, _) = self.view(described, view)?;
         let held = run.bytes.saturating_sub(accessor.byte_offset) / MATRIX;
         if (accessor.shape, accessor.component_type) != (Shape::Matrix, 5126) || accessor.count > held {
-            return Err(out_of_range(Part::Accessor));
+            return Err(out_of_range("an accessor"));
         }
         let mut stream = Stream::new(&run.file, run.offset + accessor.byte_offset);
         let mut matrix = || {

@@ -10,7 +10,7 @@ use serde::de::IgnoredAny;
 use super::super::Limits;
 use super::super::stop::Stop;
 use super::super::stream::Stream;
-use crate::facts::MeshFault;
+use crate::mesh::read::stop::{bad_text, cut_short, gltf_version};
 
 /// Memory of an object of the description, and of an item of a list, at most.
 const OBJECT_BYTES: u64 = 320;
@@ -301,11 +301,11 @@ pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) ->
     // Unknown parts nest as deep as the crate allows: 128 levels.
     let root: Root = serde_json::from_slice(&text).map_err(|e| match e.line() {
         // There is no line.
-        0 => MeshFault::CutShort,
-        line => MeshFault::BadText { line: line as u64 },
+        0 => cut_short(),
+        line => bad_text(line as u64),
     })?;
     if root.asset.version.split('.').next() != Some("2") {
-        return Err(MeshFault::GltfVersion { version: root.asset.version.chars().take(16).collect() }.into());
+        return Err(gltf_version(&root.asset.version.chars().take(16).collect::<String>()).into());
     }
     Ok(Described { root, embedded, held_bytes })
 }
@@ -357,7 +357,7 @@ fn condensed(
         // Twice: strings are copied.
         if needed + 2 * text.len() as u64 > limits.most_bytes {
             let needed_bytes = needed + 2 * text.len() as u64;
-            return Err(MeshFault::Description { needed_bytes, allowed_bytes: limits.most_bytes }.into());
+            return Err(Stop::Memory { needed_bytes, allowed_bytes: limits.most_bytes });
         }
     }
     let held_bytes = needed + 2 * text.len() as u64;

@@ -4,9 +4,10 @@ use std::sync::Arc;
 
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
+use super::BASIS;
 use super::buffers::{Buffers, Resolver, item, out_of_range};
 use super::json::{Described, TextureUse};
-use crate::facts::{Feature, MeshFault, Part};
+use crate::fault::bad;
 
 /// Which set of coordinates a material's texture is laid by.
 pub(super) fn texcoord(described: &Described, material: u32) -> u32 {
@@ -44,15 +45,15 @@ fn texture(
     resolver: &mut Resolver<'_>,
     images: &mut [Option<Arc<Image>>],
 ) -> Result<Texture, Stop> {
-    let texture = item(&described.root.textures, used.index, Part::Texture)?;
+    let texture = item(&described.root.textures, used.index, "a texture")?;
     // Only an extension says where the image is.
-    let Some(source) = texture.source else { return Err(MeshFault::Unsupported(Feature::Basis).into()) };
+    let Some(source) = texture.source else { return Err(bad!("{BASIS}").into()) };
     let at = source as usize;
-    let known = images.get(at).ok_or_else(|| out_of_range(Part::Image))?;
+    let known = images.get(at).ok_or_else(|| out_of_range("an image"))?;
     let image = match known {
         Some(image) => image.clone(),
         None => {
-            let stated = item(&described.root.images, source, Part::Image)?;
+            let stated = item(&described.root.images, source, "an image")?;
             let name = format!("image {}", source + 1);
             let image = match (&stated.uri, stated.buffer_view) {
                 (_, Some(view)) => buffers.image(described, view, name)?,
@@ -60,14 +61,14 @@ fn texture(
                     let run = resolver.section(uri, described)?;
                     Image { name, file: run.file, offset: run.offset, bytes: run.bytes }
                 }
-                (None, None) => return Err(out_of_range(Part::Image)),
+                (None, None) => return Err(out_of_range("an image")),
             };
             let image = Arc::new(image);
             images[at] = Some(image.clone());
             image
         }
     };
-    let sampler = texture.sampler.map(|at| item(&described.root.samplers, at, Part::Texture)).transpose()?;
+    let sampler = texture.sampler.map(|at| item(&described.root.samplers, at, "a texture")).transpose()?;
     let wrap = |code: Option<u32>| match code {
         Some(33_071) => Wrap::Clamp,
         Some(33_648) => Wrap::Mirror,

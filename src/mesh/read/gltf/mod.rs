@@ -27,8 +27,11 @@ use super::text::Fan;
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
 use super::{Limits, Summary};
-use crate::facts::{Feature, MeshFault, MeshLack, Part};
+use crate::fault::bad;
 use crate::geom::Affine;
+use crate::mesh::read::stop::{
+    bad_transform, buffer_lies, gltf_version, recursion, too_many_triangles, unread_extension,
+};
 use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 use posed::{BentMeshes, Copies, bent_meshes};
@@ -101,16 +104,16 @@ fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
     let _magic: [u8; 4] = stream.take()?;
     let version = four(stream.take()?);
     if version != 2 {
-        return Err(MeshFault::GltfVersion { version: version.to_string() }.into());
+        return Err(gltf_version(&version.to_string()).into());
     }
     let stated = four(stream.take()?);
     let length = four(stream.take()?);
     let kind: [u8; 4] = stream.take()?;
     if stated > bytes {
-        return Err(MeshFault::BufferLies { stated, held: bytes }.into());
+        return Err(buffer_lies(stated, bytes).into());
     }
     if kind != *b"JSON" || 20 + length > stated {
-        return Err(out_of_range(Part::Chunk));
+        return Err(out_of_range("a chunk"));
     }
     let mut at = 20 + length;
     let json = (20, length);
@@ -120,7 +123,7 @@ fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
         let kind: [u8; 4] = stream.take()?;
         at += 8;
         if at + length > stated {
-            return Err(out_of_range(Part::Chunk));
+            return Err(out_of_range("a chunk"));
         }
         if kind == *b"BIN\0" {
             return Ok((json, Some((at, length))));
@@ -130,22 +133,26 @@ fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
     Ok((json, None))
 }
 
+const DRACO: &str = "is compressed with Draco, which is not read; export it without compression";
+const MESHOPT: &str = "is compressed with meshopt, which is not read; export it without compression";
+const BASIS: &str = "has KTX2 textures, which are not read; write them as PNG or JPEG";
+
 /// Refuses what cannot be read without an extension.
 fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
     for name in required {
-        let feature = match name.as_str() {
+        let fault = match name.as_str() {
             "KHR_mesh_quantization"
             | "KHR_texture_transform"
             | "KHR_lights_punctual"
             | "EXT_mesh_gpu_instancing" => continue,
-            "KHR_draco_mesh_compression" => Feature::Draco,
-            "EXT_meshopt_compression" | "KHR_meshopt_compression" => Feature::Meshopt,
+            "KHR_draco_mesh_compression" => bad!("{DRACO}"),
+            "EXT_meshopt_compression" | "KHR_meshopt_compression" => bad!("{MESHOPT}"),
             "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" if !with_looks => continue,
-            "KHR_texture_basisu" => Feature::Basis,
+            "KHR_texture_basisu" => bad!("{BASIS}"),
             _ if name.starts_with("KHR_materials_") => continue,
-            _ => Feature::Extension(name.chars().take(64).collect()),
+            _ => unread_extension(&name.chars().take(64).collect::<String>()),
         };
-        return Err(MeshFault::Unsupported(feature).into());
+        return Err(fault.into());
     }
     Ok(())
 }
@@ -172,7 +179,14 @@ pub(super) fn open(
     let mut open = Gltf { described, buffers, bent, with_looks: limits.looks, with_colors: limits.colors };
     let (parts, morphs) = open.check(all)?;
     open.bent = bent_meshes(&open, limits)?;
-    let lacks = if morphs { vec![MeshLack::Morphs] } else { Vec::new() };
+    let lacks = if morphs {
+        vec![
+            "has morph targets with weights, which are not applied; the shape without them was built"
+                .to_owned(),
+        ]
+    } else {
+        Vec::new()
+    };
     let plain = |m: &Material| m.color == [1.0; 3] && m.texture.is_none();
     let primitives = || open.described.root.meshes.iter().flat_map(|mesh| &mesh.primitives);
     let colored = primitives().any(|p| p.attributes.color.is_some());
@@ -203,10 +217,10 @@ impl Gltf {
         self.walk(&mut |node, at, _| {
             // A node has one parent at most, so that nodes form no circle.
             if std::mem::replace(&mut seen[at], true) {
-                return Err(MeshFault::Recursion.into());
+                return Err(recursion().into());
             }
             if let Some(mesh) = node.mesh {
-                let (triangles, copies) = (*item(&counts, mesh, Part::Mesh)?, Copies::of(self, node)?.count);
+                let (triangles, copies) = (*item(&counts, mesh, "a mesh")?, Copies::of(self, node)?.count);
                 // A copy of nothing costs time, too.
                 all = all.saturating_add(if copies == 1 {
                     triangles
@@ -214,13 +228,13 @@ impl Gltf {
                     triangles.max(1).saturating_mul(copies)
                 });
                 parts += 1;
-                let mesh = item(&self.described.root.meshes, mesh, Part::Mesh)?;
+                let mesh = item(&self.described.root.meshes, mesh, "a mesh")?;
                 let weights = node.weights.as_ref().or(mesh.weights.as_ref());
                 let moved = weights.is_some_and(|weights| weights.iter().any(|weight| *weight != 0.0));
                 morphs |= moved && mesh.primitives.iter().any(|primitive| !primitive.targets.is_empty());
             }
             if all > most {
-                return Err(MeshFault::TooManyTriangles { most }.into());
+                return Err(too_many_triangles(most).into());
             }
             Ok(())
         })?;
@@ -231,7 +245,7 @@ impl Gltf {
     fn walk(&self, each: &mut dyn FnMut(&Node, usize, &Affine) -> Result<(), Stop>) -> Result<(), Stop> {
         let root = &self.described.root;
         let roots: Vec<u32> = match (root.scene, root.scenes.first()) {
-            (Some(at), _) => item(&root.scenes, at, Part::Scene)?.nodes.clone(),
+            (Some(at), _) => item(&root.scenes, at, "a scene")?.nodes.clone(),
             (None, Some(first)) => first.nodes.clone(),
             (None, None) => {
                 let children: std::collections::BTreeSet<u32> =
@@ -244,10 +258,10 @@ impl Gltf {
         };
         let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, UPRIGHT)).collect();
         while let Some((at, parent)) = stack.pop() {
-            let node = item(&root.nodes, at, Part::Node)?;
+            let node = item(&root.nodes, at, "a node")?;
             let own = parent.after(&own_place(node));
             if !own.rows.iter().flatten().all(|v| v.is_finite()) {
-                return Err(MeshFault::Transform.into());
+                return Err(bad_transform().into());
             }
             each(node, at as usize, &own)?;
             stack.extend(node.children.iter().rev().map(|child| (*child, own)));
@@ -262,13 +276,13 @@ impl Gltf {
             Some(5) => Mode::Strip,
             Some(6) => Mode::Fan,
             Some(0..=3) => return Ok(None),
-            Some(_) => return Err(out_of_range(Part::Mesh)),
+            Some(_) => return Err(out_of_range("a mesh")),
         };
         let items = |at| self.buffers.items(&self.described, at);
         let Some(position) = primitive.attributes.position else { return Ok(None) };
-        let accessor = item(&self.described.root.accessors, position, Part::Accessor)?;
+        let accessor = item(&self.described.root.accessors, position, "an accessor")?;
         if primitive.extensions.draco.is_some() && accessor.buffer_view.is_none() {
-            return Err(MeshFault::Unsupported(Feature::Draco).into());
+            return Err(bad!("{DRACO}").into());
         }
         let positions = items(position)?;
         let indices = primitive.indices.map(items).transpose()?;
@@ -278,7 +292,7 @@ impl Gltf {
         if positions.shape != Shape::Three
             || indices.as_ref().is_some_and(|i| !whole(i) || i.stride != i.number.bytes())
         {
-            return Err(out_of_range(Part::Accessor));
+            return Err(out_of_range("an accessor"));
         }
         let mut prepared = PrimitiveItems {
             mode,
@@ -301,7 +315,7 @@ impl Gltf {
             prepared.normals = fitting(attributes.normal, &[Shape::Three])?;
             prepared.colors = fitting(attributes.color, &[Shape::Three, Shape::Four])?;
             if let Some(at) = primitive.material.filter(|_| self.with_colors) {
-                item(&self.described.root.materials, at, Part::Material)?;
+                item(&self.described.root.materials, at, "a material")?;
                 prepared.material = at;
                 let set = looks::texcoord(&self.described, at);
                 let set = [attributes.texcoord_0, attributes.texcoord_1].get(set as usize).copied().flatten();
@@ -320,7 +334,7 @@ impl Gltf {
             let part = next_part;
             next_part = next_part.saturating_add(1);
             let each: &mut EachLook<'_> = &mut |t, look| each(t, &Look { part, ..*look });
-            let mesh: &Mesh = item(&self.described.root.meshes, at, Part::Mesh)?;
+            let mesh: &Mesh = item(&self.described.root.meshes, at, "a mesh")?;
             let copies = Copies::of(self, node)?;
             for copy in 0..copies.count {
                 let placed = placed.after(&copies.place(copy)?);

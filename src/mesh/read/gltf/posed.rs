@@ -8,8 +8,8 @@ use super::super::vertices::Spool;
 use super::buffers::{Items, item, out_of_range};
 use super::json::{Instancing, Node, Primitive, Shape};
 use super::{Gltf, IDENTITY, cofactors, turned_place};
-use crate::facts::{MeshFault, Part};
 use crate::geom::Affine;
+use crate::mesh::read::stop::bad_transform;
 
 /// Memory of a joint: its place in the scene, and its matrix.
 const JOINT_BYTES: u64 = 256;
@@ -46,13 +46,13 @@ impl Copies {
             let Some(at) = at else { continue };
             let items = gltf.buffers.items(&gltf.described, at)?;
             if items.shape != shape {
-                return Err(out_of_range(Part::Accessor));
+                return Err(out_of_range("an accessor"));
             }
             copies.count = items.count;
             *part = Some(items);
         }
         if copies.parts.iter().flatten().any(|items| items.count != copies.count) {
-            return Err(out_of_range(Part::Accessor));
+            return Err(out_of_range("an accessor"));
         }
         Ok(copies)
     }
@@ -69,7 +69,7 @@ impl Copies {
         if place.rows.iter().flatten().all(|v| v.is_finite()) {
             Ok(place)
         } else {
-            Err(MeshFault::Transform.into())
+            Err(bad_transform().into())
         }
     }
 }
@@ -82,11 +82,11 @@ pub(super) fn bent_meshes(gltf: &Gltf, limits: &Limits<'_>) -> Result<BentMeshes
     let mut needed_bytes = gltf.described.held_bytes;
     gltf.walk(&mut |node, at, placed| {
         if let (Some(_), Some(skin)) = (node.mesh, node.skin) {
-            let joints = &item(&root.skins, skin, Part::Skin)?.joints;
+            let joints = &item(&root.skins, skin, "a skin or a joint")?.joints;
             needed_bytes += JOINT_BYTES * joints.len() as u64;
             let allowed_bytes = limits.most_bytes;
             if needed_bytes > allowed_bytes {
-                return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
+                return Err(Stop::Memory { needed_bytes, allowed_bytes });
             }
             wanted.extend(joints.iter().copied());
             skinned.push((at, *placed));
@@ -104,18 +104,18 @@ pub(super) fn bent_meshes(gltf: &Gltf, limits: &Limits<'_>) -> Result<BentMeshes
     }
     let mut bent = BentMeshes::new();
     for (at, placed) in skinned {
-        let node = item(&root.nodes, u32::try_from(at).unwrap_or(u32::MAX), Part::Node)?;
+        let node = item(&root.nodes, u32::try_from(at).unwrap_or(u32::MAX), "a node")?;
         let (Some(mesh), Some(skin)) = (node.mesh, node.skin) else { continue };
-        let skin = item(&root.skins, skin, Part::Skin)?;
+        let skin = item(&root.skins, skin, "a skin or a joint")?;
         let inverse =
             skin.inverse_bind_matrices.map(|at| gltf.buffers.matrices(&gltf.described, at)).transpose()?;
         let joint = |(number, node): (usize, &u32)| {
-            let place: &Affine = places.get(node).ok_or_else(|| out_of_range(Part::Node))?;
+            let place: &Affine = places.get(node).ok_or_else(|| out_of_range("a node"))?;
             let Some(inverse) = &inverse else { return Ok(*place) };
-            Ok::<_, Stop>(place.after(inverse.get(number).ok_or_else(|| out_of_range(Part::Skin))?))
+            Ok::<_, Stop>(place.after(inverse.get(number).ok_or_else(|| out_of_range("a skin or a joint"))?))
         };
         let joints = skin.joints.iter().enumerate().map(joint).collect::<Result<Vec<Affine>, Stop>>()?;
-        for (number, primitive) in item(&root.meshes, mesh, Part::Mesh)?.primitives.iter().enumerate() {
+        for (number, primitive) in item(&root.meshes, mesh, "a mesh")?.primitives.iter().enumerate() {
             if let Some(vertices) = bend(gltf, primitive, &joints, &placed, limits)? {
                 bent.insert((at, number), vertices);
             }
@@ -141,7 +141,7 @@ fn bend(
             [gltf.buffers.items(&gltf.described, numbers)?, gltf.buffers.items(&gltf.described, weights)?];
         for items in [&numbers, &weights] {
             if items.shape != Shape::Four || items.count < prepared.positions.count {
-                return Err(out_of_range(Part::Accessor));
+                return Err(out_of_range("an accessor"));
             }
         }
         sets.push((numbers, weights));
@@ -163,7 +163,7 @@ fn bend(
                     clippy::cast_sign_loss,
                     reason = "16 bits, or refused"
                 )]
-                let joint = joints.get(number as usize).ok_or_else(|| out_of_range(Part::Skin))?;
+                let joint = joints.get(number as usize).ok_or_else(|| out_of_range("a skin or a joint"))?;
                 sum += weight;
                 for (out, from) in rows.as_flattened_mut().iter_mut().zip(joint.rows.as_flattened()) {
                     *out += weight * from;

@@ -13,7 +13,8 @@ use super::super::stream::{Token, Words};
 use super::super::vertex_looks::light;
 use super::super::{Limits, Summary};
 use super::NONE;
-use crate::facts::{MeshFault, MeshLack};
+use crate::fault::FaultKind;
+use crate::text::shown;
 
 /// Memory of a material without its name, about.
 const EACH_BYTES: u64 = 256;
@@ -29,7 +30,7 @@ pub(super) struct Materials<'a> {
     images: BTreeMap<String, Arc<Image>>,
     files: Vec<PathBuf>,
     /// Files that are not there.
-    lacks: Vec<MeshLack>,
+    lacks: Vec<String>,
     held_bytes: u64,
 }
 
@@ -44,7 +45,7 @@ impl<'a> Materials<'a> {
         self.held_bytes += EACH_BYTES + name_bytes as u64;
         if self.held_bytes > self.limits.most_bytes {
             let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
-            return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
+            return Err(Stop::Memory { needed_bytes, allowed_bytes });
         }
         Ok(())
     }
@@ -62,20 +63,19 @@ impl<'a> Materials<'a> {
 
     /// A file that the mesh names; `None` if it is missing.
     fn open(&mut self, name: &str) -> Result<Option<(std::fs::File, u64)>, Stop> {
-        match open_linked(self.path, &name.replace('\\', "/"), self.limits.follow_links) {
+        let name = name.replace('\\', "/");
+        match open_linked(self.path, &name, self.limits.follow_links) {
             Ok((file, path, bytes)) => {
                 self.files.push(path);
                 Ok(Some((file, bytes)))
             }
-            Err(Stop::Mesh(
-                MeshFault::Missing { name, .. }
-                | MeshFault::NotRegular { name }
-                | MeshFault::Outside { name },
-            )) => {
-                let length = name.len();
-                let lack = MeshLack::Colors { name };
+            Err(Stop::Mesh(fault)) if fault.kind == FaultKind::Absent => {
+                let lack = format!(
+                    "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
+                    shown(&name)
+                );
                 if !self.lacks.contains(&lack) && self.lacks.len() < MAX_MISSING {
-                    self.hold(length)?;
+                    self.hold(lack.len())?;
                     self.lacks.push(lack);
                 }
                 Ok(None)

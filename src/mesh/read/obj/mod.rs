@@ -16,7 +16,7 @@ use super::text::{Faces, Fan, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use super::{Limits, Summary};
-use crate::facts::{MeshFault, MeshLack};
+use crate::mesh::read::stop::unknown_format;
 use materials::Materials;
 
 /// Marks a corner without a place or a normal.
@@ -147,13 +147,18 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
         }
     }
     if !understood {
-        return Err(MeshFault::Unknown.into());
+        return Err(unknown_format().into());
     }
     let no_normals = spools.as_ref().is_some_and(|spools| spools.normals.count == 0);
     let missing = [named[0] && places == 0, named[1] && no_normals];
     let carried = spools.map(Spools::finish).transpose()?;
     let mut summary = materials.summary();
-    let lacks = [MeshLack::Places, MeshLack::Normals].into_iter().zip(missing);
+    let lacks = [
+        "names places in a texture (vt) that it does not hold; the model lacks the texture".to_owned(),
+        "names normals (vn) that it does not hold; those of its triangles are used".to_owned(),
+    ]
+    .into_iter()
+    .zip(missing);
     summary.lacks.extend(lacks.filter(|(_, is_so)| *is_so).map(|(lack, _)| lack));
     let looks = carried.as_ref().map_or([has_colors, false], |carried: &Carried| {
         [carried.colors.is_some() || !summary.materials.is_empty(), carried.normals.count > 0]

@@ -12,7 +12,7 @@ use super::super::xml::{Event, Xml};
 use super::super::zip::{Archive, Member, reading};
 use super::model::Reader;
 use super::{Contents, is_image};
-use crate::facts::{MeshFault, MeshLack, Part};
+use crate::mesh::read::stop::bad_reference;
 
 /// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
 const USUAL: &str = "3D/3dmodel.model";
@@ -42,7 +42,7 @@ pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member, u64), St
         }
     }
     let member = archive.find(file, &target)?;
-    Ok((archive, member.ok_or(MeshFault::BadReference { part: Part::Text })?, starts))
+    Ok((archive, member.ok_or_else(|| bad_reference("a part of the archive"))?, starts))
 }
 
 /// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
@@ -51,17 +51,17 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
     let mut inflated = first.checked_bytes()?;
     let mut reader = Reader::new(limits);
     if starts > 1 {
-        reader.lacks.push(MeshLack::Starts { texts: starts });
+        reader.lacks.push(format!("begins with {starts} texts; the first was built"));
     }
     reader.text(first.open(&file)?, 0)?;
     let mut done = 1;
     // Texts that parts name, those of these included.
     while done < reader.texts.len() {
         if reader.texts.len() > MAX_TEXTS {
-            return Err(MeshFault::BadReference { part: Part::Text }.into());
+            return Err(bad_reference("a part of the archive").into());
         }
         let name = reader.texts[done].clone();
-        let member = archive.find(&file, &name)?.ok_or(MeshFault::BadReference { part: Part::Text })?;
+        let member = archive.find(&file, &name)?.ok_or_else(|| bad_reference("a part of the archive"))?;
         inflated = inflated.saturating_add(member.checked_bytes()?);
         let number = u32::try_from(done).unwrap_or(u32::MAX);
         reader.text(member.open(&file)?, number)?;
@@ -69,9 +69,9 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
     }
     let mut images = Vec::new();
     for path in reader.images() {
-        let member = archive.find(&file, path)?.ok_or(MeshFault::BadReference { part: Part::Image })?;
+        let member = archive.find(&file, path)?.ok_or_else(|| bad_reference("an image"))?;
         if !is_image(Path::new(path)) {
-            return Err(MeshFault::BadReference { part: Part::Image }.into());
+            return Err(bad_reference("an image").into());
         }
         inflated = inflated.saturating_add(member.checked_bytes()?);
         images.push(Arc::new(unpacked(&file, &member, images.len(), limits)?));

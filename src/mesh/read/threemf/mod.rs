@@ -23,8 +23,8 @@ use super::stream::{Stream, numbers};
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Vertices};
 use super::{Limits, Summary};
-use crate::facts::{MeshFault, MeshLack, Part};
 use crate::geom::Affine;
+use crate::mesh::read::stop::{bad_index, bad_reference, bad_transform, recursion, too_many_triangles};
 
 /// Bytes of a triangle in its file: corners, and with looks the values at these and what they mean.
 const RECORD: usize = 12;
@@ -64,7 +64,7 @@ struct Contents {
     objects: BTreeMap<Key, Object>,
     items: Vec<Instance>,
     materials: Vec<Material>,
-    lacks: Vec<MeshLack>,
+    lacks: Vec<String>,
 }
 
 #[derive(Debug)]
@@ -97,7 +97,7 @@ impl ThreeMf {
             parts += 1;
             // An empty object costs time, too.
             all = all.saturating_add(triangles.max(1));
-            if all > most { Err(MeshFault::TooManyTriangles { most }.into()) } else { Ok(()) }
+            if all > most { Err(too_many_triangles(most).into()) } else { Ok(()) }
         })?;
         Ok(parts)
     }
@@ -116,18 +116,18 @@ impl ThreeMf {
                 *left = rest;
                 let at = parent.after(&first.at);
                 if !at.rows.iter().flatten().all(|v| v.is_finite()) {
-                    return Err(MeshFault::Transform.into());
+                    return Err(bad_transform().into());
                 }
                 steps += 1;
                 if steps > MAX_TRIANGLES {
-                    return Err(MeshFault::TooManyTriangles { most: MAX_TRIANGLES }.into());
+                    return Err(too_many_triangles(MAX_TRIANGLES).into());
                 }
                 let object = self.contents.objects.get(&first.key);
-                match object.ok_or(MeshFault::BadReference { part: Part::Object })? {
+                match object.ok_or_else(|| bad_reference("an object"))? {
                     Object::Mesh(runs) => each(*runs, &at)?,
                     Object::Parts(parts) => {
                         if way.len() >= MAX_DEPTH {
-                            return Err(MeshFault::Recursion.into());
+                            return Err(recursion().into());
                         }
                         way.push((parts, at));
                     }
@@ -167,7 +167,7 @@ impl ThreeMf {
                 let mut at = [[0.0; 3]; 3];
                 for (out, corner) in at.iter_mut().zip(t) {
                     if u64::from(corner) >= count {
-                        return Err(MeshFault::BadIndex { face: faces + 1, vertices: count }.into());
+                        return Err(bad_index(faces + 1, count).into());
                     }
                     *out = placed.apply(points.get(first + u64::from(corner), faces)?);
                 }

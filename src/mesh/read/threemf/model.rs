@@ -10,8 +10,9 @@ use super::super::stop::Stop;
 use super::super::vertices::Spool;
 use super::super::xml::{Event, Xml};
 use super::{COLORED, Contents, Instance, Key, Object, PLAIN};
-use crate::facts::{Feature, MeshFault, MeshLack, Part};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
+use crate::mesh::read::stop::{bad_index, bad_reference, cut_short, unread_extension};
 
 /// Namespaces of what is read besides the core.
 const PRODUCTION: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
@@ -66,7 +67,7 @@ pub(super) struct Reader<'a> {
     items: Vec<Instance>,
     /// Names of the texts, the root's first, which is empty.
     pub(super) texts: Vec<String>,
-    pub(super) lacks: Vec<MeshLack>,
+    pub(super) lacks: Vec<String>,
     pub(super) held_bytes: u64,
 }
 
@@ -92,7 +93,7 @@ impl<'a> Reader<'a> {
         self.held_bytes += bytes;
         let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
         if needed_bytes > allowed_bytes {
-            return Err(MeshFault::Description { needed_bytes, allowed_bytes }.into());
+            return Err(Stop::Memory { needed_bytes, allowed_bytes });
         }
         Ok(())
     }
@@ -109,7 +110,7 @@ impl<'a> Reader<'a> {
                 self.texts.len() - 1
             }
         };
-        u32::try_from(at).map_err(|_| MeshFault::BadReference { part: Part::Text }.into())
+        u32::try_from(at).map_err(|_| bad_reference("a part of the archive").into())
     }
 
     pub(super) fn images(&self) -> impl Iterator<Item = &str> {
@@ -146,7 +147,7 @@ impl<'a> Reader<'a> {
                     continue;
                 }
                 if xml.name() == b"beamlattice" {
-                    return Err(MeshFault::Unsupported(Feature::BeamLattice).into());
+                    return Err(beams().into());
                 }
                 // What stands in elements of other namespaces belongs to these.
                 if !empty {
@@ -176,7 +177,7 @@ impl<'a> Reader<'a> {
                     let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
                     let own = Own { group: xml.whole(b"pid")?, value: xml.whole(b"pindex")?.unwrap_or(0) };
                     if xml.raw_of(SLICE, b"meshresolution") == Some(b"lowres") {
-                        self.lack(MeshLack::Slices);
+                        self.lack("gives the exact shape as slices, which are not read; the coarser mesh with them was built".to_owned());
                     }
                     object = Some((id, own));
                 }
@@ -206,7 +207,7 @@ impl<'a> Reader<'a> {
             }
         }
         if !seen {
-            return Err(MeshFault::CutShort.into());
+            return Err(cut_short().into());
         }
         Ok(())
     }
@@ -227,7 +228,7 @@ impl<'a> Reader<'a> {
                     Some(texture) => *self
                         .texture_of
                         .get(&(number, texture))
-                        .ok_or(MeshFault::BadReference { part: Part::Texture })?,
+                        .ok_or_else(|| bad_reference("a texture"))?,
                 };
                 let first = u32::try_from(self.values.count).map_err(|_| xml.wrong())?;
                 self.hold(OBJECT_BYTES)?;
@@ -260,13 +261,13 @@ impl<'a> Reader<'a> {
                 self.texture_of.insert((number, id), at);
                 self.textures.push(TextureResource { path, wraps });
             }
-            b"multiproperties" | b"compositematerials" => self.lack(MeshLack::Layers),
+            b"multiproperties" | b"compositematerials" => self.lack("has colours in several layers or mixtures, which are not read; those triangles have no colour".to_owned()),
             _ => {}
         }
         Ok(())
     }
 
-    fn lack(&mut self, lack: MeshLack) {
+    fn lack(&mut self, lack: String) {
         if !self.lacks.contains(&lack) {
             self.lacks.push(lack);
         }
@@ -292,7 +293,7 @@ impl<'a> Reader<'a> {
         let t = [corner(b"v1")?, corner(b"v2")?, corner(b"v3")?];
         let vertices = self.vertices.count - base;
         if t.iter().any(|at| u64::from(*at) >= vertices) {
-            return Err(MeshFault::BadIndex { face: self.triangles.count + 1, vertices }.into());
+            return Err(bad_index(self.triangles.count + 1, vertices).into());
         }
         if !self.limits.colors {
             return self.triangles.numbers(t);
@@ -305,7 +306,7 @@ impl<'a> Reader<'a> {
             let one = first.unwrap_or(own.value);
             let three = [one, xml.whole(b"p2")?.unwrap_or(one), xml.whole(b"p3")?.unwrap_or(one)];
             if three.iter().any(|at| *at >= group.count) {
-                return Err(MeshFault::BadReference { part: Part::Material }.into());
+                return Err(bad_reference("a material").into());
             }
             values = three.map(|at| group.first + at);
             kind = group.kind;
@@ -353,10 +354,10 @@ fn check_extensions<R: Read>(xml: &Xml<R>) -> Result<(), Stop> {
         let space = xml.space_of(prefix.as_bytes()).unwrap_or(prefix.as_bytes());
         let name = String::from_utf8_lossy(space);
         if name.contains("beamlattice") {
-            return Err(MeshFault::Unsupported(Feature::BeamLattice).into());
+            return Err(beams().into());
         }
         if !KNOWN.contains(&space) {
-            return Err(MeshFault::Unsupported(Feature::Extension(name.chars().take(96).collect())).into());
+            return Err(unread_extension(&name.chars().take(96).collect::<String>()).into());
         }
     }
     Ok(())
@@ -403,4 +404,7 @@ fn color(text: &[u8]) -> Option<[f64; 3]> {
         *out = linear(stored).into();
     }
     Some(all)
+}
+fn beams() -> Fault {
+    bad!("is made of beams, which are not read; write it as triangles")
 }

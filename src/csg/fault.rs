@@ -1,0 +1,95 @@
+//! Sentences about trees of solids that several places find.
+//!
+//! Lines are counted from 1; 0 is a tree that was not read from text.
+
+use std::fmt;
+
+use super::flat::MAX_LEAVES;
+use crate::fault::{Fault, FaultKind, bad};
+use crate::mesh::MAX_VOXELS;
+use crate::text::names::{GRID, UNIT, VOXEL};
+use crate::text::shown;
+
+/// Modules of `.csg` files that are read.
+const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, offset3d, color and group";
+
+/// The line of a text; nothing of a tree that was not read from one.
+pub(super) struct At(pub(super) u64);
+
+impl fmt::Display for At {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        if self.0 > 0 { write!(f, "line {}: ", self.0) } else { Ok(()) }
+    }
+}
+
+/// How a module is written, as the end of a sentence.
+struct Example<'a>(&'a str);
+
+impl fmt::Display for Example<'_> {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let example = match self.0 {
+            "cube" => "cube(size = [10, 20, 30], center = true);",
+            "sphere" => "sphere(r = 5);",
+            "ellipsoid" => "ellipsoid(radii = [5, 5, 9]);",
+            "cylinder" => "cylinder(h = 10, r1 = 5, r2 = 3);",
+            "torus" => "torus(major = 10, minor = 2);",
+            "halfspace" => "halfspace(normal = [0, 0, 1], offset = 5);",
+            "volume" => "volume(file = \"ct.nii.gz\", iso = 226);",
+            "mesh" => "mesh(file = \"part.stl\");",
+            "import" => "import(file = \"part.stl\"); of STL, PLY, OBJ and OFF",
+            "multmatrix" => "multmatrix([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])",
+            _ => return Ok(()),
+        };
+        write!(f, "; write for example {example}")
+    }
+}
+
+/// Text other than what has to follow.
+pub(super) fn expected(line: u64, what: &str) -> Fault {
+    bad!("{}expected {what}; give a tree as `openscad -o tree.csg part.scad` writes it", At(line))
+}
+
+pub(super) fn unsupported(line: u64, module: &str) -> Fault {
+    bad!("{}{} is not supported; read are {READ}", At(line), shown(module))
+}
+
+pub(super) fn bad_argument(line: u64, module: &str, argument: &str) -> Fault {
+    bad!("{}{argument} of {} is missing or makes no sense{}", At(line), shown(module), Example(module))
+}
+
+pub(super) fn singular(line: u64) -> Fault {
+    bad!("{}a matrix makes its solid flat or infinite; correct it", At(line))
+}
+
+pub(super) fn bad_size(line: u64) -> Fault {
+    bad!("{}a size is below 0, not a number or makes no solid; correct it", At(line))
+}
+
+pub(super) fn too_far(line: u64) -> Fault {
+    bad!(
+        "{}reaches more than {MAX_VOXELS} voxels from the corner of the grid; choose larger voxels, or an origin nearer to it",
+        At(line)
+    )
+}
+
+pub(super) fn too_many() -> Fault {
+    bad!("has more than {MAX_LEAVES} leaves")
+}
+
+pub(super) fn not_flat(line: u64, module: &str) -> Fault {
+    bad!("{}{} is not flat and cannot be extruded", At(line), shown(module))
+}
+
+/// A grid that is chosen for a tree whose volume has one.
+pub(super) fn grid_of_volume() -> Fault {
+    Fault::new(
+        FaultKind::OwnGrid,
+        format!(
+            "has a volume at the position stated by its file, whose grid is the model's; leave out {GRID}, {VOXEL} and {UNIT}, or place it with multmatrix, and {UNIT} alone"
+        ),
+    )
+}
+
+pub(super) fn nothing() -> Fault {
+    bad!("has nothing inside: what is left of its parts does not overlap")
+}
