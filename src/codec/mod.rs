@@ -15,5 +15,5 @@ pub(crate) mod jpegls;
 mod kept;
 pub(crate) mod rle;
 
-pub(crate) use error::{CodecError, Mismatch};
+pub(crate) use error::{CodecError, damaged, unsupported};
 pub(crate) use frame::{FrameBytes, FrameFormat, RowSink};

@@ -4,10 +4,8 @@
 //! one component come from its most significant byte down, component after component, so that the bytes of
 //! one sample lie far apart: all segments are read at once, each through a small buffer of its own.
 
-pub(super) mod fault;
-
 use super::{CodecError, FrameBytes, FrameFormat, RowSink};
-pub(crate) use fault::{Damage, Feature};
+use crate::codec::{damaged, unsupported};
 
 /// Bytes of the header: sixteen little-endian words.
 const HEADER_BYTES: usize = 64;
@@ -50,16 +48,16 @@ pub(crate) fn decode(
 ) -> Result<(), CodecError> {
     let &RleFormat { columns, rows, components, bytes_per_sample } = format;
     if !(1..=4).contains(&bytes_per_sample) {
-        return Err(Feature::SampleBytes { bytes: bytes_per_sample }.into());
+        return Err(unsupported(format!("RLE samples of {bytes_per_sample} bytes")));
     }
     let wanted = usize::from(components) * usize::from(bytes_per_sample);
     if wanted == 0 || wanted > MAX_SEGMENTS {
-        return Err(Feature::PixelBytes { bytes: wanted }.into());
+        return Err(unsupported(format!("RLE pixels of {wanted} bytes")));
     }
     let mut segments = open_segments(input, wanted)?;
     sink.begin(&FrameFormat { columns, rows, components, precision: 8 * bytes_per_sample, signed: false })?;
     let samples = usize::try_from(u64::from(columns) * u64::from(components))
-        .map_err(|_| Feature::LineSamples { columns })?;
+        .map_err(|_| unsupported(format!("lines of {columns} samples")))?;
     let mut row = vec![0_i32; samples];
     let mut chunk = [0; CHUNK_BYTES];
     for _ in 0..rows {
@@ -86,14 +84,14 @@ pub(crate) fn decode(
 fn open_segments(input: &dyn FrameBytes, wanted: usize) -> Result<Vec<Segment>, CodecError> {
     let mut header = [0; HEADER_BYTES];
     if read_full(input, &mut header, 0)? < HEADER_BYTES {
-        return Err(Damage::ShortHeader { bytes: input.len() }.into());
+        return Err(damaged(format!("{} bytes are too few for an RLE header", input.len())));
     }
     let mut words = header
         .chunks_exact(4)
         .map(|word| word.iter().rev().fold(0_u64, |value, &byte| value << 8 | u64::from(byte)));
     let count = words.next().unwrap_or_default();
     if count != wanted as u64 {
-        return Err(Damage::Segments { count, wanted }.into());
+        return Err(damaged(format!("its RLE header has {count} segments, where the pixels need {wanted}")));
     }
     let starts: Vec<u64> = words.take(wanted).collect();
     let mut segments = Vec::with_capacity(wanted);
@@ -101,7 +99,9 @@ fn open_segments(input: &dyn FrameBytes, wanted: usize) -> Result<Vec<Segment>, 
         let end = starts.get(number + 1).copied().unwrap_or(input.len());
         if start < HEADER_BYTES as u64 || start > end || end > input.len() {
             let (segment, bytes) = (number + 1, input.len());
-            return Err(Damage::SegmentPlace { segment, start, end, bytes }.into());
+            return Err(damaged(format!(
+                "its RLE segment {segment} lies at {start} to {end} in a frame of {bytes} bytes"
+            )));
         }
         segments.push(Segment::new(start, end, number + 1));
     }
@@ -161,7 +161,7 @@ impl Segment {
         self.filled = read_full(input, &mut self.buffer[..wanted], self.next)?;
         self.next += self.filled as u64;
         if self.filled == 0 {
-            return Err(Damage::ShortSegment { segment: self.number }.into());
+            return Err(damaged(format!("its RLE segment {} ends early", self.number)));
         }
         Ok(())
     }

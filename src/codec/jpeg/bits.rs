@@ -2,8 +2,8 @@
 
 use super::super::CodecError;
 use super::bytes::{Bytes, ends_early};
-use super::fault::Damage;
 use super::huffman::Huffman;
+use crate::codec::damaged;
 
 /// Bytes between the end of a scan's data and the next marker that are taken for padding. More mean that
 /// decoding lost its way through the bits.
@@ -148,7 +148,7 @@ impl<'b, 'r> Bits<'b, 'r> {
         while let Some(byte) = self.data_byte()? {
             left_over += u32::from(byte != 0);
             if left_over > MAX_PADDING {
-                return Err(Damage::GoesOn.into());
+                return Err(damaged("its data go on after the last pixel"));
             }
         }
         Ok(self.marker)
@@ -157,7 +157,7 @@ impl<'b, 'r> Bits<'b, 'r> {
     /// Passes over the restart marker of the given number, which must come next.
     fn restart(&mut self, number: u8) -> Result<(), CodecError> {
         if self.finish()? != Some(0xD0 + number) {
-            return Err(Damage::NoRestart { number }.into());
+            return Err(damaged(format!("restart marker {number} is missing")));
         }
         self.marker = None;
         Ok(())
@@ -167,7 +167,7 @@ impl<'b, 'r> Bits<'b, 'r> {
 /// Kept out of the hot path.
 #[cold]
 fn no_such_code() -> CodecError {
-    Damage::UnknownCode.into()
+    damaged("it holds a code that its Huffman table does not have")
 }
 
 /// Counts the units of a scan towards its restart markers (T.81, B.2.4.4).

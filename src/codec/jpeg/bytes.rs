@@ -1,8 +1,7 @@
 //! The integers and marker segments that bytes make up.
 
-use super::fault::Damage;
-use crate::codec::CodecError;
 pub(super) use crate::codec::bytes::{BUFFER_BYTES, Bytes};
+use crate::codec::{CodecError, damaged};
 
 impl<'r> Bytes<'r> {
     /// The next byte, which must exist.
@@ -34,7 +33,7 @@ impl<'r> Bytes<'r> {
         let length = self.pair()?;
         match length.checked_sub(2) {
             Some(left) => Ok(Segment { bytes: self, left }),
-            None => Err(Damage::ShortLength { length }.into()),
+            None => Err(damaged(format!("a marker segment claims a length of {length} bytes"))),
         }
     }
 }
@@ -51,7 +50,10 @@ impl Segment<'_, '_> {
     }
 
     pub(super) fn byte(&mut self) -> Result<u8, CodecError> {
-        self.left = self.left.checked_sub(1).ok_or(Damage::ShortSegment)?;
+        self.left = self
+            .left
+            .checked_sub(1)
+            .ok_or_else(|| damaged("a marker segment is shorter than its contents"))?;
         self.bytes.byte()
     }
 
@@ -78,7 +80,7 @@ impl Segment<'_, '_> {
 /// The input stops inside the image.
 #[cold]
 pub(super) fn ends_early() -> CodecError {
-    Damage::EndsEarly.into()
+    damaged("it ends early")
 }
 
 #[cfg(test)]

@@ -2,7 +2,7 @@
 
 use super::super::CodecError;
 use super::bytes::Segment;
-use super::fault::Damage;
+use crate::codec::damaged;
 
 /// Codes up to this length are found with one look-up; 512 entries of two bytes.
 const LOOKUP_BITS: u32 = 9;
@@ -28,7 +28,9 @@ impl Huffman {
         }
         let total: usize = counts.iter().map(|&c| usize::from(c)).sum();
         let mut symbols = [0; 256];
-        let used = symbols.get_mut(..total).ok_or(Damage::TableCodes { codes: total })?;
+        let used = symbols.get_mut(..total).ok_or_else(|| {
+            damaged(format!("a Huffman table has {total} codes, and 256 are the most there can be"))
+        })?;
         for symbol in used {
             *symbol = segment.byte()?;
         }
@@ -43,7 +45,7 @@ impl Huffman {
             let first = code;
             code += u32::from(count);
             if code > 1 << length {
-                return Err(Damage::TableCodesOfLength { bits: length }.into());
+                return Err(damaged(format!("a Huffman table has too many codes of {length} bits")));
             }
             let slot = length as usize;
             // Both are at most 65536.

@@ -6,10 +6,10 @@
 use super::super::{CodecError, RowSink};
 use super::bits::{Bits, Restarts};
 use super::bytes::Bytes;
-use super::fault::{Damage, Feature};
 use super::huffman::Huffman;
 use super::markers::{Event, Frame, Scan, Tables};
 use super::memory::reserve;
+use crate::codec::{damaged, unsupported};
 
 /// Decodes from the first scan on.
 pub(super) fn decode(
@@ -21,7 +21,7 @@ pub(super) fn decode(
     sink: &mut dyn RowSink,
 ) -> Result<(), CodecError> {
     if frame.components.len() > 1 && (frame.h_max, frame.v_max) != (1, 1) {
-        return Err(Feature::SubsampledLossless.into());
+        return Err(unsupported("lossless JPEG with subsampled components"));
     }
     let count = frame.components.len();
     let samples_in_row = frame.columns as usize * count;
@@ -49,7 +49,7 @@ pub(super) fn decode(
     loop {
         for component in &scan.components {
             if std::mem::replace(&mut seen[component.index], true) {
-                return Err(Damage::ScanAgain.into());
+                return Err(damaged("two scans hold the same component"));
             }
         }
         let marker = lines(bytes, tables, frame, &scan, |y, line, finish| {
@@ -66,7 +66,7 @@ pub(super) fn decode(
         }
         scan = match tables.next(bytes, marker, Some(frame))? {
             Event::Scan(scan) => scan,
-            _ => return Err(Damage::NoScan.into()),
+            _ => return Err(damaged("a component has no scan")),
         };
     }
     let mut row = vec![0; samples_in_row];
@@ -100,7 +100,7 @@ impl Finish {
         if above != 0 {
             let sign_and_above = predicted >> (self.bits - 1);
             if sign_and_above != u16::MAX >> (self.bits - 1) {
-                return Err(Damage::SampleRange.into());
+                return Err(damaged("a sample is out of the range that its header gives"));
             }
         }
         let mask = u16::MAX >> (16 - self.bits);
@@ -117,16 +117,16 @@ fn lines(
     mut receive: impl FnMut(u32, &[u16], &Finish) -> Result<(), CodecError>,
 ) -> Result<Option<u8>, CodecError> {
     if !(1..=7).contains(&scan.start) {
-        return Err(Damage::Predictor { predictor: scan.start }.into());
+        return Err(damaged(format!("a lossless scan has the predictor {}", scan.start)));
     }
     let bits_left = frame.precision.checked_sub(scan.low).filter(|&bits| bits > 0);
     let finish = match bits_left {
         Some(bits) => Finish { point_transform: scan.low, bits },
-        None => return Err(Damage::PointTransform.into()),
+        None => return Err(damaged("the point transform leaves nothing of the samples")),
     };
     let restarts_come = u64::from(tables.restart_interval) < u64::from(frame.columns) * u64::from(frame.rows);
     if restarts_come && !tables.restart_interval.is_multiple_of(frame.columns) {
-        return Err(Damage::RestartWithinLine.into());
+        return Err(damaged("restart markers stand within a line of a lossless image"));
     }
     let mut differences = Vec::with_capacity(4);
     for component in &scan.components {
@@ -253,7 +253,7 @@ impl<'t> Differences<'t> {
         match bits.symbol(self.table)? {
             size @ 0..=15 => bits.signed(size.into()),
             16 => Ok(1 << 15),
-            bits => Err(Damage::DifferenceBits { bits }.into()),
+            bits => Err(damaged(format!("a difference has {bits} bits"))),
         }
     }
 }

@@ -3,8 +3,8 @@
 use super::super::{CodecError, FrameFormat};
 use super::bytes::{Bytes, ends_early};
 use super::dct::{Steps, ZIGZAG};
-use super::fault::{Damage, Feature};
 use super::huffman::Huffman;
+use crate::codec::{damaged, unsupported};
 
 /// T.81 B.2.3: an interleaved scan has at most this many data units in one MCU.
 const MAX_UNITS_IN_MCU: u32 = 10;
@@ -104,20 +104,20 @@ impl Frame {
             _ => precision == 8 || (precision == 12 && !baseline),
         };
         if !legal {
-            return Err(Feature::Precision { bits: precision }.into());
+            return Err(unsupported(format!("JPEG with {precision} bits in a sample")));
         }
         let (rows, columns) = (u32::from(segment.pair()?), u32::from(segment.pair()?));
         if columns == 0 {
-            return Err(Damage::NoWidth.into());
+            return Err(damaged("its width is 0"));
         }
         if rows == 0 {
-            return Err(Feature::LateHeight.into());
+            return Err(unsupported("a JPEG height given only after the pixels (DNL)"));
         }
         let count = segment.byte()?;
         match count {
-            0 => return Err(Damage::NoComponents.into()),
+            0 => return Err(damaged("it has no components")),
             1..=4 => {}
-            _ => return Err(Feature::Components { count }.into()),
+            _ => return Err(unsupported(format!("JPEG with {count} components"))),
         }
         let mut components: Vec<Component> = Vec::with_capacity(4);
         for _ in 0..count {
@@ -125,10 +125,10 @@ impl Frame {
             let (h, v) = segment.nibbles()?;
             let steps = usize::from(segment.byte()?);
             if !(1..=4).contains(&h) || !(1..=4).contains(&v) {
-                return Err(Damage::Component { id }.into());
+                return Err(damaged(format!("component {id} of the frame makes no sense")));
             }
             if components.iter().any(|other| other.id == id) {
-                return Err(Damage::ComponentTwice { id }.into());
+                return Err(damaged(format!("component {id} comes twice in the frame")));
             }
             components.push(Component { id, h: h.into(), v: v.into(), steps });
         }
@@ -148,16 +148,18 @@ impl Scan {
         let mut segment = bytes.segment()?;
         let count = segment.byte()?;
         if !(1..=4).contains(&count) {
-            return Err(Damage::ScanComponents { count }.into());
+            return Err(damaged(format!("a scan has {count} components")));
         }
         let mut components: Vec<ScanComponent> = Vec::with_capacity(4);
         for _ in 0..count {
             let id = segment.byte()?;
             let (dc, ac) = segment.nibbles()?;
             let index =
-                frame.components.iter().position(|c| c.id == id).ok_or(Damage::ScanOfUnknown { id })?;
+                frame.components.iter().position(|c| c.id == id).ok_or_else(|| {
+                    damaged(format!("a scan names component {id}, which the frame has not"))
+                })?;
             if components.iter().any(|other| other.index == index) {
-                return Err(Damage::ScanOfTwice { id }.into());
+                return Err(damaged(format!("a scan names component {id} twice")));
             }
             components.push(ScanComponent { index, dc: dc.into(), ac: ac.into() });
         }
@@ -166,7 +168,7 @@ impl Scan {
         segment.skip()?;
         let units = |c: &ScanComponent| frame.components.get(c.index).map_or(0, |c| c.h * c.v);
         if count > 1 && components.iter().map(units).sum::<u32>() > MAX_UNITS_IN_MCU {
-            return Err(Damage::ScanUnits { most: MAX_UNITS_IN_MCU }.into());
+            return Err(damaged(format!("a scan has more than {MAX_UNITS_IN_MCU} units in an MCU")));
         }
         Ok(Self { components, start, end, high, low })
     }
@@ -211,13 +213,13 @@ impl Tables {
                 }
                 0xD9 => return Ok(Event::End { marked: true }),
                 0xDA => {
-                    let frame = frame.ok_or(Damage::ScanBeforeFrame)?;
+                    let frame = frame.ok_or_else(|| damaged("a scan comes before the frame header"))?;
                     return Scan::read(bytes, frame).map(Event::Scan);
                 }
-                0xC9..=0xCB => return Err(Feature::Arithmetic.into()),
-                0xC5..=0xC7 | 0xCD..=0xCF | 0xDE | 0xDF => return Err(Feature::Hierarchical.into()),
-                0xF7 => return Err(Feature::JpegLs.into()),
-                0xD8 => return Err(Damage::SecondImage.into()),
+                0xC9..=0xCB => return Err(unsupported("arithmetic coding (JPEG)")),
+                0xC5..=0xC7 | 0xCD..=0xCF | 0xDE | 0xDF => return Err(unsupported("hierarchical JPEG")),
+                0xF7 => return Err(unsupported("JPEG-LS inside a JPEG transfer syntax")),
+                0xD8 => return Err(damaged("another image begins before it is complete")),
                 // Restart markers behind a scan, and TEM, stand alone.
                 0x01 | 0xD0..=0xD7 => continue,
                 // Application data, comments, conditioning of arithmetic coding, a height known already.
@@ -225,10 +227,10 @@ impl Tables {
                     bytes.segment()?.skip()?;
                     continue;
                 }
-                _ => return Err(Damage::UnknownMarker { code }.into()),
+                _ => return Err(damaged(format!("it holds the unknown marker 0x{code:02X}"))),
             };
             if frame.is_some() {
-                return Err(Damage::SecondFrame.into());
+                return Err(damaged("it has two frame headers"));
             }
             return Frame::read(bytes, process, code == 0xC0).map(Event::Frame);
         }
@@ -241,9 +243,11 @@ impl Tables {
             let tables = match class {
                 0 => &mut self.dc,
                 1 => &mut self.ac,
-                _ => return Err(Damage::TableClass { class }.into()),
+                _ => return Err(damaged(format!("a Huffman table has the class {class}"))),
             };
-            let place = tables.get_mut(usize::from(slot)).ok_or(Damage::TableNumber { number: slot })?;
+            let place = tables
+                .get_mut(usize::from(slot))
+                .ok_or_else(|| damaged(format!("a Huffman table has the number {slot}")))?;
             *place = Some(Box::new(Huffman::read(&mut segment)?));
         }
         Ok(())
@@ -261,7 +265,7 @@ impl Tables {
             let place = self.steps.get_mut(usize::from(slot));
             match place {
                 Some(place) if wide < 2 && !steps.contains(&0) => *place = Some(Box::new(steps)),
-                _ => return Err(Damage::Quantisation.into()),
+                _ => return Err(damaged("a quantisation table makes no sense")),
             }
         }
         Ok(())
@@ -269,17 +273,26 @@ impl Tables {
 
     /// The Huffman table of DC differences (or lossless ones) that a scan names.
     pub(super) fn dc(&self, slot: usize) -> Result<&Huffman, CodecError> {
-        self.dc.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoHuffmanTable.into())
+        self.dc
+            .get(slot)
+            .and_then(Option::as_deref)
+            .ok_or_else(|| damaged("a Huffman table that it needs is missing"))
     }
 
     /// The Huffman table of AC coefficients that a scan names.
     pub(super) fn ac(&self, slot: usize) -> Result<&Huffman, CodecError> {
-        self.ac.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoHuffmanTable.into())
+        self.ac
+            .get(slot)
+            .and_then(Option::as_deref)
+            .ok_or_else(|| damaged("a Huffman table that it needs is missing"))
     }
 
     /// The quantisation table that a component names.
     pub(super) fn steps(&self, slot: usize) -> Result<&Steps, CodecError> {
-        self.steps.get(slot).and_then(Option::as_deref).ok_or_else(|| Damage::NoQuantisationTable.into())
+        self.steps
+            .get(slot)
+            .and_then(Option::as_deref)
+            .ok_or_else(|| damaged("a quantisation table that it needs is missing"))
     }
 }
 
@@ -288,6 +301,6 @@ pub(super) fn start(bytes: &mut Bytes<'_>) -> Result<(), CodecError> {
     match (bytes.next()?, bytes.next()?) {
         (Some(0xFF), Some(0xD8)) => Ok(()),
         (_, None) => Err(ends_early()),
-        _ => Err(Damage::NoStart.into()),
+        _ => Err(damaged("it does not begin as a JPEG image does")),
     }
 }

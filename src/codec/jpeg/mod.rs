@@ -24,7 +24,6 @@ mod dct;
 #[cfg(test)]
 #[path = "../../../tests/it/common/codec/jpeg.rs"]
 mod encoder;
-pub(super) mod fault;
 mod huffman;
 mod lossless;
 mod markers;
@@ -38,8 +37,8 @@ mod tests;
 use std::io::Read;
 
 use super::{CodecError, RowSink};
+use crate::codec::damaged;
 use bytes::Bytes;
-pub(crate) use fault::Damage;
 use markers::{Event, Process, Tables};
 use memory::reserve;
 
@@ -60,11 +59,11 @@ pub(crate) fn decode(
     let mut tables = Tables::default();
     markers::start(&mut bytes)?;
     let Event::Frame(frame) = tables.next(&mut bytes, None, None)? else {
-        return Err(Damage::EndsBeforeImage.into());
+        return Err(damaged("it ends before its image begins"));
     };
     sink.begin(&frame.format())?;
     let Event::Scan(scan) = tables.next(&mut bytes, None, Some(&frame))? else {
-        return Err(Damage::EndsBeforePixels.into());
+        return Err(damaged("it ends before its pixels begin"));
     };
     let in_one_scan = scan.components.len() == frame.components.len();
     match frame.process {

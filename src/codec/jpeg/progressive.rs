@@ -5,12 +5,12 @@ use super::super::{CodecError, RowSink};
 use super::bits::{Bits, Restarts};
 use super::bytes::Bytes;
 use super::dct::{self, Block, Steps, ZIGZAG};
-use super::fault::Damage;
 use super::huffman::Huffman;
 use super::markers::{Event, Frame, Process, Scan, ScanComponent, Tables};
 use super::memory::reserve;
 use super::sequential::{decode_block, decode_dc, small, too_long};
 use super::strip::{Layout, Strip};
+use crate::codec::damaged;
 
 /// Marks a coefficient that no scan has touched.
 const UNSEEN: u8 = u8::MAX;
@@ -58,7 +58,7 @@ pub(super) fn decode(
         let scan = match event {
             Event::Scan(scan) => scan,
             Event::End { marked } => break marked,
-            Event::Frame(_) => return Err(Damage::SecondFrame.into()),
+            Event::Frame(_) => return Err(damaged("it has two frame headers")),
         };
         progress(&mut image, frame, &scan)?;
         for part in &scan.components {
@@ -78,7 +78,7 @@ pub(super) fn decode(
     // An encoder may leave out the finest scans, and then says where the image ends; an image that just
     // stops lacks something.
     if !marked || image.iter().any(|c| c.seen[0] == UNSEEN) {
-        return Err(Damage::EndsBeforeLastScan.into());
+        return Err(damaged("it ends before its last scan"));
     }
     let mut strip = Strip::new(frame);
     for mcu_y in 0..layout.mcus_y as usize {
@@ -99,7 +99,7 @@ pub(super) fn decode(
 /// Checks that a scan comes in its turn, and notes it. Every coefficient is begun once, and then refined
 /// bit by bit (G.1.1.1): so the number of scans is bounded, however short they are.
 fn progress(image: &mut [Coefficients], frame: &Frame, scan: &Scan) -> Result<(), CodecError> {
-    let out_of_turn = || Damage::ScanOutOfTurn.into();
+    let out_of_turn = || damaged("a scan comes out of its turn");
     let (start, end) = (usize::from(scan.start), usize::from(scan.end));
     let (start, end, high, low) = match frame.process {
         Process::Progressive => (start, end, scan.high, scan.low),
@@ -297,7 +297,7 @@ fn ac_refine(
                     -bit
                 }
             }
-            _ => return Err(Damage::RefinedBits.into()),
+            _ => return Err(damaged("a refined coefficient has more than one bit")),
         };
         loop {
             let value = &mut block[usize::from(*band.next().ok_or_else(too_long)?)];

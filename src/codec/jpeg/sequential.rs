@@ -4,11 +4,11 @@ use super::super::{CodecError, RowSink};
 use super::bits::{Bits, Restarts};
 use super::bytes::Bytes;
 use super::dct::{self, Block, ZIGZAG};
-use super::fault::Damage;
 use super::huffman::Huffman;
 use super::markers::{Frame, Scan, Tables};
 use super::memory::reserve;
 use super::strip::{Layout, Strip};
+use crate::codec::damaged;
 
 /// Decodes the only scan of a frame.
 pub(super) fn decode(
@@ -70,7 +70,7 @@ pub(super) fn decode_block(
             match zeros {
                 0 => break,
                 15 => at += 16,
-                _ => return Err(Damage::ProgressiveCode.into()),
+                _ => return Err(damaged("it holds a code of progressive images")),
             }
             continue;
         }
@@ -84,7 +84,7 @@ pub(super) fn decode_block(
 
 /// A run of zeros leads out of its block.
 pub(super) fn too_long() -> CodecError {
-    Damage::LongBlock.into()
+    damaged("a block has more than 64 coefficients")
 }
 
 /// The DC coefficient: the sum of all differences up to here (F.2.2.1).
@@ -96,7 +96,7 @@ pub(super) fn decode_dc(
 ) -> Result<i16, CodecError> {
     let size = bits.symbol(table)?;
     if size > 15 {
-        return Err(Damage::DifferenceBits { bits: size }.into());
+        return Err(damaged(format!("a difference has {size} bits")));
     }
     *predicted = small(i32::from(*predicted) + bits.signed(size.into())?)?;
     Ok(*predicted)
@@ -105,5 +105,5 @@ pub(super) fn decode_dc(
 /// A coefficient, which never takes more than 16 bits.
 #[inline]
 pub(super) fn small(value: i32) -> Result<i16, CodecError> {
-    i16::try_from(value).map_err(|_| Damage::CoefficientRange.into())
+    i16::try_from(value).map_err(|_| damaged("a coefficient is out of range"))
 }

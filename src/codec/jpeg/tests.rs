@@ -3,9 +3,10 @@
 use std::io::Read;
 
 use super::super::kept::Kept;
-use super::super::{CodecError, FrameFormat, Mismatch, RowSink};
+use super::super::{CodecError, FrameFormat, RowSink};
 use super::encoder::{Dct, FLAT, Lossless, STEEP, Writer};
 use super::{dct, decode};
+use crate::codec::damaged;
 use crate::random::Random;
 
 /// More than any image of the tests needs.
@@ -432,7 +433,7 @@ fn errors_of_input_and_receiver_are_passed_on() {
     struct Refusing;
     impl RowSink for Refusing {
         fn begin(&mut self, _: &FrameFormat) -> Result<(), CodecError> {
-            Err(Mismatch::ManyRows.into())
+            Err(damaged("it has more rows than it says"))
         }
         fn row(&mut self, _: &[i32]) -> Result<(), CodecError> {
             panic!("a row after a refusal");

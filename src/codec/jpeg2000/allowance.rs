@@ -1,7 +1,6 @@
 //! Memory and work that a frame may take.
 
-use super::fault::Damage;
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged};
 
 /// Counts what is held against what may be held, and work that no byte of the input pays for.
 pub(super) struct Allowance {
@@ -21,7 +20,8 @@ impl Allowance {
     }
 
     pub(super) fn visit(&mut self, count: usize) -> Result<(), CodecError> {
-        self.visits = self.visits.checked_sub(count as u64).ok_or(Damage::EndlessPackets)?;
+        self.visits =
+            self.visits.checked_sub(count as u64).ok_or_else(|| damaged("its packets lead nowhere"))?;
         Ok(())
     }
 

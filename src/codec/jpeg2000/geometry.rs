@@ -13,10 +13,9 @@
 //! ```
 
 use super::allowance::Allowance;
-use super::fault::{Damage, Feature};
 use super::header::{Coding, Parameters};
 use super::limits::MAX_PLANES;
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged, unsupported};
 
 /// A half-open rectangle on a grid.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -192,12 +191,12 @@ impl TileLayout {
             } else {
                 (count(rect.x0, rect.x1, width_log2), count(rect.y0, rect.y1, height_log2))
             };
-            let first_precinct = u32::try_from(self.precincts).map_err(|_| Damage::ManyPrecincts)?;
+            let first_precinct = u32::try_from(self.precincts).map_err(|_| damaged("too many precincts"))?;
             self.precincts = (across as usize)
                 .checked_mul(down as usize)
                 .and_then(|count| count.checked_add(self.precincts))
                 .filter(|&count| u32::try_from(count).is_ok())
-                .ok_or(Damage::ManyPrecincts)?;
+                .ok_or_else(|| damaged("too many precincts"))?;
             let bands = self.bands(coding, precision, resolution, &rect)?;
             resolutions.push(Resolution {
                 rect,
@@ -253,7 +252,7 @@ impl TileLayout {
             let planes = coding.planes(exponent) + u32::from(coding.roi_shift);
             // More are harmless as long as no code-block uses them; far more can only be damage.
             if planes > 4 * MAX_PLANES {
-                return Err(Feature::BitPlanes.into());
+                return Err(unsupported("that many bit planes"));
             }
             let step = if coding.reversible {
                 1.0

@@ -3,10 +3,9 @@
 use std::ops::Range;
 
 use super::allowance::Allowance;
-use super::fault::{Damage, Feature};
 use super::geometry::Rect;
 use super::limits::MAX_LEVELS;
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged, unsupported};
 
 const SOC: u16 = 0xFF4F;
 const SIZ: u16 = 0xFF51;
@@ -35,7 +34,8 @@ struct Fields<'a> {
 
 impl<'a> Fields<'a> {
     fn take(&mut self, count: usize) -> Result<&'a [u8], CodecError> {
-        let (head, tail) = self.bytes.split_at_checked(count).ok_or(Damage::ShortHeader)?;
+        let (head, tail) =
+            self.bytes.split_at_checked(count).ok_or_else(|| damaged("a header ends early"))?;
         self.bytes = tail;
         Ok(head)
     }
@@ -66,13 +66,13 @@ fn segment(codestream: &[u8], at: usize) -> Result<(u16, Fields<'_>, usize), Cod
     let mut fields = Fields { bytes: codestream.get(at..).unwrap_or_default() };
     let marker = fields.u16()?;
     if marker < 0xFF00 {
-        return Err(Damage::NoMarker.into());
+        return Err(damaged("a marker is expected in a header, and there is none"));
     }
     if marker == SOD || marker == EOC || marker == SOC {
         return Ok((marker, Fields { bytes: &[] }, at + 2));
     }
     let length = usize::from(fields.u16()?);
-    let body = length.checked_sub(2).ok_or(Damage::NoSegmentLength)?;
+    let body = length.checked_sub(2).ok_or_else(|| damaged("a marker segment has no length"))?;
     Ok((marker, Fields { bytes: fields.take(body)? }, at + 2 + length))
 }
 
@@ -83,7 +83,7 @@ pub(super) fn find_codestream(bytes: &[u8]) -> Result<&[u8], CodecError> {
     }
     let mut rest = bytes;
     if rest.get(4..8) != Some(b"jP  ".as_slice()) {
-        return Err(Damage::NoStart.into());
+        return Err(damaged("it starts like neither a JPEG 2000 codestream nor a JP2 file"));
     }
     while !rest.is_empty() {
         let mut fields = Fields { bytes: rest };
@@ -99,14 +99,14 @@ pub(super) fn find_codestream(bytes: &[u8]) -> Result<&[u8], CodecError> {
         } else {
             usize::try_from(length).unwrap_or(usize::MAX).min(rest.len())
         };
-        let body = rest.get(head..end).ok_or(Damage::ShortBox)?;
+        let body = rest.get(head..end).ok_or_else(|| damaged("a JP2 box is shorter than its head"))?;
         match kind {
             b"jp2c" => return Ok(body),
-            b"jp2h" if body.windows(4).any(|kind| kind == b"pclr") => return Err(Feature::Palette.into()),
+            b"jp2h" if body.windows(4).any(|kind| kind == b"pclr") => return Err(unsupported("a palette")),
             _ => rest = &rest[end..],
         }
     }
-    Err(Damage::NoCodestream.into())
+    Err(damaged("the JP2 file holds no codestream"))
 }
 
 /// The SIZ segment: image and tiles on the reference grid.
@@ -130,7 +130,7 @@ impl ImageSize {
         let (marker, _, at) = segment(codestream, 0)?;
         let (next, mut fields, end) = segment(codestream, at)?;
         if marker != SOC || next != SIZ {
-            return Err(Damage::NoSize.into());
+            return Err(damaged("the codestream does not begin with its size"));
         }
         let _capabilities = fields.u16()?;
         let [x1, y1, x0, y0] = [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
@@ -138,39 +138,39 @@ impl ImageSize {
             [fields.u32()?, fields.u32()?, fields.u32()?, fields.u32()?];
         let count = fields.u16()?;
         if x1 <= x0 || y1 <= y0 || count == 0 || tile_width == 0 || tile_height == 0 {
-            return Err(Damage::EmptyImage.into());
+            return Err(damaged("the image is empty"));
         }
         // Sums of places stay within 32 bits so.
         if x1 > i32::MAX.unsigned_abs() || y1 > i32::MAX.unsigned_abs() {
-            return Err(Feature::LongSide.into());
+            return Err(unsupported("a side of more than 2147483647 pixels"));
         }
         let reaches = |tile: u32, size: u32, image: u32| {
             tile <= image && u64::from(tile) + u64::from(size) > image.into()
         };
         if !reaches(tile_x0, tile_width, x0) || !reaches(tile_y0, tile_height, y0) {
-            return Err(Damage::EmptyTile.into());
+            return Err(damaged("the first tile holds nothing of the image"));
         }
-        let components = u8::try_from(count).map_err(|_| Feature::Components)?;
+        let components = u8::try_from(count).map_err(|_| unsupported("more than 255 components"))?;
         let mut first = None;
         for _ in 0..components {
             let [depth, dx, dy] = [fields.u8()?, fields.u8()?, fields.u8()?];
             if dx != 1 || dy != 1 {
-                return Err(Feature::Subsampling.into());
+                return Err(unsupported("subsampled components"));
             }
             if *first.get_or_insert(depth) != depth {
-                return Err(Feature::MixedComponents.into());
+                return Err(unsupported("components of different precision or sign"));
             }
         }
         let depth = first.unwrap_or(0);
         let precision = (depth & 0x7F) + 1;
         if precision > 38 {
-            return Err(Damage::Precision.into());
+            return Err(damaged("a precision of more than 38 bits"));
         }
         let signed = depth & 0x80 != 0;
         let size =
             Self { x0, y0, x1, y1, tile_x0, tile_y0, tile_width, tile_height, components, precision, signed };
         if u64::from(size.tile_columns()) * u64::from(size.tile_rows()) > 65535 {
-            return Err(Damage::ManyTiles.into());
+            return Err(damaged("more than 65535 tiles"));
         }
         Ok((size, end))
     }
@@ -227,7 +227,7 @@ impl Coding {
         let (index, lower) =
             if self.derived { (0, u32::from(resolution.saturating_sub(1))) } else { (band, 0) };
         if index >= usize::from(self.step_count) {
-            return Err(Damage::NoStep.into());
+            return Err(damaged("a sub-band has no quantisation step"));
         }
         let step = u32::from(self.steps[index]);
         Ok(((step >> 11).saturating_sub(lower), step & 0x7FF))
@@ -241,21 +241,21 @@ impl Coding {
     fn read_coding(&mut self, fields: &mut Fields<'_>, custom_precincts: bool) -> Result<(), CodecError> {
         self.levels = fields.u8()?;
         if usize::from(self.levels) > MAX_LEVELS {
-            return Err(Damage::ManyLevels.into());
+            return Err(damaged("more than 32 decomposition levels"));
         }
         let [width, height] = [fields.u8()? & 15, fields.u8()? & 15];
         if width > 8 || height > 8 || width + height > 8 {
-            return Err(Damage::LargeBlocks.into());
+            return Err(damaged("code-blocks of more than 4096 samples"));
         }
         (self.block_width_log2, self.block_height_log2) = (width + 2, height + 2);
         self.style = fields.u8()?;
         if self.style & 0x80 != 0 {
-            return Err(Feature::MixedBlockCoders.into());
+            return Err(unsupported("code-blocks of both block coders"));
         }
         self.reversible = match fields.u8()? {
             0 => false,
             1 => true,
-            _ => return Err(Feature::Wavelet.into()),
+            _ => return Err(unsupported("a wavelet transform of Part 2")),
         };
         self.precincts = [0xFF; MAX_LEVELS + 1];
         if custom_precincts {
@@ -264,7 +264,7 @@ impl Coding {
             {
                 *precinct = fields.u8()?;
                 if resolution > 0 && (*precinct & 15 == 0 || *precinct >> 4 == 0) {
-                    return Err(Damage::SmallPrecinct.into());
+                    return Err(damaged("a precinct is smaller than a sample"));
                 }
             }
         }
@@ -283,7 +283,7 @@ impl Coding {
             *step = match style & 31 {
                 0 => u16::from(fields.u8()? >> 3) << 11,
                 1 | 2 => fields.u16()?,
-                _ => return Err(Damage::QuantisationStyle.into()),
+                _ => return Err(damaged("an unknown quantisation style")),
             };
             count += 1;
         }
@@ -359,13 +359,13 @@ impl Parameters {
             let (marker, fields, next) = segment(codestream, at)?;
             match marker {
                 SOT => break,
-                SOD | EOC => return Err(Damage::NoTile.into()),
+                SOD | EOC => return Err(damaged("the main header is followed by no tile")),
                 _ => parameters.read(marker, fields)?,
             }
             at = next;
         }
         if !parameters.seen_coding || !parameters.seen_steps {
-            return Err(Damage::IncompleteHeader.into());
+            return Err(damaged("the main header lacks the coding style or the quantisation"));
         }
         Ok((parameters, at))
     }
@@ -403,7 +403,7 @@ impl Parameters {
     }
 
     pub(super) fn component(&self, component: usize) -> Result<&Coding, CodecError> {
-        self.coding.get(component).ok_or_else(|| Damage::ComponentUndescribed.into())
+        self.coding.get(component).ok_or_else(|| damaged("a component is not described"))
     }
 
     pub(super) fn progressions(&self) -> Vec<Progression> {
@@ -427,12 +427,12 @@ impl Parameters {
                 self.order = fields.u8()?;
                 self.layers = fields.u16()?;
                 if self.order > 4 || self.layers == 0 {
-                    return Err(Damage::Progression.into());
+                    return Err(damaged("an unknown progression order, or no layer"));
                 }
                 self.component_transform = match fields.u8()? {
                     0 => false,
                     1 => true,
-                    _ => return Err(Feature::ComponentTransform.into()),
+                    _ => return Err(unsupported("a component transform of Part 2")),
                 };
                 let mut general = self.component(0)?.clone();
                 general.read_coding(&mut fields, flags & 1 != 0)?;
@@ -474,7 +474,7 @@ impl Parameters {
                 coding.roi_shift = fields.u8()?;
             }
             POC => self.read_changes(&mut fields)?,
-            PPM | PPT => return Err(Feature::PackedHeaders.into()),
+            PPM | PPT => return Err(unsupported("packed packet headers")),
             // Lengths, comments, capabilities and registration say nothing that decoding needs.
             _ => {}
         }
@@ -483,7 +483,7 @@ impl Parameters {
 
     fn named(&mut self, fields: &mut Fields<'_>) -> Result<&mut Coding, CodecError> {
         let component = fields.component()?;
-        self.coding.get_mut(component).ok_or_else(|| Damage::ComponentUnknown.into())
+        self.coding.get_mut(component).ok_or_else(|| damaged("a header is for a component that is not there"))
     }
 
     fn read_changes(&mut self, fields: &mut Fields<'_>) -> Result<(), CodecError> {
@@ -492,7 +492,7 @@ impl Parameters {
             let layers = fields.u16()?;
             let [end_resolution, end_component, order] = [fields.u8()?, fields.u8()?, fields.u8()?];
             if order > 4 || self.changes.len() >= MAX_PROGRESSIONS {
-                return Err(Damage::ProgressionChanges.into());
+                return Err(damaged("an unknown progression order, or more than 32 changes of it"));
             }
             // A zero for the last component means 256.
             let end_component = if end_component == 0 { u8::MAX } else { end_component };
@@ -531,7 +531,7 @@ impl TileParts {
     ) -> Result<Self, CodecError> {
         let tiles = size.tile_columns() * size.tile_rows();
         let mut parts: Vec<TilePart> = Vec::new();
-        let place = |at: usize| u32::try_from(at).map_err(|_| Feature::LongCodestream);
+        let place = |at: usize| u32::try_from(at).map_err(|_| unsupported("a codestream of more than 4 GiB"));
         // A missing end of codestream is harmless; so is what follows it.
         while codestream.len().saturating_sub(at) >= 12 {
             let start = at;
@@ -540,12 +540,12 @@ impl TileParts {
                 break;
             }
             if marker != SOT {
-                return Err(Damage::NoTilePart.into());
+                return Err(damaged("a tile-part is expected, and there is none"));
             }
             let tile = u32::from(fields.u16()?);
             let length = fields.u32()? as usize;
             if tile >= tiles {
-                return Err(Damage::TileOutside.into());
+                return Err(damaged("a tile is outside the image"));
             }
             at = next;
             let body = loop {
@@ -554,7 +554,7 @@ impl TileParts {
                     break next;
                 }
                 if marker == SOT || marker == EOC {
-                    return Err(Damage::EmptyTilePart.into());
+                    return Err(damaged("a tile-part has no data"));
                 }
                 at = next;
             };
@@ -565,7 +565,7 @@ impl TileParts {
                 start.saturating_add(length).min(codestream.len())
             };
             if end < body {
-                return Err(Damage::ShortTilePart.into());
+                return Err(damaged("a tile-part is shorter than its header"));
             }
             allowance
                 .push(&mut parts, TilePart { tile, header: place(next)?, body: place(body)?..place(end)? })?;

@@ -10,9 +10,8 @@
 //! ```
 
 use super::block::{Samples, flag};
-use super::fault::Damage;
 use super::ht_tables::{FIRST_ROW, OTHER_ROWS};
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged};
 
 /// Quads across a code-block, at most, and one more that stays empty.
 const MAX_QUADS: usize = 512 + 1;
@@ -26,10 +25,12 @@ pub(super) fn decode_segment(
     samples: &mut Samples<'_>,
 ) -> Result<(), CodecError> {
     if done == 0 {
-        let plane = planes.checked_sub(1).ok_or(Damage::PassesWithoutPlanes)?;
+        let plane =
+            planes.checked_sub(1).ok_or_else(|| damaged("a code-block without bit planes has passes"))?;
         return cleanup(segment, plane, samples);
     }
-    let plane = planes.checked_sub(2).ok_or(Damage::MorePassesThanPlanes)?;
+    let plane =
+        planes.checked_sub(2).ok_or_else(|| damaged("a code-block has more passes than bit planes"))?;
     significance(segment, plane, samples);
     if passes > 1 {
         refinement(segment, plane, samples);
@@ -252,7 +253,7 @@ fn differences(
 }
 
 fn cleanup(segment: &[u8], plane: u32, samples: &mut Samples<'_>) -> Result<(), CodecError> {
-    let bad = || Damage::HighThroughputBlock.into();
+    let bad = || damaged("a high-throughput code-block is impossible");
     let &[.., second_last, last] = segment else { return Err(bad()) };
     let tail = usize::from(last) << 4 | usize::from(second_last & 15);
     if tail < 2 || tail > segment.len() || tail > 4079 {

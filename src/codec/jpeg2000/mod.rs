@@ -28,7 +28,6 @@ use super::{CodecError, FrameFormat, RowSink};
 
 mod allowance;
 mod block;
-pub(super) mod fault;
 mod geometry;
 mod header;
 mod ht;
@@ -44,8 +43,8 @@ mod tests;
 mod vectors;
 mod wavelet;
 
+use crate::codec::{damaged, unsupported};
 use allowance::Allowance;
-pub(crate) use fault::{Damage, Feature};
 use geometry::TileLayout;
 use header::{ImageSize, Parameters, TileParts};
 use limits::MAX_PLANES;
@@ -95,7 +94,7 @@ pub(crate) fn decode(
     })?;
     // Arithmetic on coefficients is in 32 bits; medical images have 16 at most.
     if u32::from(size.precision) > MAX_PLANES - 2 {
-        return Err(Feature::Precision.into());
+        return Err(unsupported("samples of more than 28 bits"));
     }
     allowance.reserve(Parameters::bytes(size.components).saturating_mul(2))?;
     let (parameters, at) = Parameters::parse_main(codestream, at, size.components)?;
@@ -204,7 +203,7 @@ fn finish_samples(
         if parameters.component(1)?.reversible != reversible
             || parameters.component(2)?.reversible != reversible
         {
-            return Err(Damage::MixedWavelets.into());
+            return Err(damaged("components transformed together are of different wavelets"));
         }
         let (first, rest) = samples.split_at_mut(plane);
         let (second, rest) = rest.split_at_mut(plane);

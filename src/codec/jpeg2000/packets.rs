@@ -3,12 +3,11 @@
 use std::ops::ControlFlow;
 
 use super::allowance::Allowance;
-use super::fault::{Damage, Feature};
 use super::geometry::{Grid, Orientation, TileLayout};
 use super::header::{Parameters, TilePart};
 use super::limits::MAX_PLANES;
 use super::progression;
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged, unsupported};
 
 /// Code-block styles (Table A.19).
 pub(super) mod style {
@@ -94,7 +93,7 @@ fn tree_levels(grid: &Grid) -> impl Iterator<Item = (u32, u32)> {
 }
 
 fn number(count: usize) -> Result<u32, CodecError> {
-    u32::try_from(count).map_err(|_| Damage::ManyBlocks.into())
+    u32::try_from(count).map_err(|_| damaged("too many code-blocks"))
 }
 
 impl Tile {
@@ -249,7 +248,7 @@ impl HeaderBits<'_> {
     fn bit(&mut self) -> Result<u32, CodecError> {
         if self.left == 0 {
             self.left = if self.current == 0xFF { 7 } else { 8 };
-            self.current = *self.bytes.get(self.at).ok_or(Damage::ShortPacketHeader)?;
+            self.current = *self.bytes.get(self.at).ok_or_else(|| damaged("a packet header ends early"))?;
             self.at += 1;
         }
         self.left -= 1;
@@ -299,7 +298,7 @@ pub(super) fn read(
     }
     // Changes of progression may leave packets out; they would be missing from the image.
     if reader.read < total {
-        return Err(Damage::MissingPackets.into());
+        return Err(damaged("packets are missing"));
     }
     Ok(())
 }
@@ -331,7 +330,7 @@ impl Reader<'_> {
             return Ok(());
         }
         while self.at == self.end {
-            let part = self.parts.next().ok_or(Damage::MissingPackets)?;
+            let part = self.parts.next().ok_or_else(|| damaged("packets are missing"))?;
             (self.at, self.end) = (part.body.start as usize, part.body.end as usize);
         }
         let bytes = self.codestream.get(..self.end).unwrap_or_default();
@@ -352,7 +351,7 @@ impl Reader<'_> {
             self.at = self.at.saturating_add(piece.length as usize);
         }
         if self.at > self.end {
-            return Err(Damage::ShortPacket.into());
+            return Err(damaged("a packet ends early"));
         }
         tile.layers[precinct_number] = layer + 1;
         self.read += 1;
@@ -392,18 +391,18 @@ impl Reader<'_> {
                     block.zero_planes = zero_planes(bits, nodes, &grid, column, row)?;
                     let coded = band.planes.saturating_sub(block.zero_planes.into());
                     if u32::from(block.zero_planes) > band.planes || coded > MAX_PLANES {
-                        return Err(Damage::BitPlanes.into());
+                        return Err(damaged("a code-block has impossible bit planes"));
                     }
                 }
                 let mut passes = bits.passes()?;
                 let most = if coding.style & style::HIGH_THROUGHPUT != 0 { 3 } else { 3 * MAX_PLANES - 2 };
                 if u32::from(block.passes) + passes > most {
-                    return Err(Feature::CodingPasses.into());
+                    return Err(unsupported("that many coding passes of a code-block"));
                 }
                 while bits.bit()? != 0 {
                     block.length_bits += 1;
                     if block.length_bits > 32 {
-                        return Err(Damage::BlockLength.into());
+                        return Err(damaged("the length of a code-block is impossible"));
                     }
                 }
                 while passes > 0 {
@@ -501,7 +500,10 @@ fn zero_planes(
             if bits.bit()? == 1 {
                 node.planes_known = true;
             } else {
-                node.planes = node.planes.checked_add(1).ok_or(Damage::BitPlanes)?;
+                node.planes = node
+                    .planes
+                    .checked_add(1)
+                    .ok_or_else(|| damaged("a code-block has impossible bit planes"))?;
             }
         }
         least = node.planes;

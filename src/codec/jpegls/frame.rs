@@ -1,9 +1,8 @@
 //! Marker segments before a scan: the frame, its preset parameters, and which components a scan holds.
 
-use super::fault::{Damage, Feature, SegmentKind};
 use super::parameters::Preset;
 use super::stream::Stream;
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged, unsupported};
 
 /// Components that are decoded at most.
 pub(super) const MAX_COMPONENTS: usize = 4;
@@ -65,11 +64,11 @@ pub(super) struct Header {
 struct Segment<'s, 'a> {
     stream: &'s mut Stream<'a>,
     left: u32,
-    kind: SegmentKind,
+    kind: &'static str,
 }
 
 impl<'s, 'a> Segment<'s, 'a> {
-    fn begin(stream: &'s mut Stream<'a>, kind: SegmentKind) -> Result<Segment<'s, 'a>, CodecError> {
+    fn begin(stream: &'s mut Stream<'a>, kind: &'static str) -> Result<Segment<'s, 'a>, CodecError> {
         let length = stream.word()?;
         let left = u32::from(length).checked_sub(2).ok_or_else(|| wrong_length(kind))?;
         Ok(Segment { stream, left, kind })
@@ -97,8 +96,8 @@ impl<'s, 'a> Segment<'s, 'a> {
     }
 }
 
-fn wrong_length(segment: SegmentKind) -> CodecError {
-    Damage::SegmentLength { segment }.into()
+fn wrong_length(segment: &'static str) -> CodecError {
+    damaged(format!("the segment of {segment} has a wrong length"))
 }
 
 impl Header {
@@ -107,24 +106,24 @@ impl Header {
         loop {
             match code {
                 SOS => return self.scan(stream),
-                EOI => return Err(Damage::MissingComponents.into()),
+                EOI => return Err(damaged("it ends before all its components came")),
                 SOF_55 => self.frame(stream)?,
                 LSE => self.preset(stream)?,
                 DRI => {
-                    let mut segment = Segment::begin(stream, SegmentKind::RestartInterval)?;
+                    let mut segment = Segment::begin(stream, "the restart interval")?;
                     if !(2..=4).contains(&segment.left) {
                         return Err(wrong_length(segment.kind));
                     }
                     self.restart_lines = segment.number(segment.left)?;
                 }
-                DNL => return Err(Feature::LateLines.into()),
-                0xC4 => Segment::begin(stream, SegmentKind::HuffmanTables)?.skip()?,
-                0xCC => Segment::begin(stream, SegmentKind::ArithmeticConditioning)?.skip()?,
-                0xF9 => return Err(Feature::Part2.into()),
-                0xC0..=0xCF => return Err(Feature::Process { number: code - 0xC0 }.into()),
+                DNL => return Err(unsupported("a number of lines after the first scan")),
+                0xC4 => Segment::begin(stream, "Huffman tables")?.skip()?,
+                0xCC => Segment::begin(stream, "arithmetic conditioning")?.skip()?,
+                0xF9 => return Err(unsupported("the extensions of JPEG-LS part 2")),
+                0xC0..=0xCF => return Err(unsupported(format!("the JPEG process SOF{}", code - 0xC0))),
                 APP8 => colour_transform(stream)?,
-                0xE0..=0xEF | 0xFE => Segment::begin(stream, SegmentKind::ApplicationData)?.skip()?,
-                _ => return Err(Damage::Marker { code }.into()),
+                0xE0..=0xEF | 0xFE => Segment::begin(stream, "application data")?.skip()?,
+                _ => return Err(damaged(format!("the marker {code:#04x} is out of place"))),
             }
             code = stream.marker()?;
         }
@@ -133,21 +132,21 @@ impl Header {
     /// SOF55 (T.87 section C.2.2).
     fn frame(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
         if self.frame.is_some() {
-            return Err(Damage::SecondFrame.into());
+            return Err(damaged("it has two frame headers"));
         }
-        let mut segment = Segment::begin(stream, SegmentKind::Frame)?;
+        let mut segment = Segment::begin(stream, "the frame")?;
         let precision = segment.byte()?;
         let rows = segment.number(2)?;
         let columns = segment.number(2)?;
         let count = usize::from(segment.byte()?);
         if !(2..=16).contains(&precision) {
-            return Err(Damage::Precision { bits: precision }.into());
+            return Err(damaged(format!("{precision} bits per sample, where 2 to 16 are possible")));
         }
         if count == 0 {
-            return Err(Damage::NoComponents.into());
+            return Err(damaged("it has no components"));
         }
         if count > MAX_COMPONENTS {
-            return Err(Feature::Components { count }.into());
+            return Err(unsupported(format!("{count} components")));
         }
         let mut components = Vec::with_capacity(count);
         for _ in 0..count {
@@ -156,10 +155,10 @@ impl Header {
             segment.byte()?;
             // With one component its sampling factors mean nothing.
             if count > 1 && sampling != 0x11 {
-                return Err(Feature::Subsampling.into());
+                return Err(unsupported("components of different sizes"));
             }
             if components.contains(&identifier) {
-                return Err(Damage::ComponentTwice.into());
+                return Err(damaged("two components have the same identifier"));
             }
             components.push(identifier);
         }
@@ -170,7 +169,7 @@ impl Header {
 
     /// LSE (T.87 section C.2.4).
     fn preset(&mut self, stream: &mut Stream<'_>) -> Result<(), CodecError> {
-        let mut segment = Segment::begin(stream, SegmentKind::Presets)?;
+        let mut segment = Segment::begin(stream, "preset parameters")?;
         match segment.byte()? {
             1 => {
                 self.preset = Preset {
@@ -179,40 +178,40 @@ impl Header {
                     reset: segment.number(2)?,
                 };
             }
-            2 | 3 => return Err(Feature::Palettes.into()),
+            2 | 3 => return Err(unsupported("mapping tables (palettes)")),
             4 => {
                 let bytes = u32::from(segment.byte()?);
                 if !(2..=4).contains(&bytes) {
-                    return Err(Damage::SizeBytes { bytes }.into());
+                    return Err(damaged(format!("image sizes of {bytes} bytes")));
                 }
                 let rows = segment.number(bytes)?;
                 self.oversize = Some((segment.number(bytes)?, rows));
             }
-            kind => return Err(Feature::Presets { kind }.into()),
+            kind => return Err(unsupported(format!("preset parameters of type {kind}"))),
         }
         segment.end()
     }
 
     /// SOS (T.87 section C.2.3).
     fn scan(&mut self, stream: &mut Stream<'_>) -> Result<Scan, CodecError> {
-        let Some(frame) = &mut self.frame else { return Err(Damage::NoFrame.into()) };
-        let mut segment = Segment::begin(stream, SegmentKind::Scan)?;
+        let Some(frame) = &mut self.frame else { return Err(damaged("its scan has no frame header")) };
+        let mut segment = Segment::begin(stream, "the scan")?;
         let count = usize::from(segment.byte()?);
         if count == 0 || count > frame.components.len() {
-            return Err(Damage::ScanComponents { count }.into());
+            return Err(damaged(format!("a scan of {count} components")));
         }
         let mut components = Vec::with_capacity(count);
         for _ in 0..count {
             let identifier = segment.byte()?;
             let Some(place) = frame.components.iter().position(|&other| other == identifier) else {
-                return Err(Damage::ScanOfUnknown { id: identifier }.into());
+                return Err(damaged(format!("a scan of the unknown component {identifier}")));
             };
             if components.contains(&place) {
-                return Err(Damage::ScanOfTwice { id: identifier }.into());
+                return Err(damaged(format!("a scan has the component {identifier} twice")));
             }
             components.push(place);
             if segment.byte()? != 0 {
-                return Err(Feature::Palettes.into());
+                return Err(unsupported("mapping tables (palettes)"));
             }
         }
         let near = segment.byte()?;
@@ -220,12 +219,12 @@ impl Header {
             0 if count == 1 => Interleave::Line,
             // One component is coded alike in every mode but for the ends of runs.
             1 => Interleave::Line,
-            2 if count == 1 => return Err(Feature::InterleaveOfOne.into()),
+            2 if count == 1 => return Err(unsupported("sample interleaving of one component")),
             2 => Interleave::Sample,
-            mode => return Err(Damage::Interleave { mode, count }.into()),
+            mode => return Err(damaged(format!("the interleave mode {mode} of {count} components"))),
         };
         if segment.byte()? & 0x0F != 0 {
-            return Err(Feature::PointTransform.into());
+            return Err(unsupported("a point transform"));
         }
         segment.end()?;
         if let Some((columns, rows)) = self.oversize {
@@ -233,10 +232,10 @@ impl Header {
             frame.rows = if frame.rows == 0 { rows } else { frame.rows };
         }
         if frame.rows == 0 {
-            return Err(Feature::LateLines.into());
+            return Err(unsupported("a number of lines after the first scan"));
         }
         if frame.columns == 0 {
-            return Err(Damage::NoColumns.into());
+            return Err(damaged("it has no columns"));
         }
         Ok(Scan { components, near, interleave })
     }
@@ -244,11 +243,11 @@ impl Header {
 
 /// Refuses the colour transforms of one vendor, which are not part of the standard.
 fn colour_transform(stream: &mut Stream<'_>) -> Result<(), CodecError> {
-    let mut segment = Segment::begin(stream, SegmentKind::ApplicationData)?;
+    let mut segment = Segment::begin(stream, "application data")?;
     if segment.left == 5 && segment.number(4)? == u32::from_be_bytes(*b"mrfx") {
         let transform = segment.byte()?;
         if transform != 0 {
-            return Err(Feature::ColourTransform { number: transform }.into());
+            return Err(unsupported(format!("the colour transform {transform}")));
         }
     }
     segment.skip()

@@ -11,7 +11,6 @@
 #[cfg(test)]
 #[path = "../../../tests/it/common/codec/jpegls.rs"]
 mod encoder;
-pub(super) mod fault;
 mod frame;
 mod parameters;
 mod scan;
@@ -26,7 +25,7 @@ mod vectors;
 use std::io::Read;
 
 use super::{CodecError, FrameFormat, RowSink};
-pub(crate) use fault::{Damage, Feature};
+use crate::codec::{damaged, unsupported};
 use frame::{Frame, Header, Interleave, SOI, Scan};
 use parameters::Parameters;
 use scan::{Coder, Lines, line_bytes};
@@ -52,13 +51,13 @@ pub(crate) fn decode(
 ) -> Result<(), CodecError> {
     let mut stream = Stream::new(input);
     if stream.marker()? != SOI {
-        return Err(Damage::NoStart.into());
+        return Err(damaged("it does not begin as a JPEG image"));
     }
     let mut header = Header::default();
     let code = stream.marker()?;
     let mut scan = header.next_scan(&mut stream, code)?;
     let Some(frame) = header.frame.clone() else {
-        return Err(Damage::NoFrame.into());
+        return Err(damaged("its scan has no frame header"));
     };
     sink.begin(&FrameFormat {
         columns: frame.columns,
@@ -89,8 +88,8 @@ struct Image {
 
 impl Image {
     fn new(frame: Frame, memory_bytes: u64) -> Result<Image, CodecError> {
-        let columns =
-            usize::try_from(frame.columns).map_err(|_| Feature::LineSamples { columns: frame.columns })?;
+        let columns = usize::try_from(frame.columns)
+            .map_err(|_| unsupported(format!("lines of {} samples", frame.columns)))?;
         let planes = frame.components.iter().map(|_| None).collect();
         Ok(Image { frame, columns, memory_bytes, planes })
     }
@@ -110,7 +109,7 @@ impl Image {
         sink: &mut dyn RowSink,
     ) -> Result<bool, CodecError> {
         if scan.components.iter().any(|&place| self.planes.get(place).is_none_or(Option::is_some)) {
-            return Err(Damage::ScanAgain.into());
+            return Err(damaged("a component comes in two scans"));
         }
         let held = self.planes.iter().flatten().count();
         let last = held + scan.components.len() == self.planes.len();
@@ -184,7 +183,7 @@ fn restart(stream: &mut Stream<'_>, interval: u32) -> Result<(), CodecError> {
     let expected = 0xD0 | u8::try_from((interval - 1) % 8).unwrap_or_default();
     let code = stream.end_bits()?;
     if code != expected {
-        return Err(Damage::NoRestart { code }.into());
+        return Err(damaged(format!("the marker {code:#04x} instead of a restart marker")));
     }
     stream.begin_bits();
     Ok(())

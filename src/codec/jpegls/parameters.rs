@@ -1,7 +1,6 @@
 //! The coding parameters of a scan: what the stream states, what it leaves to the defaults, and what follows.
 
-use super::fault::{Damage, Parameter};
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged};
 
 /// The values of a preset parameters segment (T.87 section C.2.4.1.1); 0 means the default.
 #[derive(Clone, Copy, Debug, Default)]
@@ -33,16 +32,17 @@ pub(super) struct Parameters {
 impl Parameters {
     /// Joins what the stream states with the defaults (T.87 sections A.2.1, C.2.4.1.1).
     pub(super) fn new(precision: u8, near: u8, preset: &Preset) -> Result<Parameters, CodecError> {
-        let wrong =
-            |parameter, value: u32| Err(Damage::Parameter { parameter, value, bits: precision }.into());
+        let wrong = |parameter, value: u32| {
+            Err(damaged(format!("{parameter} {value} is not possible at {precision} bits")))
+        };
         let largest = (1_u32 << precision.min(16)) - 1;
         let maximum = if preset.maximum == 0 { largest } else { preset.maximum };
         if maximum > largest {
-            return wrong(Parameter::LargestSample, maximum);
+            return wrong("the largest sample", maximum);
         }
         let near = u32::from(near);
         if near > maximum / 2 {
-            return wrong(Parameter::ErrorBound, near);
+            return wrong("the error bound", near);
         }
         let mut thresholds = default_thresholds(maximum, near);
         let mut least = near + 1;
@@ -51,13 +51,13 @@ impl Parameters {
                 *threshold = stated;
             }
             if *threshold < least || *threshold > maximum {
-                return wrong(Parameter::GradientThreshold, *threshold);
+                return wrong("the gradient threshold", *threshold);
             }
             least = *threshold;
         }
         let reset = if preset.reset == 0 { 64 } else { preset.reset };
         if reset < 3 || reset > maximum.max(255) {
-            return wrong(Parameter::ResetInterval, reset);
+            return wrong("the reset interval", reset);
         }
         let range = (maximum + 2 * near) / (2 * near + 1) + 1;
         let sample_bits = (maximum + 1).next_power_of_two().trailing_zeros().max(2);

@@ -1,9 +1,8 @@
 //! Samples of one scan: context modelling, prediction and runs (T.87 annex A).
 
-use super::fault::Damage;
 use super::parameters::Parameters;
 use super::stream::{Stream, ends_early};
-use crate::codec::CodecError;
+use crate::codec::{CodecError, damaged};
 
 /// Contexts of gradients; the quantised gradients of a sample and their negation share one.
 const REGULAR_CONTEXTS: usize = (9 * 9 * 9 - 1) / 2 + 1;
@@ -333,7 +332,7 @@ fn golomb_order(count: u32, magnitude: u32) -> u32 {
 fn checked(parameters: &Parameters, code: u64) -> Result<i32, CodecError> {
     match i32::try_from(code) {
         Ok(value) if value <= 1 << parameters.error_bits => Ok(value),
-        _ => Err(Damage::PredictionError { code }.into()),
+        _ => Err(damaged(format!("a prediction error of {code} is larger than any at this precision"))),
     }
 }
 
@@ -370,7 +369,7 @@ fn run_length(stream: &mut Stream<'_>, run_index: &mut usize, rest: usize) -> Re
     let tail = stream.bits(u32::from(RUN_ORDERS[*run_index]))?;
     run = usize::try_from(tail).map_err(|_| ends_early())?.saturating_add(run);
     if run >= rest {
-        return Err(Damage::LongRun.into());
+        return Err(damaged("a run goes past the end of its line"));
     }
     Ok(run)
 }

@@ -2,9 +2,8 @@
 
 use std::io::Read;
 
-use super::fault::Damage;
-use crate::codec::CodecError;
 use crate::codec::bytes::Bytes;
+use crate::codec::{CodecError, damaged};
 
 /// A codestream that is read front to back through a small buffer.
 ///
@@ -39,13 +38,13 @@ impl<'a> Stream<'a> {
     pub(super) fn marker(&mut self) -> Result<u8, CodecError> {
         let first = self.byte()?;
         if first != 0xFF {
-            return Err(Damage::NoMarker { byte: first }.into());
+            return Err(damaged(format!("a marker was expected, not the byte {first:#04x}")));
         }
         loop {
             match self.byte()? {
                 0xFF => {}
                 0 => {
-                    return Err(Damage::StuffedByte.into());
+                    return Err(damaged("a marker was expected, not the bytes 0xff 0x00"));
                 }
                 code => return Ok(code),
             }
@@ -178,7 +177,7 @@ impl<'a> Stream<'a> {
             let run = self.window.leading_zeros().min(self.bits);
             zeros += run;
             if zeros > escape {
-                return Err(Damage::LongCode.into());
+                return Err(damaged("a code word is longer than any that JPEG-LS has"));
             }
             self.bits -= run;
             self.window = self.window.checked_shl(run).unwrap_or(0);
@@ -197,5 +196,5 @@ impl<'a> Stream<'a> {
 
 /// The input or the coded data end before the image does.
 pub(super) fn ends_early() -> CodecError {
-    Damage::EndsEarly.into()
+    damaged("it ends early")
 }

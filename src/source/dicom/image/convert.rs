@@ -3,7 +3,7 @@
 use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
 use super::pixels::{CellFormat, Padding, PixelLayout};
-use crate::codec::{CodecError, FrameFormat, Mismatch};
+use crate::codec::{CodecError, FrameFormat, damaged};
 use crate::facts::dicom::ScanError;
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::window::ReadAt;
@@ -51,7 +51,9 @@ impl<'a> Converter<'a> {
         let allocated = u32::try_from(8 * stored.bytes()).unwrap_or(32);
         let precision = u32::from(format.precision);
         if precision == 0 || precision > allocated {
-            return Err(Mismatch::Bits { bits: precision, allocated }.into());
+            return Err(damaged(format!(
+                "it has {precision} bits a sample, and the header allocates {allocated}"
+            )));
         }
         let bits = precision.min(stored.bits());
         let shift = if precision >= stored.bits() + stored.shift() { stored.shift() } else { 0 };

@@ -12,7 +12,7 @@ use super::encapsulated::{FrameReader, Frames, ListedFrame, Span, read_full};
 use super::pixels::Padding;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
-use crate::codec::{CodecError, FrameFormat, Mismatch, RowSink, jpeg, jpeg2000, jpegls, rle};
+use crate::codec::{CodecError, FrameFormat, RowSink, damaged, jpeg, jpeg2000, jpegls, rle};
 use crate::facts::SourceFault;
 use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
 use crate::source::dicom::parse::deflated::InflateReader;
@@ -436,7 +436,7 @@ impl<'a> Rows<'a> {
         }
         decoded.map_err(|error| Failure::Codec(frame, error))?;
         if next < image.layout.rows {
-            let mismatch = Mismatch::FewRows { rows: next, stated: image.layout.rows };
+            let mismatch = damaged(format!("it has {next} rows of {}", image.layout.rows));
             return Err(Failure::Codec(frame, mismatch.into()));
         }
         Ok(())
@@ -459,18 +459,21 @@ impl RowSink for Receiver<'_, '_> {
         let layout = &image.layout;
         if (format.columns, format.rows) != (layout.columns, layout.rows) {
             let (size, stated) = ([format.columns, format.rows], [layout.columns, layout.rows]);
-            return Err(Mismatch::Size { size, stated }.into());
+            return Err(damaged(format!(
+                "it is {}x{}, and the header says {}x{}",
+                size[0], size[1], stated[0], stated[1]
+            )));
         }
         if format.components != image.samples {
             let (samples, stated) = (format.components, image.samples);
-            return Err(Mismatch::Samples { samples, stated }.into());
+            return Err(damaged(format!("it has {samples} samples a pixel, and the header says {stated}")));
         }
         self.rows.converter.begin(format)
     }
 
     fn row(&mut self, samples: &[i32]) -> Result<(), CodecError> {
         if self.next >= self.rows.image.layout.rows {
-            return Err(Mismatch::ManyRows.into());
+            return Err(damaged("it has more rows than it says"));
         }
         let converted = self.rows.converter.decoded(samples);
         match self.sink.row(self.frame, self.next, converted) {
