@@ -12,7 +12,6 @@ use crate::builder::BuildError;
 use crate::clean::CleanError;
 use crate::exit::ExitKind;
 use crate::export::ExportFault;
-use crate::facts::SourceError;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
 use crate::page;
@@ -24,6 +23,7 @@ use crate::text::names::{
     RANGE, SECTION, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
+use crate::volume::SourceError;
 
 /// Anything that can stop a job.
 #[non_exhaustive]

@@ -137,7 +137,6 @@ mod enclosed;
 pub mod error;
 mod exit;
 pub mod export;
-mod facts;
 mod fault;
 pub mod format;
 pub mod geom;

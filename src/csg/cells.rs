@@ -10,14 +10,13 @@ use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
 use super::solid::{CsgSolid, CsgWorker, Keep};
-use crate::builder::BuildError;
 use crate::builder::{
-    CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
-    SolidWorker, Tile, VoxelBox,
+    BuildError, CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice,
+    Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
+use crate::volume::SourceError;
 
 pub(super) struct CsgCells<'a> {
     pub(super) tree: CsgSolid<'a>,

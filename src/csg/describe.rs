@@ -20,10 +20,10 @@ use super::program::{self, Step};
 use super::sampled::Sampler;
 use super::solid::{CsgSolid, Keep, Remainder};
 use crate::builder::{Cover, Exposed, SkinSlice, VoxelBox};
-use crate::facts::SourceError;
 use crate::format::{Channel, normal};
 use crate::geom::dot;
 use crate::mesh::from_faces;
+use crate::volume::SourceError;
 
 const BRICK: usize = 32;
 /// The six neighbours, as the faces of [`Exposed`].

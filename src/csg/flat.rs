@@ -11,9 +11,9 @@ use super::offset::moved_to;
 use super::tree::{Node, NodeId, Operation, Shape, Tree, push};
 use crate::builder::BuildError;
 use crate::csg::fault::{singular, too_many};
-use crate::facts::SourceError;
 use crate::fault::Fault;
 use crate::geom::Affine;
+use crate::volume::SourceError;
 
 /// Most leaves of a tree, those counted again that are used again.
 pub(super) const MAX_LEAVES: usize = 1 << 20;

@@ -15,15 +15,15 @@ use super::solid::CsgSolid;
 use super::tree::{Faces, NodeId, Shape, Tree};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
+use crate::csg::CsgFacts;
 use crate::csg::fault::{grid_of_volume, nothing, singular};
-use crate::facts::{CsgFacts, SourceError};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
 use crate::platform::give_back;
 use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
-use crate::volume::VolumeSource;
+use crate::volume::{SourceError, VolumeSource};
 
 /// Triangles of a leaf that take no more have room always.
 const FEW_BYTES: u64 = 64 << 10;

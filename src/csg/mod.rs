@@ -31,6 +31,7 @@ mod cells;
 mod describe;
 mod facets;
 mod fault;
+mod findings;
 mod flat;
 mod front;
 mod leaf;
@@ -45,6 +46,7 @@ mod text;
 mod tree;
 mod wide;
 
+pub use findings::CsgFacts;
 pub(crate) use read::{check_links, is_tree, memory_bound, named_files};
 pub use read::{parse_tree, read_tree};
 pub use tree::{Faces, NodeId, Operation, Shape, Tree};
@@ -52,9 +54,7 @@ pub use tree::{Faces, NodeId, Operation, Shape, Tree};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use crate::builder::BuildFault;
-use crate::builder::{BuildError, BuildOptions, FileSolid, Progress, Solid, cell_dims};
-pub use crate::facts::CsgFacts;
+use crate::builder::{BuildError, BuildFault, BuildOptions, FileSolid, Progress, Solid, cell_dims};
 use crate::format::SurfaceKind;
 use crate::mesh::GridChoice;
 use crate::platform::give_back;

@@ -9,12 +9,12 @@ use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::csg::fault::nothing;
-use crate::facts::{SourceError, SourceFault};
 use crate::fault::{Fault, bad};
 use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
 use crate::text::names::FOLLOW_LINKS;
 use crate::text::shown;
+use crate::volume::{SourceError, SourceFault};
 
 /// Bytes of a text that are read at a time.
 const READ_BYTES: usize = 16 << 10;

@@ -24,11 +24,10 @@ use std::sync::{Mutex, PoisonError};
 
 use super::place::LatticeGrid;
 use crate::builder::Progress;
-use crate::facts::{SourceError, SourceFault};
 use crate::geom::Affine;
 use crate::platform::FileExt;
 use crate::scratch::{PageCache, unnamed};
-use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
+use crate::volume::{ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
 
 /// Cells of a brick along each axis, and its samples: those at both ends.
 const CELLS: u32 = 8;

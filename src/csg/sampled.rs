@@ -3,9 +3,9 @@
 //! Their bits of four slices are in memory, those around the slice that is described and the next one.
 
 use crate::builder::{OccupancyRows, Solid, SolidWorker, Tile, VoxelBox};
-use crate::facts::SourceError;
 use crate::geom::Dims;
 use crate::mesh::row_words;
+use crate::volume::SourceError;
 
 /// Slices in memory.
 const SLICES: u32 = 4;

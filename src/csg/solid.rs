@@ -15,16 +15,16 @@ use super::leaf::{Extent, Leaf, Nested, Rows};
 use super::place::LatticeGrid;
 use super::program::{self, Apart, Inverse, STACK, Step};
 use super::sampled::{ROWS, SampledLeaf, Sampler};
-use crate::builder::BuildFault;
 use crate::builder::{
-    BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    BuildError, BuildFault, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile,
+    VoxelBox,
 };
-use crate::facts::SourceError;
 use crate::fault::Fault;
 use crate::format::{Channel, Metadata, SourceMeta};
 use crate::geom::Dims;
 use crate::identity::file_identity;
 use crate::mesh::Crossings;
+use crate::volume::SourceError;
 
 /// Slices of a slab, and columns of a box.
 const SLAB: u32 = 32;

@@ -14,8 +14,6 @@ use super::sidecar;
 use super::walk::changed;
 use crate::budget::costs;
 use crate::csg;
-use crate::facts::SourceFault;
-use crate::facts::dicom::DicomFault;
 use crate::fault::bad;
 use crate::mesh;
 use crate::source::dicom::{Recognition, open_series, recognise};
@@ -23,7 +21,7 @@ use crate::source::{
     FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
 };
 use crate::synthetic;
-use crate::volume::{Result, SourceError, VolumeSource};
+use crate::volume::{Result, SourceError, SourceFault, VolumeSource};
 
 /// One series, stack or file.
 #[derive(Clone, Copy, Debug)]
@@ -164,10 +162,7 @@ impl ItemOpener<'_> {
                     Err(cause) => {
                         SourceError::from(SourceFault::Unreadable { path: self.path.to_path_buf(), cause })
                     }
-                    Ok(Recognition::Damaged(error)) => SourceError::from(SourceFault::Dicom {
-                        path: self.path.to_path_buf(),
-                        fault: DicomFault::Header(error),
-                    }),
+                    Ok(Recognition::Damaged(error)) => bad!("{error}").at(self.path).into(),
                     Ok(_) => changed_meanwhile(self.path),
                 };
                 findings(self.path, "dicom", self.id("dicom"), self.one(), Err(error))

@@ -12,10 +12,9 @@ use std::ffi::OsStr;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::facts::SourceFault;
 use crate::platform::OsStrExt;
 use crate::scratch::Appended;
-use crate::volume::{Result, SourceError};
+use crate::volume::{Result, SourceError, SourceFault};
 
 /// No record: the end of a chain.
 pub(super) const NONE: u64 = u64::MAX;

@@ -30,16 +30,17 @@ mod surveyor;
 mod walk;
 
 pub use left_out::LeftOut;
+pub(crate) use left_out::NotVolume;
 use open::join_segments;
 pub(crate) use open::open_unprepared_in;
 pub use open::{open, open_unprepared};
 
 use std::path::{Path, PathBuf};
 
-use crate::facts::{NotVolume, Note, StatedBy};
 use crate::identity::file_identity;
 use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
-use crate::volume::{FileWatch, InfoOverride, Result, SourceError, VolumeSource, place};
+use crate::text::names::ALL_VOLUMES;
+use crate::volume::{FileWatch, InfoOverride, Note, Result, SourceError, StatedBy, VolumeSource, place};
 use content::{hash_of, is_copy};
 use item::{Item, ItemKind, Name, changed_meanwhile, finding};
 use left_out::LeftOutFiles;
@@ -163,7 +164,10 @@ impl Catalogue {
                 continue;
             }
             let more = others.len();
-            let note = Note::FirstOfMany { volumes: more + 1 };
+            let note = Note::new(format!(
+                "this is the first of {} similar volumes; {ALL_VOLUMES} also takes the others",
+                more + 1
+            ));
             let noted = |source| Ok(InfoOverride::with_note(source, note));
             let subject = finding.subject.and_then(|subject| subject.map_volume(noted));
             all.push(Finding { subject, more, ..finding });

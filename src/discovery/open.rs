@@ -4,27 +4,27 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 
 use super::sidecar;
 use super::{Catalogue, Finding, OpenOptions};
 use crate::budget::Budget;
-use crate::facts::{Candidate, Choice, Known, NotVolume, Note, OtherVolume, Refusal, SourceFault, StatedBy};
-use crate::fault::{Fault, bad, unfit, usage};
+use crate::discovery::NotVolume;
+use crate::fault::{Fault, FaultKind, bad, unfit, usage};
 use crate::mesh;
 use crate::platform::open_file;
 use crate::progress::Silent;
 use crate::source::dicom::{FRACTIONAL, Recognition, SEGMENTATION, recognise};
-use crate::source::{HEAD_BYTES, Subject, SubjectKind, known, known_folder};
-use crate::source::{RawVolume, header_of_samples};
-use crate::synthetic;
-use crate::text::names::{DIMS, DTYPE, GRID, ISO, RANGE, SCAN, VOXEL};
-use crate::volume::InfoOverride;
-use crate::volume::place;
-use crate::volume::{
-    FileWatch, ImageKind, MAX_MASKS, MaskPart, Masks, Overlap, Result, SourceError, StatedLabel,
-    VolumeSource, Workspace,
+use crate::source::{
+    HEAD_BYTES, Known, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder,
 };
+use crate::synthetic;
+use crate::text::names::{DIMS, DTYPE, GRID, ISO, KEEP_NAMES, RANGE, SCAN, VOLUME, VOXEL};
+use crate::text::shown;
+use crate::volume::{
+    FileWatch, ImageKind, InfoOverride, MAX_MASKS, MaskPart, Masks, Note, Overlap, Result, SourceError,
+    SourceFault, StatedBy, StatedLabel, VolumeSource, Workspace, place,
+};
+use std::fmt;
 
 /// How deep folders are searched below the one given.
 const DEPTH: u32 = 5;
@@ -235,7 +235,7 @@ fn with_names(
     if typed {
         others.for_each(|label| label.name.clone_from(&label.typed));
     } else if others.any(|label| !label.typed.eq_ignore_ascii_case(&label.name)) {
-        info.notes.push(Note::TypedNames);
+        info.notes.push(Note::new(format!("labels are named by the meanings of their codes; free-text names may identify the patient, and {KEEP_NAMES} uses those")));
     }
     Ok(InfoOverride::boxed(volume, info))
 }
@@ -290,6 +290,26 @@ struct Best {
     volume: Option<Box<dyn VolumeSource>>,
 }
 
+/// A volume among several.
+#[derive(Clone, Debug)]
+struct Candidate {
+    kind: String,
+    /// The part of its input, where that holds several volumes.
+    part: Option<String>,
+    /// Size in voxels, as far as it is known.
+    size: Option<[u32; 3]>,
+}
+
+impl fmt::Display for Candidate {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.kind)?;
+        if let Some(part) = &self.part {
+            write!(f, " {part}")?;
+        }
+        self.size.map_or(Ok(()), |[x, y, z]| write!(f, " {x}x{y}x{z}"))
+    }
+}
+
 /// The best of the volumes that were seen. Volumes are known by their number, counted from 1.
 #[derive(Default)]
 struct Chooser {
@@ -321,8 +341,7 @@ impl Chooser {
         let usable = error.is_none() || (damaged && finding.size.is_some());
         let tier = if usable { 1 + u8::from(size[2] > 1) } else { 0 };
         let rank = (tier, voxels);
-        let candidate =
-            Candidate { kind: finding.kind, part: finding.part, size: finding.size, refused: None };
+        let candidate = Candidate { kind: finding.kind, part: finding.part, size: finding.size };
         let at = self.named.iter().position(|(r, ..)| *r < rank).unwrap_or(self.named.len());
         self.named.insert(at, (rank, number, candidate.clone()));
         // One more than is named, for the one that is taken.
@@ -371,9 +390,10 @@ impl Chooser {
             && voxels > best.rank.1
             && let Some(error) = errors.remove(&number)
         {
-            let Candidate { kind, part, size, .. } = best.candidate.clone();
-            let other = Box::new(OtherVolume { number: best.number, kind, part, size });
-            return Err(SourceFault::Gaps { error: Box::new(error), number, other }.into());
+            let other = format!("{VOLUME} {} the largest of the others ({})", best.number, best.candidate);
+            let text =
+                format!("{}; or choose a volume: {VOLUME} {number} is this one, {other}", error.reason());
+            return Err(Fault::new(FaultKind::Unfit, text).at(error.path().unwrap_or(first)).into());
         }
         let (number, taken) = match (best, refused) {
             // A scout next to a series that is refused is not mistaken for the volume.
@@ -395,25 +415,39 @@ impl Chooser {
             return Err(errors.remove(&number).unwrap_or_else(none));
         };
         let mut notes = Vec::new();
-        let refusals: BTreeMap<usize, Refusal> =
-            errors.into_iter().map(|(number, error)| (number, Refusal(Arc::new(error)))).collect();
         if seen > 1 {
             let others = named.into_iter().filter(|(_, n, _)| *n != number).take(NAMED);
-            let refused = |n: usize| refusals.get(&n).cloned();
-            let others: Vec<Candidate> =
-                others.map(|(_, n, other)| Candidate { refused: refused(n), ..other }).collect();
-            let more = seen - 1 - others.len();
-            let asked_for = wanted.is_some();
-            notes.push(Note::Chosen(Box::new(Choice { found: seen, asked_for, used, others, more })));
+            let others: Vec<String> = others
+                .map(|(_, n, other)| match errors.get(&n) {
+                    Some(error) => format!("{other}, refused: {}", error.reason()),
+                    None => other.to_string(),
+                })
+                .collect();
+            let more = match seen - 1 - others.len() {
+                0 => String::new(),
+                more => format!("; and {more} more"),
+            };
+            let why = if wanted.is_some() { "the chosen one" } else { "the largest that forms a volume" };
+            notes.push(Note::new(format!(
+                "{seen} sets of images were found; {why} is used ({used}); not used: {}{more}",
+                others.join("; ")
+            )));
         }
-        notes.extend(damaged.iter().filter_map(|n| refusals.get(n)).cloned().map(Note::DamagedBeside));
+        notes.extend(damaged.iter().filter_map(|n| errors.get(n)).map(|error| {
+            let name = error.path().and_then(Path::file_name).unwrap_or_default();
+            Note::new(format!(
+                "another series, which is not used, is damaged: {}: {}",
+                shown(name),
+                error.reason()
+            ))
+        }));
         for left in found.left_out().iter().take(NAMED) {
             let first = left.first.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
-            notes.push(Note::LeftOut { count: left.count, why: left.why.clone(), first });
+            notes.push(Note::new(format!("{} file(s) left out: {} (first: {first})", left.count, left.why)));
         }
         if found.left_out().len() > NAMED {
-            let count = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
-            notes.push(Note::MoreLeftOut { count });
+            let count: u64 = found.left_out().iter().skip(NAMED).map(|l| l.count).sum();
+            notes.push(Note::new(format!("{count} more file(s) left out for other reasons")));
         }
         if notes.is_empty() {
             return Ok(source);

@@ -8,10 +8,8 @@ use std::path::{Path, PathBuf};
 use super::InputFiles;
 use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
-use crate::facts::StatedBy;
 use crate::fault::{Fault, bad};
-use crate::volume::{FileWatch, Result, SourceError, VolumeSource};
-use crate::volume::{Placement, place};
+use crate::volume::{FileWatch, Placement, Result, SourceError, StatedBy, VolumeSource, place};
 
 /// A side-car of data that states the rest itself.
 #[derive(Debug)]

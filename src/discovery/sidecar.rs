@@ -30,14 +30,12 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::placing;
-use crate::facts::sidecar::{ParseFault, Unparsed};
 use crate::fault::{Fault, bad};
 use crate::geom::Orientation;
 use crate::platform::open_file;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::text::names::FOLLOW_LINKS;
-use crate::volume::Placement;
-use crate::volume::{InfoOverride, Note, Result, SourceError, VolumeSource};
+use crate::volume::{InfoOverride, Note, Placement, Result, SourceError, VolumeSource};
 pub(super) use keys::Keys;
 
 /// Longest text that is looked at.
@@ -96,27 +94,31 @@ fn text_of(path: &Path) -> Option<String> {
 
 /// The fault of a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies next to data
 /// of its stem, but cannot be parsed.
-pub(super) fn unparsed(path: &Path) -> Option<Unparsed> {
+pub(super) fn unparsed(path: &Path) -> Option<String> {
     let text = text_of(path)?;
     let raw = text.contains("dims") || text.contains("dtype");
     if !raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
         return None;
     }
     let at = if is_toml(path) {
-        ParseFault::Value { key: keys::lost_in_toml(&text)? }
+        let key = keys::lost_in_toml(&text)?;
+        format!("the value of {key} is neither a string nor a number nor a list of these")
     } else {
-        ParseFault::Json(Keys::of_json(&text).err()?.to_string())
+        Keys::of_json(&text).err()?.to_string()
     };
     if raw {
         data_of(path)?;
     }
-    Some(Unparsed { raw, at })
+    let what = if raw { "side-car of raw data" } else { "side-car" };
+    Some(format!("{what} that cannot be parsed: {at}"))
 }
 
 /// The missing key of a text that is meant as a side-car of raw data and lies next to data of its stem.
-pub(super) fn incomplete(path: &Path) -> Option<Unparsed> {
+pub(super) fn incomplete(path: &Path) -> Option<String> {
     let key = keys_of(path)?.lacks()?;
-    data_of(path).map(|_| Unparsed { raw: true, at: ParseFault::Lacks { key } })
+    data_of(path).map(|_| {
+        format!("side-car of raw data without the key {key}; add it, and check how the others are spelt")
+    })
 }
 
 /// The fault of the side-cars next to a file of samples, if there are any: else it would have been read.
@@ -161,7 +163,14 @@ pub(super) fn with_unknown(
     if unknown.is_empty() {
         return volume;
     }
-    InfoOverride::with_note(volume, Note::UnknownKeys { unknown: unknown.to_vec(), known })
+    InfoOverride::with_note(
+        volume,
+        Note::new(format!(
+            "the side-car has keys that are not known: {}; known are {}",
+            unknown.join(", "),
+            known.join(", ")
+        )),
+    )
 }
 
 /// Side-cars that could describe a file or folder, by their names; the first that does counts.
@@ -264,7 +273,7 @@ pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
 mod tests {
     use super::*;
     use crate::discovery::Catalogue;
-    use crate::facts::NotVolume;
+    use crate::discovery::NotVolume;
     use crate::source::{Finding, OpenOptions};
     use crate::volume::{Endian, ScalarType};
 

@@ -15,15 +15,14 @@ use super::log::{Log, NONE, Record};
 use super::order::{full_path, precedes};
 use super::walk::{Visitor, changed};
 use super::{placing, sidecar};
-use crate::facts::{NotVolume, SourceFault};
+use crate::discovery::NotVolume;
 use crate::mark::is_own_picture;
-use crate::source::StableHash;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{
-    FORMATS, HEAD_BYTES, OpenOptions, STACKS, SubjectKind, is_of_zarr_group, known, zarr_head,
+    FORMATS, HEAD_BYTES, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,
 };
 use crate::synthetic;
-use crate::volume::Result;
+use crate::volume::{Result, SourceFault};
 
 /// A catalogue in the making.
 pub(super) struct Surveyor<'a> {

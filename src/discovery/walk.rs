@@ -5,11 +5,11 @@ use std::fs::{self, Metadata};
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::facts::{NotVolume, SourceFault};
+use crate::discovery::NotVolume;
 use crate::fault::bad;
 use crate::platform::{self, file_id};
 use crate::synthetic::is_synthetic;
-use crate::volume::{Result, SourceError};
+use crate::volume::{Result, SourceError, SourceFault};
 
 /// Receives the entries of a walk.
 pub(super) trait Visitor {

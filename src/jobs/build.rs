@@ -24,25 +24,24 @@ pub use summary::BuildSummary;
 use super::hint::Hint;
 use super::info::read_info;
 use crate::budget::{Budget, MemoryCap, costs};
-use crate::builder::BuildFault;
 use crate::builder::{
-    self, BuildError, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold, ViewedFrom,
+    self, BuildError, BuildFault, BuildOptions, BuildReport, FileSolid, Gradient, Progress, Threshold,
+    ViewedFrom,
 };
 use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, memory_bound, read_tree, with_tree};
 use crate::discovery;
 use crate::error::{Error, UsageError};
-use crate::facts::{Fill, SourceFault, sentences};
 use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
-    GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
+    Fill, GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
 };
 use crate::platform::{give_back, open_file};
 use crate::render::NamedView;
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
-use crate::volume::{Preparation, SourceError, VolumeSource, Workspace};
+use crate::volume::{Preparation, SourceError, SourceFault, VolumeSource, Workspace, sentences};
 
 /// Bytes of mesh files beyond which a grid of 512 voxels would lose what they show: some million triangles.
 const LARGE_MESH: u64 = 64 << 20;

@@ -11,8 +11,7 @@ use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::geom::Affine;
 use crate::intersect::{Placed, intersection};
-use crate::text::Short;
-use crate::text::{data, shown};
+use crate::text::{Short, data, shown};
 
 /// Whether two models touch.
 #[derive(Clone, Debug, PartialEq, Serialize)]

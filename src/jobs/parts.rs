@@ -200,7 +200,7 @@ pub fn plan(
     write_plan(&file, out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
     let mut warnings = Vec::new();
     if let Some(volume) = opened.volume() {
-        warnings.extend(crate::facts::sentences(&volume.info().notes));
+        warnings.extend(crate::volume::sentences(&volume.info().notes));
         let needs = volume.preparation();
         if needs != Preparation::default() && !needs.on_demand {
             warnings.push(

@@ -13,11 +13,10 @@ use crate::builder::BuildOptions;
 use crate::clean::CleanOptions;
 use crate::discovery::Catalogue;
 use crate::error::Error;
-use crate::facts::sentences;
 use crate::progress::Silent;
 use crate::source::{Finding, OpenOptions, Subject, SubjectKind};
 use crate::text::data;
-use crate::volume::{Overlap, VolumeSource};
+use crate::volume::{Overlap, VolumeSource, sentences};
 
 /// Lists the volumes below some inputs; calls `each` for one after the other, and returns what was left out,
 /// with the number of usable and of refused volumes.

@@ -16,9 +16,9 @@ use std::io;
 use std::path::{Path, PathBuf};
 
 use super::lattice::{Triangle, centres, span};
-use crate::facts::{SourceError, SourceFault};
 use crate::geom::Dims;
 use crate::platform::FileExt;
+use crate::volume::{SourceError, SourceFault};
 
 /// Rows and slices of a bin, as a power of two: those of a brick.
 const BIN_SHIFT: i32 = 5;

@@ -209,8 +209,8 @@ impl Graph {
 pub(super) fn close(
     mut edges: Vec<OpenEdge>,
     sums: Sums,
-    cap: &mut dyn FnMut(Triangle) -> Result<(), crate::facts::SourceError>,
-) -> Result<u64, crate::facts::SourceError> {
+    cap: &mut dyn FnMut(Triangle) -> Result<(), crate::volume::SourceError>,
+) -> Result<u64, crate::volume::SourceError> {
     if sums == Sums::Odd {
         let back: Vec<OpenEdge> =
             edges.iter().map(|e| OpenEdge { from: e.to, to: e.from, times: 1 }).collect();
@@ -261,8 +261,8 @@ pub(super) fn close(
 
 fn close_loop(
     points: &[Point],
-    cap: &mut dyn FnMut(Triangle) -> Result<(), crate::facts::SourceError>,
-) -> Result<(), crate::facts::SourceError> {
+    cap: &mut dyn FnMut(Triangle) -> Result<(), crate::volume::SourceError>,
+) -> Result<(), crate::volume::SourceError> {
     if let [a, b, c] = points {
         return cap(smallest_first([*b, *a, *c]));
     }

@@ -2,8 +2,7 @@
 
 use super::census::vertex_hash;
 use super::lattice::MAX_VOXELS;
-use super::read::Stop;
-use super::read::not_finite;
+use super::read::{Stop, not_finite};
 use crate::fault::{Fault, bad};
 
 /// Brings a vertex onto the lattice.

@@ -17,9 +17,9 @@ use crate::builder::{
     BuildError, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
     SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
+use crate::volume::SourceError;
 
 /// A crossing so near to a centre is one of both edges that end there.
 const SAME: f64 = 1.0 / 65536.0;

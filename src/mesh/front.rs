@@ -23,14 +23,14 @@ use crate::budget::{Budget, Reservation};
 use crate::builder::{
     BuildError, BuildFault, BuildOptions, CellEdges, FileSolid, Progress, Solid, Tile, cell_dims,
 };
-use crate::facts::SourceFault;
-use crate::facts::{Boundary, Fill, MeshFacts, MeshNote, SourceError};
 use crate::fault::{Fault, bad};
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
+use crate::mesh::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::source::base_name;
-use crate::text::names::{FILL, SURFACE, KEEP_THIN};
+use crate::text::names::{FILL, KEEP_THIN, SURFACE};
+use crate::volume::{SourceError, SourceFault};
 
 /// Most parts whose bounds are looked at.
 const MAX_PARTS: usize = 1024;
@@ -324,7 +324,10 @@ impl Front<'_> {
         };
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
         if self.is_of_cells() && self.placed.is_none() && files.iter().any(|file| file.summary.looks[0]) {
-            notes.push(MeshNote { mesh: self.mesh_name(), lack: format!("has colours; add {SURFACE} skin to keep them") });
+            notes.push(MeshNote {
+                mesh: self.mesh_name(),
+                lack: format!("has colours; add {SURFACE} skin to keep them"),
+            });
         }
         notes
     }

@@ -8,7 +8,7 @@ use std::ops::Range;
 
 use super::bins::{BEYOND, BinTriangle, Bins, BlockBuffers, Record, held, ways};
 use super::lattice::{centres, first_centre, last_centre};
-use crate::facts::SourceError;
+use crate::volume::SourceError;
 
 /// A triangle of a brick: its record, or, where it takes two, the place of them behind [`ELSEWHERE`]; and [`Location`].
 pub(super) type Item = [i32; 7];

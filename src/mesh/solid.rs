@@ -35,11 +35,11 @@ use crate::builder::{
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::facts::SourceError;
 use crate::fault::Fault;
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
 use crate::identity::file_identity;
+use crate::volume::SourceError;
 
 /// Rows and columns of a brick.
 const BRICK: usize = 32;

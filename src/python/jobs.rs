@@ -17,13 +17,11 @@ use crate::geom::Dims;
 use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
-use crate::jobs::picture::Outputs;
-use crate::jobs::picture::render_file;
+use crate::jobs::picture::{Outputs, render_file};
 use crate::jobs::render::RenderRequest;
 use crate::progress::Progress;
 use crate::source::SubjectKind;
-use crate::volume::sentences;
-use crate::volume::{ScalarType, SourceError, VolumeSource, VolumeView};
+use crate::volume::{ScalarType, SourceError, VolumeSource, VolumeView, sentences};
 
 type Watcher<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 

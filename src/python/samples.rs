@@ -5,10 +5,10 @@ use std::io;
 use std::ops::Range;
 use std::path::Path;
 
-use crate::facts::SourceFault;
 use crate::geom::{Affine, Dims};
-use crate::volume::{self, Rescale, ScalarType, SourceError, VolumeInfo, VolumeSource};
-use crate::volume::{check_request, read_block};
+use crate::volume::{
+    self, Rescale, ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource, check_request, read_block,
+};
 
 /// Samples one after the other in a file, x fastest, in the machine's byte order: read by position, so that they do not
 /// count as memory of the process, as those of a mapping do.

@@ -10,8 +10,7 @@
 use super::Shading;
 use super::sight::Sight;
 use super::tile::RAYS;
-use crate::cpu::Kernel;
-use crate::cpu::Lanes;
+use crate::cpu::{Kernel, Lanes};
 use crate::geom::dot;
 
 /// Part of the light that reaches every surface: keeps edges visible on a black background, and dark enough

@@ -15,9 +15,8 @@ use crate::random::Random;
 use crate::render::cells::Cells;
 use crate::render::picture::Traversal;
 use crate::render::ray::Ray;
-use crate::render::single;
 use crate::render::walls::Hidden;
-use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint};
+use crate::render::{Camera, NamedView, Projection, Samples, Shading, Smoothing, ViewPoint, single};
 use crate::volume::Voxels;
 use crate::{BuildOptions, Threshold};
 

@@ -3,12 +3,11 @@
 use std::ops::Range;
 use std::path::Path;
 
-use crate::facts::SourceFault;
-use crate::facts::samples::ReadFault;
 use crate::geom::Dims;
-use crate::volume::Spool;
-use crate::volume::check_request;
-use crate::volume::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace};
+use crate::volume::{
+    Preparation, Result, SourceError, SourceFault, Spool, VolumeInfo, VolumeSource, Workspace, check_request,
+    not_unrolled,
+};
 
 /// Bytes of a block that is turned at a time.
 const BLOCK_BYTES: usize = 1 << 20;
@@ -116,7 +115,7 @@ impl VolumeSource for AxisReversal {
             })
         };
         check_request(&self.info, z, &rows, &cols, out.len()).map_err(failed)?;
-        let spool = self.spool.as_ref().ok_or_else(|| failed(ReadFault::NotUnrolled.into()))?;
+        let spool = self.spool.as_ref().ok_or_else(|| failed(not_unrolled()))?;
         spool.read_rows(z, &rows, &cols, out).map_err(failed)
     }
 }

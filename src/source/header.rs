@@ -7,10 +7,9 @@ use std::path::{Component, Path, PathBuf};
 use super::files::FileList;
 use super::stored::{Section, section};
 use crate::budget::Bytes;
-use crate::facts::SourceFault;
 use crate::fault::{Fault, bad};
 use crate::text::names::FOLLOW_LINKS;
-use crate::volume::{Result, SourceError};
+use crate::volume::{Result, SourceError, SourceFault};
 
 /// Longest line: far more than any real one, so that binary data is not taken for a line.
 const MAX_LINE: u64 = 64 << 10;

@@ -1,11 +1,44 @@
 //! File types that are recognised by their first bytes, but not read as volumes.
 
+use std::fmt;
 use std::path::Path;
-
-use crate::facts::Known;
 
 /// Bytes at the head of a file by which it is recognised.
 pub(crate) const HEAD_BYTES: usize = 1024;
+
+/// Formats that are known by their first bytes, but not read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Known {
+    Gzip,
+    Jpeg,
+    Ply,
+    Off,
+    Oct,
+    Hdf5,
+    NetCdf,
+    VtkXml,
+    Zarr,
+}
+
+impl fmt::Display for Known {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(match self {
+            Self::Gzip => "a gzip file, but of no volume that is read",
+            Self::Jpeg => "a JPEG image",
+            Self::Ply => "a PLY mesh",
+            Self::Off => "an OFF mesh",
+            Self::Oct => "an .oct model, not a volume",
+            Self::Hdf5 => {
+                "an HDF5 file (MINC 2 and NetCDF-4 are, too), whose array has to be written as .npy or NRRD first"
+            }
+            Self::NetCdf => {
+                "a NetCDF file (MINC 1 is, too), whose array has to be written as .npy or NRRD first"
+            }
+            Self::VtkXml => "a VTK file in XML (.vti), which has to be written as MetaImage or NRRD first",
+            Self::Zarr => "a Zarr group in which no array was found",
+        })
+    }
+}
 
 /// Formats by their first bytes that are not read, to say what a refused file is.
 const KNOWN: [(&[u8], Known); 9] = [

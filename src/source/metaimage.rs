@@ -13,11 +13,10 @@ use super::header::{
     unit_mm, unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
-use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
+use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
 const FIRST_KEYS: [&str; 4] = ["objecttype", "ndims", "comment", "objectsubtype"];
@@ -248,13 +247,15 @@ impl Header {
         let axes = self.axes;
         let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
         if spacing.is_empty() {
-            notes.push(Note::AssumedSpacing { by: Carrier::Header });
+            notes.push(Note::no_spacing("the header"));
         }
         let mut scale = 1.0;
         if !self.unit.is_empty() && !self.unit.contains('?') {
             match unit_mm(&self.unit) {
                 Some(mm) => scale = mm,
-                None => notes.push(Note::UnknownUnit { unit: self.unit.clone() }),
+                None => {
+                    notes.push(Note::new(format!("the unit `{}` is taken for mm", self.unit.escape_debug())))
+                }
             }
         }
         let number = |list: &[f64], at: usize, default: f64| {

@@ -13,10 +13,9 @@ use std::path::{Path, PathBuf};
 use super::OpenOptions;
 use super::header::{check_links, files_beside, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::{Note, StatedNumber};
 use crate::fault::{Fault, bad};
 use crate::platform::open_file;
-use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
+use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
 use std::borrow::Cow;
 
@@ -338,7 +337,9 @@ impl Header {
             return Ok(Rescale::IDENTITY);
         }
         if slope.is_nan() && !intercept.is_infinite() {
-            notes.push(Note::NotFinite(StatedNumber::Slope { stated: slope }));
+            notes.push(Note::new(format!(
+                "the header states a slope of {slope}, which is ignored: values are as stored"
+            )));
             return Ok(Rescale::IDENTITY);
         }
         if slope.is_finite() && intercept.is_finite() {

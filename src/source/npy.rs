@@ -11,11 +11,10 @@ use super::axis_reversal::AxisReversal;
 use super::files::FileList;
 use super::header::{unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
-use crate::volume::{Endian, Rescale, Result, ScalarType, VolumeSource};
+use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
 
@@ -70,7 +69,6 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
     }
     let mut files = FileList::new(path.parent().unwrap_or(Path::new("")));
     files.push(Path::new(path.file_name().unwrap_or_default()));
-    let by = Carrier::Npy;
     let volumes = StoredLayout {
         header: path.to_path_buf(),
         format: "npy",
@@ -84,7 +82,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         skip_unpacked: 0,
         rescale: Rescale::IDENTITY,
         affine: Affine::from_spacing([1.0; 3]),
-        notes: vec![Note::AssumedSpacing { by }, Note::AssumedDirections { by }],
+        notes: vec![Note::no_spacing("an .npy file"), Note::no_directions("an .npy file")],
         labels: Vec::new(),
     }
     .open()?;

@@ -14,18 +14,16 @@ use std::fs::File;
 use std::path::Path;
 
 use super::OpenOptions;
-use super::files::FileList;
-use super::files::base_name;
+use super::files::{FileList, base_name};
 use super::header::{
     Lines, Once, check_links, counts, files_beside, listed, not_a_field, numbered, sweep, text, unreadable,
     unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
-use crate::facts::Note;
 use crate::fault::{Fault, bad};
 use crate::geom::Dims;
 use crate::platform::open_file;
-use crate::volume::{Endian, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Note, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 use layers::{LayeredMap, Layers, Order};
 use segments::Segments;
@@ -253,7 +251,7 @@ impl Header {
             "little" => Endian::Little,
             "" => {
                 if samples.bytes() > 1 && encoding != Encoding::Text {
-                    notes.push(Note::AssumedByteOrder);
+                    notes.push(Note::new("the header states no byte order; little-endian is assumed"));
                 }
                 Endian::Little
             }

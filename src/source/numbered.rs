@@ -4,18 +4,17 @@
 //! more such files go on by the same step most of the time, what lies between is missing: a gap, to be refused,
 //! filled or kept as the gaps of any other series. Numbers that follow no step (times, identifiers) say nothing.
 
-use std::path::Path;
+use std::fmt;
+use std::path::{Path, PathBuf};
 
 use super::GapPolicy;
 use super::files::FileList;
 use super::stable_hash::StableHash;
-use crate::facts::Note;
-use crate::facts::numbered::{NumberGaps, NumberNote};
 use crate::fault::{Fault, FaultKind, bad};
 use crate::platform::OsStrExt;
 use crate::text::names::GAPS;
 use crate::text::shown;
-use crate::volume::{GapFill, InfoOverride, VolumeSource};
+use crate::volume::{GapFill, InfoOverride, Note, VolumeSource};
 
 /// Numbers of a name that are looked at; names have few.
 const FIELDS: usize = 16;
@@ -29,6 +28,35 @@ const MAX_MADE: u64 = 10;
 /// Numbers that lie at most so many times as far apart as files do, on average, count slices even where no
 /// step between them is the usual one.
 const DENSE: u64 = 3;
+
+/// Numbers of slices that lack some.
+#[derive(Clone, Debug, PartialEq)]
+struct NumberGaps {
+    /// Files that are numbered alike.
+    files: usize,
+    /// Slices that seem to be missing; `None` where the gaps are not whole multiples of the usual one.
+    missing: Option<u64>,
+    /// In how many places.
+    places: usize,
+    /// The files on both sides of the first gap.
+    first: [PathBuf; 2],
+    /// Can the missing slices be made? Not between files that are numbered in several ways.
+    can_fill: bool,
+}
+
+impl fmt::Display for NumberGaps {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self { files, missing, places, first: [a, b], .. } = self;
+        match missing {
+            Some(slices) => write!(
+                f,
+                "{slices} slice(s) seem to be missing in {places} place(s) among {files} numbered files"
+            )?,
+            None => write!(f, "the numbers of {files} files do not follow each other evenly")?,
+        }
+        write!(f, ", first between {} and {}", shown(a), shown(b))
+    }
+}
 
 /// Treatment of the slices of a stack.
 #[derive(Debug, PartialEq)]
@@ -123,7 +151,9 @@ pub(super) fn judge(list: &FileList, policy: GapPolicy) -> Result<Order, Fault> 
     let Some((set, gaps)) = found else { return Ok(Order::AsTheyAre(None)) };
     match policy {
         GapPolicy::Error => Err(refusal(&gaps)),
-        GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::Numbers(NumberNote::Kept(gaps))))),
+        GapPolicy::Keep => Ok(Order::AsTheyAre(Some(Note::new(format!(
+            "{gaps}; the files are taken as evenly spaced slices"
+        ))))),
         GapPolicy::Fill if gaps.can_fill => set.fill(list, gaps),
         GapPolicy::Fill => Err(refusal(&gaps)),
     }
@@ -227,8 +257,14 @@ impl Set {
         }
         places.extend(numbers.last().map(|(_, index)| (*index, 0.0)));
         let made = slices - numbers.len() as u64;
-        let note = NumberNote::Filled { made, slices: places.len(), first: gaps.first };
-        Ok(Order::Filled(places, Note::Numbers(note)))
+        let [a, b] = &gaps.first;
+        let note = Note::new(format!(
+            "gaps in the numbers of the files were filled: {made} of {} slices were made by interpolation between neighbours, the first between {} and {}",
+            places.len(),
+            shown(a),
+            shown(b)
+        ));
+        Ok(Order::Filled(places, note))
     }
 }
 

@@ -12,17 +12,15 @@ use std::sync::Arc;
 use png::{ColorType, DecodingError, Limits, Transformations};
 
 use super::OpenOptions;
-use super::files::base_name;
-use super::files::{FileList, FileSet};
+use super::files::{FileList, FileSet, base_name};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::open_file;
-use crate::volume::{Endian, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
+use crate::volume::{Endian, Note, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
 
@@ -87,10 +85,9 @@ fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {
     } else {
         base_name(path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new(".")))
     };
-    let by = Carrier::Png;
-    let mut notes = vec![Note::AssumedSpacing { by }, Note::AssumedDirections { by }];
+    let mut notes = vec![Note::no_spacing("PNG"), Note::no_directions("PNG")];
     if head.depth < 8 {
-        notes.push(Note::BitsScaled { bits: head.depth });
+        notes.push(Note::new(format!("samples of {} bits are scaled to 0..255", head.depth)));
     }
     let info = VolumeInfo {
         dims,

@@ -9,15 +9,16 @@ use std::sync::Arc;
 use super::files::{FileList, FileSet, base_name};
 use super::known::{HEAD_BYTES, known};
 use super::stored::{DirectSamples, Samples, SliceOffsets};
-use crate::facts::{Known, SourceFault};
 use crate::fault::{Fault, bad, unfit, usage};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
 use crate::platform::open_file;
+use crate::source::Known;
 use crate::text::Name;
 use crate::text::names::{DIMS, DTYPE, SKIP, SPACING};
 use crate::volume::{
-    Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+    Endian, Rescale, Result, ScalarType, SourceDescription, SourceError, SourceFault, VolumeInfo,
+    VolumeSource,
 };
 
 /// Layout of a headerless volume, as the caller must state it.

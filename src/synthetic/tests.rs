@@ -4,9 +4,8 @@ use std::path::Path;
 
 use super::*;
 use crate::exit::ExitKind;
-use crate::facts::SourceFault;
 use crate::fault::{Fault, usage};
-use crate::volume::ScalarType;
+use crate::volume::{ScalarType, SourceFault};
 
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
     let info = volume.info();

@@ -5,7 +5,6 @@ use std::io;
 use std::ops::Range;
 
 use super::VolumeInfo;
-use crate::facts::samples::ReadFault;
 use crate::platform::FileExt;
 
 /// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
@@ -48,5 +47,11 @@ pub(crate) fn check_request(
     if inside && wanted == out_len as u64 {
         return Ok(());
     }
-    Err(ReadFault::Outside { rows: rows.clone(), cols: cols.clone(), bytes: out_len }.into())
+    let text = format!("rows {rows:?}, columns {cols:?} into {out_len} bytes");
+    Err(io::Error::new(io::ErrorKind::InvalidInput, text))
+}
+
+/// The error of a read before the volume was prepared.
+pub(crate) fn not_unrolled() -> io::Error {
+    io::Error::new(io::ErrorKind::InvalidInput, "it has not been unrolled")
 }

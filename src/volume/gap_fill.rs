@@ -5,8 +5,8 @@ use std::ops::Range;
 use super::blend::{blend_rows, neighbour_bytes};
 use super::wrapper::owns_source_and_info;
 use super::{InfoOverride, Result, VolumeInfo, VolumeSource, Wrapper};
-use crate::facts::Note;
 use crate::geom::Dims;
+use crate::volume::Note;
 
 /// Slices of another volume and, between them, slices made of their two neighbours: linear in what is delivered,
 /// integers rounded half away from zero.

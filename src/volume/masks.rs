@@ -6,10 +6,10 @@ use std::path::{Path, PathBuf};
 use super::{
     ImageKind, Preparation, Rescale, Result, ScalarType, StatedLabel, VolumeInfo, VolumeSource, Workspace,
 };
-use crate::facts::Note;
 use crate::fault::{Fault, bad, usage};
 use crate::geom::Dims;
 use crate::text::names::{OVERLAP, VOLUME};
+use crate::volume::Note;
 
 /// Masks that one map may be made of.
 ///
@@ -239,7 +239,10 @@ pub(crate) fn settle_overlaps(info: &mut VolumeInfo, voxels: u64, overlap: Overl
         .into());
     }
     if voxels > 0 {
-        info.notes.push(Note::Overlaps { voxels, first: overlap == Overlap::First });
+        info.notes.push(Note::new(format!(
+            "{voxels} voxel(s) are in several masks; they get the label of the {} of these",
+            if overlap == Overlap::First { "first" } else { "last" }
+        )));
     }
     Ok(())
 }

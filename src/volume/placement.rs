@@ -4,10 +4,11 @@
 //! states its assumptions in notes; such a note goes when the caller states what was missing.
 
 use super::{InfoOverride, Note, Result, Treatment, VolumeInfo, VolumeSource};
-use crate::facts::StatedBy;
 use crate::fault::usage;
 use crate::geom::Orientation;
-use crate::text::names::SPACING;
+use crate::text::Name;
+use crate::text::names::{ORIENTATION, SPACING};
+use crate::volume::NoteKind;
 
 /// Spacing and directions that are stated outside the file; what is stated comes before what the file says.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Deserialize)]
@@ -71,9 +72,28 @@ pub(crate) fn place(
     Ok(InfoOverride::boxed(source, info))
 }
 
+/// Who states what the file does not, or otherwise.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum StatedBy {
+    /// The user who opens the volume.
+    Caller,
+    /// A side-car beside the file.
+    SideCar,
+}
+
+impl StatedBy {
+    /// What was stated: an option of the caller, or a key of the side-car.
+    pub(crate) fn named(self, option: Name, key: &str) -> String {
+        match self {
+            Self::Caller => option.to_string(),
+            Self::SideCar => format!("{key} of the side-car"),
+        }
+    }
+}
+
 fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
-    let assumed = info.notes.iter().any(Note::assumes_spacing);
-    info.notes.retain(|note| !note.assumes_spacing());
+    let assumed = info.notes.iter().any(|note| note.kind == NoteKind::AssumedSpacing);
+    info.notes.retain(|note| note.kind != NoteKind::AssumedSpacing);
     let old = info.spacing_mm;
     // Of a header that lacks the spacing of one axis, 1 mm is what was assumed.
     let stated = |mm: f64| !(assumed && (mm - 1.0).abs() < TOLERANCE);
@@ -88,18 +108,36 @@ fn scale(info: &mut VolumeInfo, spacing_mm: [f64; 3], by: StatedBy) {
     info.spacing_mm = spacing_mm;
     if differs {
         info.description.treatments.push(Treatment::SpacingReplaced);
-        info.notes.push(Note::SpacingReplaced { by, given_mm: spacing_mm, stated_mm: old });
+        info.notes.push(Note::new(format!(
+            "{} gives {}; the file states {}, which is not used",
+            by.named(SPACING, "spacing"),
+            mm(spacing_mm),
+            mm(old)
+        )));
     }
 }
 
+/// A spacing for people: six digits, as headers print it.
+fn mm(spacing_mm: [f64; 3]) -> String {
+    let [x, y, z] = spacing_mm.map(|mm| format!("{mm:.5e}").parse().unwrap_or(mm));
+    format!("{x} x {y} x {z} mm")
+}
+
+fn directions_replaced(by: StatedBy, given: Orientation, stated: &str) -> Note {
+    Note::new(format!(
+        "{} gives {given}; the directions that the file states, about {stated}, are not used",
+        by.named(ORIENTATION, "orientation")
+    ))
+}
+
 fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
-    let assumed = info.notes.iter().any(Note::assumes_directions);
-    info.notes.retain(|note| !note.assumes_directions());
+    let assumed = info.notes.iter().any(|note| note.kind == NoteKind::AssumedDirections);
+    info.notes.retain(|note| note.kind != NoteKind::AssumedDirections);
     let old = info.affine.orientation_letters();
     if Orientation::parse(&old) == Some(orientation) {
         return;
     }
-    let is_backwards = |note: &Note| matches!(note, Note::StoredBackwards { .. });
+    let is_backwards = |note: &Note| note.kind == NoteKind::Backwards;
     let backwards = info.notes.iter().any(is_backwards);
     info.notes.retain(|note| !is_backwards(note));
     let origin = info.affine.origin();
@@ -109,7 +147,7 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
     }
     if !assumed || backwards {
         info.description.treatments.push(Treatment::DirectionsReplaced);
-        info.notes.push(Note::DirectionsReplaced { by, given: orientation, stated: old });
+        info.notes.push(directions_replaced(by, orientation, &old));
     }
 }
 
@@ -117,7 +155,6 @@ fn turn(info: &mut VolumeInfo, orientation: Orientation, by: StatedBy) {
 mod tests {
     use super::*;
     use crate::ExitKind;
-    use crate::facts::Carrier;
     use crate::geom::{Affine, Dims};
     use crate::source::{RawOptions, RawVolume};
     use crate::volume::{Endian, ScalarType};
@@ -165,9 +202,11 @@ mod tests {
 
     #[test]
     fn what_was_assumed_is_replaced_in_silence() {
-        let by = Carrier::Png;
-        let notes =
-            [Note::AssumedSpacing { by }, Note::AssumedDirections { by }, Note::BitsScaled { bits: 4 }];
+        let notes = [
+            Note::no_spacing("PNG"),
+            Note::no_directions("PNG"),
+            Note::new(format!("samples of {} bits are scaled to 0..255", 4)),
+        ];
         let source = with(Affine::from_spacing([1.0; 3]), &notes);
         let placed = place(source, spacing([0.5, 0.25, 2.0]), WHO).unwrap();
         let info = placed.info();
@@ -208,22 +247,19 @@ mod tests {
         let info = placed.info();
         assert_eq!((info.affine.orientation_letters(), info.affine.origin()), ("RAS".into(), old.origin()));
         let given = Orientation::parse("RAS").unwrap();
-        assert_eq!(info.notes, [Note::DirectionsReplaced { by: WHO, given, stated: "LPS".into() }]);
+        assert_eq!(info.notes, [directions_replaced(WHO, given, "LPS")]);
     }
 
     #[test]
     fn axes_that_run_backwards_are_not_told_of_where_others_were_asked_for() {
         let old = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 5.0], [0.0, 0.0, 1.0, 0.0]] };
-        let notes = [Note::AssumedDirections { by: Carrier::Tiff }, Note::StoredBackwards { axis: 1 }];
+        let notes = [Note::no_directions("TIFF"), Note::backwards(1)];
         let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
         let letters = old.orientation_letters();
         let placed = place(with(old, &notes), asked(&letters), WHO).unwrap();
         assert_eq!((placed.info().affine, &placed.info().notes[..]), (old, &notes[1..]));
         let placed = place(with(old, &notes), asked("LPS"), WHO).unwrap();
-        assert_eq!(
-            placed.info().notes,
-            [Note::DirectionsReplaced { by: WHO, given: Orientation::LPS, stated: letters }]
-        );
+        assert_eq!(placed.info().notes, [directions_replaced(WHO, Orientation::LPS, &letters)]);
     }
 
     #[test]
@@ -233,7 +269,7 @@ mod tests {
         assert!(placed.info().notes.is_empty());
         // Assumed along x only.
         let partly = Affine::from_spacing([1.0, 0.5, 1.2]);
-        let notes = [Note::AssumedSpacing { by: Carrier::Header }];
+        let notes = [Note::no_spacing("the header")];
         let placed = place(with(partly, &notes), spacing([0.5, 0.5, 1.2]), WHO).unwrap();
         assert!(placed.info().notes.is_empty());
         let placed = place(with(partly, &notes), spacing([0.5, 0.5, 2.0]), WHO).unwrap();

@@ -8,9 +8,8 @@ use super::{
     Preparation, Rescale, Result, Scalar, SourceError, Spool, VolumeInfo, VolumeSource, Workspace,
     check_request,
 };
-use crate::facts::SourceFault;
-use crate::facts::samples::ReadFault;
 use crate::geom::{Affine, Dims};
+use crate::volume::{SourceFault, not_unrolled};
 
 /// Makes the samples of slice z.
 type Fill<'a, T> = dyn FnMut(u32, &mut [T]) -> io::Result<()> + Send + 'a;
@@ -118,7 +117,7 @@ impl<T: Scalar> VolumeSource for Slices<'_, T> {
         check_request(&self.info, z, &rows, &cols, out.len())
             .and_then(|()| match &self.spool {
                 Some(spool) => spool.read_rows(z, &rows, &cols, out),
-                None => Err(ReadFault::NotUnrolled.into()),
+                None => Err(not_unrolled()),
             })
             .map_err(|cause| self.failed(z, cause))
     }

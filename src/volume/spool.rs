@@ -9,11 +9,10 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::{Result, ScalarType, SourceError};
-use crate::facts::SourceFault;
 use crate::geom::Dims;
 use crate::platform::FileExt;
 use crate::scratch::unnamed_for;
-use crate::volume::read_block;
+use crate::volume::{SourceFault, read_block};
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
 #[derive(Debug)]

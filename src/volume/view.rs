@@ -6,8 +6,8 @@ use std::path::PathBuf;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::{Rescale, Result, Scalar, ScalarType, SourceError, VolumeInfo, VolumeSource, check_request};
-use crate::facts::SourceFault;
 use crate::geom::{Affine, Dims};
+use crate::volume::SourceFault;
 
 /// Borrowed samples, read where they are: an array of any strides is a volume without a copy.
 ///

@@ -68,7 +68,7 @@ impl VolumeSource for FileWatch {
 
 #[cfg(test)]
 mod tests {
-    use crate::facts::SourceFault;
+    use crate::volume::SourceFault;
     use std::fs;
 
     use super::*;

@@ -204,11 +204,11 @@ mod tests {
     use super::super::{Crop, Downsample, GapFill};
     use super::*;
     use crate::budget::Budget;
-    use crate::facts::SourceFault;
     use crate::fault::Fault;
     use crate::geom::{Dims, Orientation};
     use crate::progress::Silent;
     use crate::source::{RawOptions, RawVolume};
+    use crate::volume::SourceFault;
     use crate::volume::{Endian, ScalarType};
 
     const NEEDS: Preparation = Preparation { scratch_bytes: 5, memory_bytes: 6, on_demand: true };
@@ -234,7 +234,7 @@ mod tests {
         }
         fn prepare(&mut self, workspace: &Workspace<'_>) -> Result {
             let _memory = workspace.reserve(NEEDS.memory_bytes, || "a".into())?;
-            self.0.notes.push(Note::WhiteIsZero);
+            self.0.notes.push(Note::new("0 is white in these pictures; the numbers are kept as they are"));
             Ok(())
         }
         fn read_rows(&self, z: u32, _: Range<u32>, _: Range<u32>, _: &mut [u8]) -> Result {
@@ -268,7 +268,14 @@ mod tests {
         let whole = [0..2, 0..2, 0..2];
         let between = vec![(0, 0.0), (0, 0.5), (1, 0.0)];
         let all: [(Box<dyn VolumeSource>, u64); 4] = [
-            (GapFill::between(scan(), between, Note::WhiteIsZero), 64 << 10),
+            (
+                GapFill::between(
+                    scan(),
+                    between,
+                    Note::new("0 is white in these pictures; the numbers are kept as they are"),
+                ),
+                64 << 10,
+            ),
             (InfoOverride::boxed(scan(), info.clone()), 0),
             (Box::new(Crop::new(scan(), whole).unwrap()), 0),
             (Box::new(Downsample::new(scan(), 2).unwrap()), 64 << 10),
@@ -287,7 +294,12 @@ mod tests {
             assert!(matches!(refused.fault(), SourceFault::Memory { allowed_bytes: 1, .. }), "{refused}");
             outer.prepare(&workspace(6)).unwrap();
             let notes = &outer.info().notes;
-            assert!(notes.ends_with(&[Note::WhiteIsZero]), "{notes:?}");
+            assert!(
+                notes.ends_with(&[Note::new(
+                    "0 is white in these pictures; the numbers are kept as they are"
+                )]),
+                "{notes:?}"
+            );
             let mut out = [0; 4];
             for read in
                 [outer.read_rows(0, 0..1, 0..1, &mut out), outer.read_pitched(0, 0..1, 0..1, 4, &mut out)]

@@ -24,18 +24,17 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("scratch", "budget"),
     ("identity", ""),
     ("fault", "exit text"),
-    ("facts", "budget codec exit fault geom progress text"),
-    ("volume", "budget exit facts fault geom identity progress scratch text"),
-    ("source", "budget codec cpu exit facts fault geom mark progress scratch volume"),
-    ("synthetic", "facts fault geom volume"),
+    ("volume", "budget exit fault geom identity progress scratch text"),
+    ("source", "budget codec cpu exit fault geom mark progress scratch text volume"),
+    ("synthetic", "fault geom text volume"),
     (
         "discovery",
-        "budget csg exit facts fault geom identity mark mesh progress scratch source synthetic volume",
+        "budget csg exit fault geom identity mark mesh progress scratch source synthetic text volume",
     ),
     ("builder", "atomic budget cpu exit fault format geom progress scratch text volume"),
     ("clean", "budget builder exit format geom progress scratch text volume"),
-    ("mesh", "budget builder codec cpu facts fault format geom identity scratch source"),
-    ("csg", "budget builder facts fault format geom identity mesh progress scratch source volume"),
+    ("mesh", "budget builder codec cpu fault format geom identity scratch source text volume"),
+    ("csg", "budget builder fault format geom identity mesh progress scratch source text volume"),
     ("load", "budget cpu exit format geom text"),
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "cpu exit format geom load render text"),
@@ -44,15 +43,15 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
-        "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export facts fault \
+        "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export fault \
          format geom load mesh page progress render scene scratch source synthetic text volume",
     ),
     (
         "python",
-        "budget builder clean clean_and_build error exit export facts fault format geom jobs load mesh progress render \
+        "budget builder clean clean_and_build error exit export fault format geom jobs load mesh progress render \
          source text volume",
     ),
-    ("error", "budget builder clean exit export facts format load page progress render scene text"),
+    ("error", "budget builder clean exit export format load page progress render scene text"),
 ];
 
 /// Calls that look for something in a message, or take it apart.

@@ -57,9 +57,7 @@ pub(crate) use infobyte::render::surface::Skin;
 pub(crate) use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
 pub(crate) use infobyte::render::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
 pub(crate) use infobyte::render::{Camera, GridSpace, RenderError, reference, single};
-pub(crate) use infobyte::source::dicom::{
-    Access, DicomHeader, FrameSink, Obstacle, ScanError, scan, unroll, visit,
-};
+pub(crate) use infobyte::source::dicom::{Access, DicomHeader, FrameSink, ScanError, scan, unroll, visit};
 pub(crate) use infobyte::source::{Finding, GapPolicy, RawOptions, RawVolume};
 pub(crate) use infobyte::synthetic::analytic;
 pub(crate) use infobyte::volume::{Endian, SourceError, Workspace, sentences};

@@ -10,12 +10,12 @@ use std::sync::{Arc, OnceLock};
 
 use super::super::read::{Image, Texture as FileTexture, Wrap, linear, missing};
 use super::image::{Rows, Stop, read};
-use crate::facts::{SourceError, SourceFault};
 use crate::fault::bad;
 use crate::platform::FileExt;
 use crate::scratch::PageCache;
 use crate::text::names::CHANNELS;
 use crate::text::shown;
+use crate::volume::{SourceError, SourceFault};
 
 /// Bytes of a texel: three parts of 16 bits.
 const TEXEL: usize = 6;

@@ -37,10 +37,10 @@ use std::path::{Path, PathBuf};
 
 use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
-use crate::facts::{SourceError, SourceFault};
 use crate::mesh::read::stop::unknown_format;
 use crate::platform;
 use crate::text::shown;
+use crate::volume::{SourceError, SourceFault};
 pub(super) use linked::missing;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
 use stop::{Each, EachLook};

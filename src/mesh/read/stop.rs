@@ -1,9 +1,9 @@
 //! The callers of a reader, and what stops it.
 
 use super::look::Look;
-use crate::facts::SourceError;
 use crate::fault::{Fault, FaultKind, bad};
 use crate::text::shown;
+use crate::volume::SourceError;
 
 /// Takes the vertices of one triangle after the other.
 pub(in crate::mesh) type Each<'a> = dyn FnMut(&[[f64; 3]; 3]) -> Result<(), Stop> + 'a;

@@ -25,9 +25,9 @@ use super::solid::{MeshSolid, row_words};
 use crate::builder::{
     BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
-use crate::facts::SourceError;
 use crate::format::{Channel, Metadata, normal};
 use crate::geom::Dims;
+use crate::volume::SourceError;
 use planes::{BEFORE, Mark, Planes, ROWS};
 
 /// Slices in memory: the one that is described, those around it, and three ahead.

@@ -1,7 +1,6 @@
 //! The hit of a pixel, and the normal that is shown there.
 
-use crate::format::Label;
-use crate::format::normal;
+use crate::format::{Label, normal};
 use crate::geom::{BoxIndex, NodeIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
 

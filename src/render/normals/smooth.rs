@@ -9,8 +9,7 @@
 //! from 49 to 15. Cost: 50 to 100 ns a hit, and 250 ns once for each cell that a worker meets.
 
 use super::around::Surroundings;
-use crate::cpu::Lanes;
-use crate::cpu::{Form, Kernel};
+use crate::cpu::{Form, Kernel, Lanes};
 use crate::format::LabelItems;
 use crate::geom::dot;
 use crate::load::{CellItems, ModelView, NodeView};

@@ -2,6 +2,7 @@
 //!
 //! | folder | what it does |
 //! |---|---|
+//! | `attribute` | attributes that images are told apart by |
 //! | `parse` | one file, element by element: [`scan`](fn@scan), [`DicomHeader`], [`visit`] |
 //! | `image` | the pixels of one file: [`Image`], [`PixelLayout`], [`unroll`](fn@unroll) |
 //! | `series` | the images of one series, and the volumes that they are: `DicomVolume` |
@@ -9,19 +10,21 @@
 //! Each sees those before it. What is found and cannot be read is named, not guessed at. The standard is cited
 //! as PS3.x.
 
+mod attribute;
 mod image;
 mod parse;
 mod series;
 
-pub use crate::facts::dicom::{Obstacle, ScanError, TransferSyntax};
-pub use image::describe::{Access, Image};
+pub use image::describe::{Access, Image, Obstacle};
 pub use image::pixels::{Padding, PaddingAttributes, PixelLayout};
 pub use image::unroll::{FrameSink, unroll};
+pub use parse::error::ScanError;
 pub use parse::frames::{FrameGeometry, Origin, visit};
 pub use parse::header::{DicomHeader, ElementOffsets, Encoding, PixelData, PixelElement};
 pub(crate) use parse::header::{FRACTIONAL, SEGMENTATION};
 pub use parse::private::Private;
 pub use parse::scan::scan;
+pub use parse::syntax::TransferSyntax;
 pub use parse::window::ReadAt;
 pub(crate) use series::findings::open_series;
 pub(crate) use series::survey::{Recognition, recognise};

@@ -19,10 +19,9 @@ use std::path::Path;
 use super::files::FileList;
 use super::header::{files_beside, unit_mm};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
-use crate::volume::{Endian, Rescale, Result, ScalarType, SourceError, VolumeSource};
+use crate::volume::{Endian, Note, Rescale, Result, ScalarType, SourceError, VolumeSource};
 
 /// What all of them state.
 struct Headed {
@@ -46,7 +45,7 @@ impl Headed {
             own
         });
         let Self { format, size, volumes, samples, endian, at, affine, mut notes } = self;
-        notes.push(Note::AssumedDirections { by: Carrier::Header });
+        notes.push(Note::no_directions("the header"));
         StoredLayout {
             header: path.to_path_buf(),
             format,
@@ -104,11 +103,11 @@ pub(super) fn sample_type(is_float: bool, signed: bool, bits: u64) -> Option<Sam
 fn scale(unit: Option<&str>, notes: &mut Vec<Note>) -> f64 {
     let unit = unit.map(|unit| unit.trim().trim_matches('"')).filter(|unit| !unit.is_empty());
     let Some(unit) = unit else {
-        notes.push(Note::AssumedUnit);
+        notes.push(Note::new("the header states no unit of length; mm is assumed"));
         return 1.0;
     };
     unit_mm(unit).unwrap_or_else(|| {
-        notes.push(Note::UnknownUnit { unit: unit.to_owned() });
+        notes.push(Note::new(format!("the unit `{}` is taken for mm", unit.escape_debug())));
         1.0
     })
 }

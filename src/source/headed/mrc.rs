@@ -7,12 +7,11 @@
 use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, unread};
-use crate::facts::{Carrier, Note};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
 use crate::source::OpenOptions;
 use crate::source::header::unreadable;
-use crate::volume::{Endian, Result, VolumeSource};
+use crate::volume::{Endian, Note, Result, VolumeSource};
 
 const HEADER: usize = 1024;
 const MM: f64 = 1e-7;
@@ -94,7 +93,7 @@ fn header(head: &[u8; HEADER]) -> Read<Headed> {
         }
         affine
     } else {
-        notes.push(Note::AssumedSpacing { by: Carrier::Header });
+        notes.push(Note::no_spacing("the header"));
         Affine::from_spacing([1.0; 3])
     };
     // The bytes of the extended header.

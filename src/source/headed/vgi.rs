@@ -6,13 +6,12 @@
 use std::path::{Path, PathBuf};
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::facts::Note;
 use crate::fault::Fault;
 use crate::platform::open_file;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
 use crate::source::header::{Lines, check_links, counts, files_beside, listed, numbers, text, unreadable};
-use crate::volume::{Endian, Result, VolumeSource};
+use crate::volume::{Endian, Note, Result, VolumeSource};
 
 pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {
     head.starts_with(b"{volume")
@@ -99,7 +98,7 @@ impl Fields {
         let samples = sample_type(is_float, signed, self.bits);
         let samples = samples.filter(|_| is_float || self.kind.contains("int"));
         let samples = samples.ok_or_else(|| missing("datatype and bitsperelement"))?;
-        let mut notes = vec![Note::AssumedOrigin];
+        let mut notes = vec![Note::new("the header states no origin; the first voxel is used as the origin")];
         let spacing = match self.resolution.as_slice() {
             [x, y, z] => [*x, *y, *z],
             _ => return Err(missing("resolution")),

@@ -1,7 +1,7 @@
 //! Where voxels are, by the three methods of the NIfTI standard.
 
-use crate::facts::{Form, Note, StatedNumber};
 use crate::geom::Affine;
+use crate::volume::Note;
 
 /// The fields of a header that place its voxels, in the file's unit and RAS.
 #[derive(Clone, Debug)]
@@ -28,7 +28,7 @@ impl Placement {
             3 => 1e-3,
             2 => 1.0,
             _ => {
-                notes.push(Note::AssumedUnit);
+                notes.push(Note::new("the header states no unit of length; mm is assumed"));
                 1.0
             }
         };
@@ -45,27 +45,32 @@ impl Placement {
         if self.sform_code > 0 {
             if (Affine { rows: self.rows }).inverse().is_some() {
                 if self.qform_code > 0 && differ(&self.rows, &self.qform(self.spacing())) {
-                    notes.push(Note::FormsDiffer);
+                    notes.push(Note::new("sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform"));
                 }
                 return self.rows;
             }
-            notes.push(unused(&self.rows, Form::Sform));
+            notes.push(unused(&self.rows, "sform"));
         }
         let spacing = self.spacing();
         for (axis, stated) in self.pixdim.iter().skip(1).enumerate().filter(|(_, step)| !step.is_finite()) {
-            notes.push(Note::NotFinite(StatedNumber::Spacing { axis, stated: *stated }));
+            notes.push(Note::spacing(format!(
+                "the header states a spacing of {} along axis {}; 1 mm is assumed there",
+                *stated,
+                axis + 1
+            )));
         }
         if self.pixdim.iter().skip(1).any(|step| *step == 0.0) {
-            notes.push(Note::AssumedAxisSpacing);
+            notes.push(Note::spacing("the header states no spacing along some axis; 1 mm is assumed"));
         }
         if self.qform_code > 0 {
             let rows = self.qform(spacing);
             if (Affine { rows }).inverse().is_some() {
                 return rows;
             }
-            notes.push(unused(&rows, Form::Qform));
+            notes.push(unused(&rows, "qform"));
         }
-        notes.push(Note::AssumedRas);
+        notes.push(Note::directions(
+"the header states no orientation; its axes are taken as right, anterior, superior, so left and right may be swapped"));
         let mut rows = [[0.0; 4]; 3];
         for (axis, (row, step)) in rows.iter_mut().zip(spacing).enumerate() {
             row[axis] = step;
@@ -109,11 +114,11 @@ impl Placement {
 }
 
 /// Why an affine is not used.
-fn unused(rows: &[[f64; 4]; 3], form: Form) -> Note {
+fn unused(rows: &[[f64; 4]; 3], form: &str) -> Note {
     if rows.iter().flatten().all(|v| v.is_finite()) {
-        Note::SingularForm { form }
+        Note::new(format!("the {form} of the header is singular and is not used"))
     } else {
-        Note::NotFinite(StatedNumber::Form(form))
+        Note::new(format!("the {form} of the header has numbers that are not finite, and is not used"))
     }
 }
 

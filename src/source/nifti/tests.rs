@@ -1,8 +1,7 @@
 use std::fs;
 
 use super::*;
-use crate::facts::{Form, Note};
-use crate::volume::VolumeInfo;
+use crate::volume::{Note, VolumeInfo};
 
 /// A NIfTI-1 header of 4 x 3 x 2 i16 with spacing 2 x 3 x 4 mm and no orientation, and 48 bytes of samples.
 fn plain() -> Vec<u8> {
@@ -46,7 +45,8 @@ fn the_sform_comes_before_the_qform_and_both_before_the_bare_spacing() {
     let mut bytes = plain();
     let info = one(&bytes);
     assert_eq!(info.affine.rows, [[-2.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0], [0.0, 0.0, 4.0, 0.0]]);
-    assert!(info.notes.contains(&Note::AssumedRas), "{:?}", info.notes);
+    assert!(info.notes.contains(&Note::directions(
+"the header states no orientation; its axes are taken as right, anterior, superior, so left and right may be swapped")), "{:?}", info.notes);
 
     // A quarter turn about z, third axis reversed, at (10, 20, 30) RAS.
     bytes[252] = 1;
@@ -78,7 +78,7 @@ fn the_sform_comes_before_the_qform_and_both_before_the_bare_spacing() {
     // A singular one is passed over.
     (280..328).for_each(|at| bytes[at] = 0);
     let info = one(&bytes);
-    assert!(info.notes.contains(&Note::SingularForm { form: Form::Sform }));
+    assert!(info.notes.contains(&Note::new("the sform of the header is singular and is not used")));
     assert!((info.affine.rows[2][2] + 0.004).abs() < 1e-9, "{:?}", info.affine);
 }
 
@@ -150,17 +150,43 @@ fn forms_that_disagree_and_steps_that_are_missing_are_reported() {
         put(&mut bytes, at + 4 * row, [2.0, 3.0, 4.0][row]);
     }
     // The qform is not a rotation, at the origin: the same.
-    assert!(!noted(&bytes, &Note::FormsDiffer));
+    assert!(!noted(
+        &bytes,
+        &Note::new(
+            "sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform"
+        )
+    ));
     put(&mut bytes, 268, 0.9);
-    assert!(!noted(&bytes, &Note::FormsDiffer), "less than half a step");
+    assert!(
+        !noted(
+            &bytes,
+            &Note::new(
+                "sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform"
+            )
+        ),
+        "less than half a step"
+    );
     put(&mut bytes, 268, 1.1);
-    assert!(noted(&bytes, &Note::FormsDiffer));
+    assert!(noted(
+        &bytes,
+        &Note::new(
+            "sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform"
+        )
+    ));
     put(&mut bytes, 268, 0.0);
     put(&mut bytes, 264, 0.02);
-    assert!(noted(&bytes, &Note::FormsDiffer));
-    assert!(!noted(&plain(), &Note::AssumedAxisSpacing));
+    assert!(noted(
+        &bytes,
+        &Note::new(
+            "sform and qform of the header place the volume differently; the sform is used, and other programs may use the qform"
+        )
+    ));
+    assert!(!noted(
+        &plain(),
+        &Note::spacing("the header states no spacing along some axis; 1 mm is assumed")
+    ));
     let mut bytes = plain();
     put(&mut bytes, 84, 0.0);
-    assert!(noted(&bytes, &Note::AssumedAxisSpacing));
+    assert!(noted(&bytes, &Note::spacing("the header states no spacing along some axis; 1 mm is assumed")));
     assert_eq!(one(&bytes).spacing_mm, [2.0, 1.0, 4.0]);
 }

@@ -1,9 +1,9 @@
 //! Axes of an NRRD header, and where they run in space.
 
-use crate::facts::{Carrier, Note, StatedNumber};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::source::header::{normal_of, numbers, unit_mm};
+use crate::volume::Note;
 
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
@@ -99,14 +99,17 @@ impl Geometry {
     fn directed(&self, space: &[usize], affine: &mut Affine, notes: &mut Vec<Note>) -> Result<(), Fault> {
         let (signs, known) = signs(&self.space);
         if !known {
-            let space = Some(self.space.clone()).filter(|space| !space.is_empty());
-            notes.push(Note::AssumedSpace { space });
+            let space = match self.space.as_str() {
+                "" => "the header states no space".to_owned(),
+                space => format!("the space `{}` is not a patient's", space.escape_debug()),
+            };
+            notes.push(Note::directions(format!("{space}; its directions are taken as LPS")));
         }
         let mut scales = [1.0; 3];
         for (scale, name) in scales.iter_mut().zip(&self.space_units) {
             match unit_mm(name) {
                 Some(mm) => *scale = mm,
-                None => notes.push(Note::UnknownUnit { unit: name.clone() }),
+                None => notes.push(Note::new(format!("the unit `{}` is taken for mm", name.escape_debug()))),
             }
         }
         let place = |vector: &[f64]| {
@@ -119,7 +122,7 @@ impl Geometry {
             affine.rows.iter_mut().zip(place(&vector)).for_each(|(row, c)| row[column] = c);
         }
         if self.origin.is_empty() {
-            notes.push(Note::AssumedOrigin);
+            notes.push(Note::new("the header states no origin; the first voxel is used as the origin"));
         }
         affine.rows.iter_mut().zip(place(&self.origin)).for_each(|(row, c)| row[3] = c);
         Ok(())
@@ -140,7 +143,11 @@ impl Geometry {
             let spacing = finite(&self.spacings, *index).or(ends).filter(|s| *s != 0.0);
             match [&self.spacings, &self.mins, &self.maxs].into_iter().find_map(|list| wrong(list, *index)) {
                 Some(stated) if spacing.is_none() => {
-                    notes.push(Note::NotFinite(StatedNumber::Spacing { axis: *index, stated }));
+                    notes.push(Note::spacing(format!(
+                        "the header states a spacing of {} along axis {}; 1 mm is assumed there",
+                        stated,
+                        *index + 1
+                    )));
                 }
                 _ => missing |= spacing.is_none(),
             }
@@ -153,9 +160,9 @@ impl Geometry {
             }
         }
         if missing {
-            notes.push(Note::AssumedSpacing { by: Carrier::Header });
+            notes.push(Note::no_spacing("the header"));
         }
-        notes.push(Note::AssumedDirections { by: Carrier::Header });
+        notes.push(Note::no_directions("the header"));
     }
 }
 

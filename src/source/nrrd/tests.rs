@@ -2,7 +2,7 @@ use std::fs;
 use std::path::PathBuf;
 
 use super::*;
-use crate::volume::VolumeInfo;
+use crate::volume::{Note, NoteKind, VolumeInfo};
 
 /// Opens a header with `data` behind it.
 fn opened(header: &str, data: &[u8]) -> Result<Vec<VolumeInfo>, String> {
@@ -56,7 +56,7 @@ fn spacings_and_ends_of_axes_stand_in_for_directions() {
     assert_eq!((info.spacing_mm, info.affine.origin()), ([2.0, 1.0, 5.0], [1.0, 0.5, 0.0]));
     let info = one(BASE, &[0; 48]);
     assert_eq!(info.spacing_mm, [1.0; 3]);
-    assert!(info.notes.iter().any(Note::assumes_spacing), "{:?}", info.notes);
+    assert!(info.notes.iter().any(|note| note.kind == NoteKind::AssumedSpacing), "{:?}", info.notes);
 }
 
 #[test]
@@ -70,7 +70,11 @@ fn axes_that_are_not_space_are_volumes_or_refused() {
     };
     let four = opened(&header("4 3 2 5", "domain domain domain list"), &[0; 120]).unwrap();
     assert_eq!(four.len(), 5);
-    assert!(four[4].notes.contains(&Note::VolumeOf { number: 5, count: 5 }), "{:?}", four[4].notes);
+    assert!(
+        four[4].notes.contains(&Note::new(format!("this is volume {} of {} in the file", 5, 5))),
+        "{:?}",
+        four[4].notes
+    );
     assert_eq!(opened(&header("4 3 2 5", "space space space space"), &[0; 120]).unwrap().len(), 5);
     assert_eq!(one(&header("1 4 3 2", "vector domain domain domain"), &[0; 24]).dims.to_array(), [4, 3, 2]);
     assert_eq!(one(&header("4 3", "domain domain"), &[0; 12]).dims.to_array(), [4, 3, 1]);

@@ -6,11 +6,9 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Samples;
-use crate::facts::SourceFault;
 use crate::platform::read_parts;
 use crate::source::files::FileSet;
-use crate::volume::{Endian, Result, SourceError, VolumeInfo};
-use crate::volume::{check_request, read_block};
+use crate::volume::{Endian, Result, SourceError, SourceFault, VolumeInfo, check_request, read_block};
 
 /// Where the slices of a volume begin.
 #[derive(Clone, Debug)]

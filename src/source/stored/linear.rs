@@ -7,12 +7,11 @@ use std::sync::Arc;
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
-use crate::facts::{Note, Packing, SourceFault};
 use crate::fault::{Fault, bad};
 use crate::platform::{FileExt, open_file};
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
-use crate::volume::{Endian, Result, SourceError, VolumeInfo};
+use crate::volume::{Endian, Note, Result, SourceError, SourceFault, VolumeInfo};
 
 /// Stored bytes that are turned into samples at once; a multiple of every sample's width.
 const PIECE_BYTES: usize = 32 << 10;
@@ -56,14 +55,14 @@ impl Encoding {
     }
 
     /// Without what only the decoder needs.
-    pub(in crate::source) fn packing(self) -> Packing {
+    pub(in crate::source) fn packing(self) -> &'static str {
         match self {
-            Self::Raw => Packing::Raw,
-            Self::Gzip => Packing::Gzip,
-            Self::Zlib => Packing::Zlib,
-            Self::Bzip2(_) => Packing::Bzip2,
-            Self::Text => Packing::Text,
-            Self::Hex => Packing::Hex,
+            Self::Raw => "raw",
+            Self::Gzip => "gzip",
+            Self::Zlib => "zlib",
+            Self::Bzip2(_) => "bzip2",
+            Self::Text => "text",
+            Self::Hex => "hexadecimal",
         }
     }
 
@@ -194,7 +193,7 @@ impl Linear {
         // Also makes the decoder check the checksum at the stream's end.
         let more = read_some(&mut *stream, buffer.get_mut(..1).unwrap_or_default())
             .map_err(|cause| failed(cause, got))?;
-        Ok((more > 0).then_some(Note::LongerStream { packing, promised }))
+        Ok((more > 0).then_some(Note::new(format!("the {packing} stream holds more than the {promised} bytes that the header promises; the rest is ignored"))))
     }
 }
 

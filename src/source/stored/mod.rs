@@ -27,12 +27,11 @@ pub(super) use open::{Skip, StoredLayout, regular};
 pub(super) use samples::Samples;
 
 use super::files::FileList;
-use crate::facts::samples::ReadFault;
-use crate::facts::{Note, SourceFault};
 use crate::progress::Progress;
-use crate::volume::Spool;
-use crate::volume::check_request;
-use crate::volume::{Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace, row_by_row};
+use crate::volume::{
+    Note, Preparation, Result, SourceError, SourceFault, Spool, VolumeInfo, VolumeSource, Workspace,
+    check_request, not_unrolled, row_by_row,
+};
 
 /// Writes a volume that can only be read from front to back.
 pub(super) trait Unroll: Send + Sync {
@@ -151,7 +150,7 @@ impl VolumeSource for StoredVolume {
             Data::Sequential { recipe, spool } => check_request(&self.info, z, &rows, &cols, out.len())
                 .and_then(|()| match spool {
                     Some(spool) => spool.read_rows(z, &rows, &cols, out),
-                    None => Err(ReadFault::NotUnrolled.into()),
+                    None => Err(not_unrolled()),
                 })
                 .map_err(|cause| {
                     SourceError::from(SourceFault::ReadFailed { path: recipe.path(), slice: z, cause })

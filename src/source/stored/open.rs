@@ -5,14 +5,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::{DirectSamples, Encoding, Linear, Samples, SliceOffsets, StoredVolume};
-use crate::facts::{Note, SourceFault};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
-use crate::source::files::base_name;
-use crate::source::files::{FileList, FileSet};
+use crate::source::files::{FileList, FileSet, base_name};
 use crate::source::header::unusable;
 use crate::volume::{
-    Endian, Rescale, Result, SourceDescription, SourceError, StatedLabel, VolumeInfo, VolumeSource,
+    Endian, Note, Rescale, Result, SourceDescription, SourceError, SourceFault, StatedLabel, VolumeInfo,
+    VolumeSource,
 };
 
 /// Volumes that one file may hold: each takes about a KiB once it is opened.
@@ -112,7 +111,11 @@ impl StoredLayout {
         let volume = |index: u64| -> Box<dyn VolumeSource> {
             let mut notes = self.notes.clone();
             if self.volumes > 1 {
-                notes.push(Note::VolumeOf { number: index + 1, count: self.volumes });
+                notes.push(Note::new(format!(
+                    "this is volume {} of {} in the file",
+                    index + 1,
+                    self.volumes
+                )));
             }
             let info = VolumeInfo {
                 dims,
@@ -192,7 +195,13 @@ impl StoredLayout {
         }
         if longer > 0 {
             let several = self.files.len() > 1;
-            self.notes.push(if several { Note::LongerFiles { count: longer } } else { Note::LongerFile });
+            self.notes.push(if several {
+                Note::new(format!(
+                    "{longer} of the data files held more than the header promises; the rest is ignored"
+                ))
+            } else {
+                Note::new("the file held more than the header promises; the rest is ignored")
+            });
         }
         Ok(common.unwrap_or(0))
     }

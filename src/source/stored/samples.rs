@@ -1,7 +1,6 @@
 //! How a sample is stored, and what it becomes.
 
-use crate::facts::Note;
-use crate::volume::{Endian, ScalarType};
+use crate::volume::{Endian, Note, ScalarType};
 
 /// Type of a stored sample: one that is delivered as it is, or one that becomes a float.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +36,8 @@ impl Samples {
 
     /// A note where the delivered type is another.
     pub(in crate::source) fn note(self) -> Option<Note> {
-        matches!(self, Self::I64 | Self::U64).then_some(Note::LongIntegers)
+        matches!(self, Self::I64 | Self::U64)
+            .then_some(Note::new("64-bit integers are read as double precision, which is exact up to 2^53"))
     }
 
     /// Turns stored samples into delivered ones in place. The stored ones are at the end of `bytes`, which

@@ -4,9 +4,9 @@ use std::path::Path;
 use super::*;
 use crate::budget::Budget;
 use crate::compress::gzip;
-use crate::facts::{Packing, SourceFault};
 use crate::progress::Silent;
 use crate::source::{OpenOptions, nrrd};
+use crate::volume::{Note, SourceFault};
 
 /// A header of three volumes of 4 x 3 x 2 bytes, `volume * 24 + voxel` each.
 fn header(encoding: &str, data: &str) -> String {
@@ -87,7 +87,10 @@ fn a_wrong_checksum_is_damage_and_more_than_promised_a_warning() {
     assert!(refused.contains("gzip stream is damaged") && refused.contains("v.nrrd"), "{refused}");
     let cut = prepared(&whole[..whole.len() - 3]).unwrap_err().to_string();
     assert!(cut.contains("was cut short"), "{cut}");
-    let longer = Note::LongerStream { packing: Packing::Gzip, promised: 72 };
+    let longer = Note::new(format!(
+        "the gzip stream holds more than the {} bytes that the header promises; the rest is ignored",
+        72
+    ));
     assert!(prepared(&gzip(&[1; 73])).unwrap().contains(&longer));
     assert!(!prepared(&[&whole[..], b"\0\0\0"].concat()).unwrap().contains(&longer));
 }

@@ -19,17 +19,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use super::OpenOptions;
-use super::files::base_name;
-use super::files::{FileList, FileSet};
+use super::files::{FileList, FileSet, base_name};
 use super::formats::Slices;
 use super::header::{unreadable, unusable};
 use super::numbered::judge;
 use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::open_file;
-use crate::volume::{Endian, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{
+    Endian, Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+};
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
 use raster::Raster;
@@ -335,23 +335,25 @@ impl Stack {
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
         let mut notes = Vec::new();
-        let by = Carrier::Tiff;
         if self.spacing_mm.is_none() {
-            notes.push(Note::AssumedSpacing { by });
+            notes.push(Note::no_spacing("this TIFF"));
         }
-        notes.push(Note::AssumedDirections { by });
+        notes.push(Note::no_directions("TIFF"));
         if self.inverted {
-            notes.push(Note::WhiteIsZero);
+            notes.push(Note::new("0 is white in these pictures; the numbers are kept as they are"));
         }
         let mut affine = Affine::from_spacing(spacing_mm);
         for (axis, _) in self.backwards.unwrap_or_default().iter().enumerate().filter(|(_, back)| **back) {
             let row = &mut affine.rows[axis];
             row[3] = row[axis] * f64::from(shape.size[axis] - 1);
             row[axis] = -row[axis];
-            notes.push(Note::StoredBackwards { axis });
+            notes.push(Note::backwards(axis));
         }
         if self.thumbnails > 0 {
-            notes.push(Note::Thumbnails { count: self.thumbnails });
+            notes.push(Note::new(format!(
+                "{} pages of reduced size (thumbnails) are left out",
+                self.thumbnails
+            )));
         }
         notes.extend(shape.samples.note());
         let info = VolumeInfo {

@@ -4,9 +4,9 @@ use serde_json::Value;
 
 use super::Read;
 use super::array::missing;
-use crate::facts::Note;
 use crate::fault::bad;
 use crate::source::header::unit_mm;
+use crate::volume::Note;
 
 /// What an image states about one of its levels.
 #[derive(Debug)]
@@ -90,13 +90,13 @@ impl Image {
         for (axis, at) in (0..axes).rev().take(3).enumerate() {
             let mm = match self.axes[at].1.as_deref() {
                 None => {
-                    if !notes.contains(&Note::AssumedUnit) {
-                        notes.push(Note::AssumedUnit);
+                    if !notes.contains(&Note::new("the header states no unit of length; mm is assumed")) {
+                        notes.push(Note::new("the header states no unit of length; mm is assumed"));
                     }
                     1.0
                 }
                 Some(unit) => length_mm(unit).unwrap_or_else(|| {
-                    let note = Note::UnknownUnit { unit: unit.to_owned() };
+                    let note = Note::new(format!("the unit `{}` is taken for mm", unit.escape_debug()));
                     if !notes.contains(&note) {
                         notes.push(note);
                     }

@@ -28,11 +28,10 @@ use serde_json::Value;
 use super::OpenOptions;
 use super::files::base_name;
 use super::header::{unreadable, unusable};
-use crate::facts::{Carrier, Note};
 use crate::fault::{Fault, bad, usage};
 use crate::geom::{Affine, Dims};
 use crate::text::names::{FOLLOW_LINKS, INDEX};
-use crate::volume::{Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
+use crate::volume::{Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use array::Array;
 use image::Image;
 use volume::ZarrVolume;
@@ -190,7 +189,6 @@ fn volumes(
     let [nz, ny, nx] = array.size.map(side);
     let dims = Dims::new(nx, ny, nz)
         .ok_or_else(|| refused(bad!("has a side of 0 voxels, or of more than {}", Dims::MAX_SIDE).into()))?;
-    let by = Carrier::Zarr;
     let mut notes = Vec::new();
     let mut affine = Affine::from_spacing([1.0; 3]);
     let mut spacing_mm = [1.0; 3];
@@ -200,9 +198,9 @@ fn volumes(
             affine = Affine::from_spacing(spacing);
             (0..3).for_each(|axis| affine.rows[axis][3] = origin[axis]);
         }
-        None => notes.push(Note::AssumedSpacing { by }),
+        None => notes.push(Note::no_spacing("a Zarr array")),
     }
-    notes.push(Note::AssumedDirections { by });
+    notes.push(Note::no_directions("a Zarr array"));
     notes.extend(array.samples.note());
     let scalar = array.samples.delivered();
     let array = Arc::new(array);

@@ -11,14 +11,13 @@ use super::array::{Array, Place};
 use super::blosc::Buffers;
 use super::packing::{PIECE, short};
 use crate::budget::Reservation;
-use crate::facts::SourceFault;
-use crate::facts::samples::ReadFault;
 use crate::platform::FileExt;
 use crate::scratch::unnamed;
 use crate::source::header::unreadable;
 use crate::source::stored::Samples;
 use crate::volume::{
-    Endian, Preparation, Result, SourceError, VolumeInfo, VolumeSource, Workspace, check_request,
+    Endian, Preparation, Result, SourceError, SourceFault, VolumeInfo, VolumeSource, Workspace,
+    check_request, not_unrolled,
 };
 
 /// Files of plain chunks that stay open.
@@ -318,7 +317,7 @@ impl ZarrVolume {
         let [cz, ..] = self.array.chunk;
         let size = self.info.scalar.bytes();
         match &self.way {
-            Way::Packed(None) => Err(ReadFault::NotUnrolled.into()),
+            Way::Packed(None) => Err(not_unrolled()),
             Way::Packed(Some(unpacked)) => {
                 let slab = self.slab(chunk, z % cz);
                 let at = (z % cz - slab.slices.start) * self.slice_bytes() + at;

@@ -477,8 +477,10 @@ fn frame_counts_that_are_no_numbers_or_too_many_are_named() {
     }
     let spec = Spec { frames: "4294967295", ..Spec::default() };
     let file = encapsulated(RLE, spec, &[], &[rle16(&[1, 2, 3, 4])]);
-    let error = Image::of(&header_of(&file)).unwrap_err();
-    assert!(matches!(error, Obstacle::TooManyFrames { stated: u32::MAX, room } if room < 30), "{error}");
+    let error = Image::of(&header_of(&file)).unwrap_err().to_string();
+    let room =
+        error.strip_prefix("4294967295 frames are stated, and the file is too short for more than ").unwrap();
+    assert!(room.parse::<u64>().unwrap() < 30, "{error}");
     let mpeg = encapsulated("1.2.840.10008.1.2.4.102", Spec::default(), &[], &[vec![0; 8]]);
     assert!(obstacle(&mpeg).contains("compressed, 1.2.840.10008.1.2.4.102"), "{}", obstacle(&mpeg));
     let cut = encapsulated(JPEG, Spec::default(), &[], &[vec![0xff, 0xd8, 0xff, 0xd9]]);

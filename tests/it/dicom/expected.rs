@@ -99,8 +99,10 @@ fn stored_values_of_every_file_match_another_readers() {
         let path = root.join(name);
         let file = File::open(&path).unwrap();
         let image = match scan(&file) {
-            Ok(header) => Image::of_components(&header).map(|image| (header, image)),
-            Err(ScanError::NotDicom | ScanError::Damaged { .. }) => Err(Obstacle::BadFrames),
+            Ok(header) => Image::of_components(&header)
+                .map(|image| (header, image))
+                .map_err(|obstacle| obstacle.to_string()),
+            Err(ScanError::NotDicom | ScanError::Damaged { .. }) => Err("no DICOM".to_owned()),
             Err(e) => panic!("{name}: {e}"),
         };
         let (header, image) = match image {

@@ -6,8 +6,7 @@
 use crate::format::normal;
 
 use super::{MAX_BY_CHANCE, NEAR_FACE, NEAR_FACE_MIXED, Neighbourhood, nearness, settled};
-use crate::cpu::Kernel;
-use crate::cpu::Lanes;
+use crate::cpu::{Kernel, Lanes};
 use crate::render::ray::Face;
 use crate::render::tile::RAYS;
 

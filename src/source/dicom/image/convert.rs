@@ -4,7 +4,7 @@ use super::describe::{Image, Mapping};
 use super::lut::{Lut, luminance};
 use super::pixels::{CellFormat, Padding, PixelLayout};
 use crate::codec::{CodecError, FrameFormat, damaged};
-use crate::facts::dicom::ScanError;
+use crate::source::dicom::parse::error::ScanError;
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::window::ReadAt;
 use crate::volume::Endian;

@@ -1,11 +1,33 @@
 //! Kind of a file's pixels, and the way to them: by position, or by decoding
 //! (PS3.3 C.7.6.3; PS3.5 section 8 and annex A).
 
+use std::borrow::Cow;
+use std::fmt;
+
 use super::pixels::{CellFormat, PixelLayout};
-use crate::facts::dicom::{Combination, DicomNote, Obstacle, Required, TransferSyntax};
 use crate::source::dicom::parse::header::{DicomHeader, PixelElement};
-use crate::source::dicom::parse::syntax::Codec;
-use crate::volume::{Endian, ScalarType};
+use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
+use crate::volume::{Endian, Note, ScalarType};
+
+/// Why an image cannot be a slice of a volume.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Obstacle {
+    /// A part of the pixels is missing: the file was whole once.
+    pub(crate) cut_short: bool,
+    text: Cow<'static, str>,
+}
+
+impl Obstacle {
+    pub(crate) fn new(text: impl Into<Cow<'static, str>>) -> Self {
+        Self { cut_short: false, text: text.into() }
+    }
+}
+
+impl fmt::Display for Obstacle {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.text)
+    }
+}
 
 /// How a volume gets at the samples.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -80,34 +102,52 @@ impl Image {
     /// The [`Obstacle`] that is in the way.
     pub fn of(header: &DicomHeader) -> Result<Self, Obstacle> {
         let syntax = &header.transfer_syntax;
-        let Some(pixels) = header.pixels else { return Err(Obstacle::NoPixels { object: header.kind() }) };
+        let Some(pixels) = header.pixels else {
+            return Err(Obstacle::new(format!("{} without pixels", header.kind())));
+        };
         if header.rows.is_none() && header.columns.is_none() && header.bits_allocated.is_none() {
-            return Err(Obstacle::NoDescription { bytes: pixels.available });
+            return Err(Obstacle::new(format!(
+                "there are {} bytes of pixel data, but no image description: rows, columns and bits allocated are missing",
+                pixels.available
+            )));
         }
         let codec = match syntax {
-            TransferSyntax::Unknown(_) => return Err(Obstacle::UnknownSyntax(syntax.clone())),
-            TransferSyntax::Encapsulated(_) => {
-                Some(syntax.codec().ok_or_else(|| Obstacle::Codec(syntax.clone()))?)
+            TransferSyntax::Unknown(_) => {
+                return Err(Obstacle::new(format!("pixels in an {syntax} cannot be read")));
             }
-            _ if pixels.declared.is_none() => return Err(Obstacle::NoLength(syntax.clone())),
+            TransferSyntax::Encapsulated(_) => Some(syntax.codec().ok_or_else(|| {
+                Obstacle::new(format!("compressed pixels ({syntax}) cannot be read{}", syntax.remedy()))
+            })?),
+            _ if pixels.declared.is_none() => {
+                return Err(Obstacle::new(format!(
+                    "the pixels have no length, though {syntax} pixels must have one"
+                )));
+            }
             _ => None,
         };
         let frames = match header.frames {
             None => 1,
             Some(Ok(n)) if n > 0 => n,
-            Some(_) => return Err(Obstacle::BadFrames),
+            Some(_) => return Err(Obstacle::new("the number of frames is not a positive number")),
         };
-        let side = |side: Option<u16>, what| side.filter(|n| *n > 0).ok_or(Obstacle::Missing(what));
-        let (rows, columns) = (side(header.rows, Required::Rows)?, side(header.columns, Required::Columns)?);
-        let allocated = header.bits_allocated.ok_or(Obstacle::Missing(Required::BitsAllocated))?;
+        let side = |side: Option<u16>, what| {
+            side.filter(|n| *n > 0)
+                .ok_or_else(|| Obstacle::new(format!("the image does not state its {what}")))
+        };
+        let (rows, columns) = (side(header.rows, "rows")?, side(header.columns, "columns")?);
+        let allocated = header
+            .bits_allocated
+            .ok_or_else(|| Obstacle::new("the image does not state its bits allocated"))?;
         let samples = header.samples.unwrap_or(1);
         let mapping = mapping_of(header, samples, codec)?;
         let stored = stored_of(header, allocated, samples)?;
         let storage = match codec {
             Some(_) if stored.is_float() => {
-                return Err(Obstacle::Combination(Combination::CompressedFloats));
+                return Err(Obstacle::new("compressed floating-point pixels cannot be read"));
             }
-            Some(_) if allocated == 1 => return Err(Obstacle::Combination(Combination::CompressedBits)),
+            Some(_) if allocated == 1 => {
+                return Err(Obstacle::new("compressed pixels of one bit cannot be read"));
+            }
             Some(codec) => Storage::Coded(codec),
             None if allocated == 1 => Storage::Bits,
             None => Storage::Plain,
@@ -144,7 +184,7 @@ impl Image {
     pub fn of_components(header: &DicomHeader) -> Result<Self, Obstacle> {
         let mut image = Self::of(header)?;
         if image.mapping == Mapping::Luma422 && image.storage == Storage::Plain {
-            return Err(Obstacle::Combination(Combination::SubsampledComponents));
+            return Err(Obstacle::new("subsampled colour as components cannot be read"));
         }
         if image.mapping != Mapping::Values {
             image.mapping = Mapping::Components;
@@ -167,11 +207,15 @@ impl Image {
     }
 
     /// Notes on the delivered samples, where they are not plain.
-    pub fn note(&self) -> Option<DicomNote> {
+    pub fn note(&self) -> Option<Note> {
         match self.mapping {
-            Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => Some(DicomNote::Luminance),
-            Mapping::Palette => Some(DicomNote::PaletteLuminance),
-            Mapping::ModalityLut => Some(DicomNote::ModalityLut),
+            Mapping::Rgb | Mapping::Luma | Mapping::Luma422 => {
+                Some(Note::new("colour is reduced to luminance (ITU-R BT.601)"))
+            }
+            Mapping::Palette => Some(Note::new("palette colours are reduced to luminance (ITU-R BT.601)")),
+            Mapping::ModalityLut => {
+                Some(Note::new("values went through the modality LUT, and its output is taken as physical"))
+            }
             Mapping::Values | Mapping::Components => None,
         }
     }
@@ -194,7 +238,10 @@ impl Image {
                 // Every frame has at least the head of one item.
                 let room = (got / 8).max(1);
                 if u64::from(self.frames) > room {
-                    return Err(Obstacle::TooManyFrames { stated: self.frames, room });
+                    return Err(Obstacle::new(format!(
+                        "{} frames are stated, and the file is too short for more than {room}",
+                        self.frames
+                    )));
                 }
                 return Ok(());
             }
@@ -204,7 +251,11 @@ impl Image {
                 frame.saturating_mul(self.frames.into()).div_ceil(8)
             }
         };
-        if got < needed { Err(Obstacle::Truncated { needed, got }) } else { Ok(()) }
+        if got >= needed {
+            return Ok(());
+        }
+        let text = format!("the pixels are cut short: {got} bytes of {needed}");
+        Err(Obstacle { cut_short: true, text: text.into() })
     }
 }
 
@@ -228,7 +279,11 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         ("PALETTE COLOR", 1) => {
             let places = &header.offsets;
             let all = places.palettes.iter().chain(&places.palette_descriptors).all(Option::is_some);
-            if all { Ok(Mapping::Palette) } else { Err(Obstacle::Palette) }
+            if all {
+                Ok(Mapping::Palette)
+            } else {
+                Err(Obstacle::new("the palette is missing, or of a kind that cannot be read"))
+            }
         }
         ("RGB", 3) => Ok(Mapping::Rgb),
         // The transform into these is part of the codestream and undone by its decoder.
@@ -237,7 +292,9 @@ fn mapping_of(header: &DicomHeader, samples: u16, codec: Option<Codec>) -> Resul
         // Decoders deliver every component of every pixel.
         ("YBR_FULL_422", 3) if codec.is_some_and(|codec| codec != Codec::None) => Ok(Mapping::Luma),
         ("YBR_FULL_422", 3) => Ok(Mapping::Luma422),
-        _ => Err(Obstacle::Colour { photometric: photometric.into(), samples }),
+        _ => Err(Obstacle::new(format!(
+            "colour images ({photometric}, {samples} samples a pixel) of this kind cannot be read"
+        ))),
     }
 }
 
@@ -250,21 +307,23 @@ fn stored_of(header: &DicomHeader, allocated: u16, samples: u16) -> Result<CellF
         PixelElement::Float if allocated == 32 && samples == 1 => return Ok(CellFormat::float(endian)),
         PixelElement::Double if allocated == 64 && samples == 1 => return Ok(CellFormat::double(endian)),
         PixelElement::Integer => {}
-        _ => return Err(Obstacle::BitsAllocated(allocated)),
+        _ => return Err(Obstacle::new(format!("pixels of {allocated} bits allocated cannot be read"))),
     }
     let signed = header.pixel_representation.unwrap_or(0) & 1 == 1;
     match (allocated, samples) {
         (1, 1) => return Ok(CellFormat::integer(8, 1, 0, false, Endian::Little)),
         (8 | 16, _) | (32, 1) => {}
-        _ => return Err(Obstacle::BitsAllocated(allocated)),
+        _ => return Err(Obstacle::new(format!("pixels of {allocated} bits allocated cannot be read"))),
     }
     if samples > 1 && signed {
-        return Err(Obstacle::Combination(Combination::SignedColour));
+        return Err(Obstacle::new("colour with signed samples cannot be read"));
     }
     let stored = header.bits_stored.unwrap_or(allocated);
     let high = header.high_bit.unwrap_or(stored.saturating_sub(1));
     if stored == 0 || high >= allocated || stored > high + 1 {
-        return Err(Obstacle::BadBits { allocated, stored, high });
+        return Err(Obstacle::new(format!(
+            "{stored} bits stored with high bit {high} do not fit {allocated} bits allocated"
+        )));
     }
     Ok(CellFormat::integer(allocated.into(), stored.into(), u32::from(high + 1 - stored), signed, endian))
 }

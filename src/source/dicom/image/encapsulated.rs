@@ -9,7 +9,6 @@ use std::cell::Cell;
 use std::io::{self, Read};
 
 use crate::codec::FrameBytes;
-use crate::facts::dicom::Damage;
 use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{ITEM, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, PixelData};
@@ -240,7 +239,7 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         let (division, heads) = (Division::Whole, Heads::new());
         let mut all = Self { input, division, frames, first: start, end, next: 0, at: start, heads };
         let Some(table) = fragment(&mut all.heads, input, start, end)? else {
-            return Err(damaged(start, Damage::NotInItems));
+            return Err(damaged(start, "the compressed pixels are not in items"));
         };
         let has_table = !has_no_table(codec, &table);
         if has_table {
@@ -269,7 +268,12 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         } else if let Some(at) = all.extended_table(header)? {
             Division::Table { at, wide: true }
         } else {
-            return Err(damaged(start, Damage::Fragments { fragments, begun, frames }));
+            return Err(damaged(
+                start,
+                format!(
+                    "the compressed pixels are {fragments} fragments with {begun} beginnings, which cannot be told apart into the {frames} frames stated"
+                ),
+            ));
         };
         Ok(all)
     }
@@ -356,7 +360,10 @@ impl<'a, R: ReadAt + ?Sized> Frames<'a, R> {
         self.next += 1;
         match span {
             Some(span) => Ok(Some(span)),
-            None => Err(damaged(self.at, Damage::NoFragment(frame))),
+            None => Err(damaged(
+                self.at,
+                format!("the compressed pixels end before frame {}", u64::from(frame) + 1),
+            )),
         }
     }
 }
@@ -412,10 +419,9 @@ impl<'a, R: ReadAt + ?Sized> ListedFrame<'a, R> {
     /// # Errors
     /// There are more fragments than [`MAX_LISTED`].
     pub(crate) fn new(input: &'a R, span: &Span) -> Result<Self> {
-        let count = usize::try_from(span.fragments)
-            .ok()
-            .filter(|n| *n <= MAX_LISTED)
-            .ok_or_else(|| damaged(span.start, Damage::ManyFragments { most: MAX_LISTED }))?;
+        let count = usize::try_from(span.fragments).ok().filter(|n| *n <= MAX_LISTED).ok_or_else(|| {
+            damaged(span.start, format!("one frame is cut into more than {MAX_LISTED} fragments"))
+        })?;
         let mut list = Vec::with_capacity(count);
         let (mut at, mut begun, mut heads) = (span.start - HEAD, 0, Heads::new());
         while list.len() < count

@@ -1,7 +1,6 @@
 //! Tables from stored values to what they mean: the Modality LUT and palettes (PS3.3 C.11.1.1.1,
 //! C.7.6.3.1.5 and C.7.6.3.1.6). At most 65536 entries, so 128 KiB.
 
-use crate::facts::dicom::Damage;
 use crate::source::dicom::parse::Result;
 use crate::source::dicom::parse::element::{Element, Parser, damaged};
 use crate::source::dicom::parse::header::{DicomHeader, Encoding};
@@ -56,7 +55,7 @@ impl Lut {
                     }
                     0x0028_3006 if entries.is_none() => {
                         let Some(descriptor) = descriptor else {
-                            return Err(damaged(at, Damage::LutWithoutDescriptor));
+                            return Err(damaged(at, "the modality LUT has no descriptor"));
                         };
                         let mut table = Vec::with_capacity(descriptor.entries);
                         descriptor.visit(parser, element, encoding, &mut |entry| table.push(entry))?;
@@ -69,7 +68,7 @@ impl Lut {
         })?;
         match (descriptor, entries) {
             (Some(descriptor), Some(entries)) => Ok(Self { first: descriptor.first, entries }),
-            _ => Err(damaged(at, Damage::IncompleteLut)),
+            _ => Err(damaged(at, "the modality LUT is incomplete")),
         }
     }
 
@@ -86,10 +85,10 @@ impl Lut {
             let element = parser.element(at, encoding)?;
             let descriptor = Descriptor::read(&mut parser, &element, encoding, signed)?;
             if *shared.get_or_insert(descriptor) != descriptor {
-                return Err(damaged(at, Damage::PalettesDiffer));
+                return Err(damaged(at, "the palettes of red, green and blue differ in size"));
             }
         }
-        let Some(descriptor) = shared else { return Err(damaged(0, Damage::PaletteWithoutDescriptor)) };
+        let Some(descriptor) = shared else { return Err(damaged(0, "the palette has no descriptor")) };
         // Colour by colour, in the order of the file, so that a deflated file is inflated once.
         let mut sums = vec![0_u32; descriptor.entries];
         for (at, weight) in header.offsets.palettes.into_iter().zip([299_u32, 587, 114]) {
@@ -131,10 +130,10 @@ impl Descriptor {
             })
         };
         let (Some(entries), Some(first), Some(bits)) = (word(0), word(1), word(2)) else {
-            return Err(damaged(at, Damage::ShortDescriptor));
+            return Err(damaged(at, "the descriptor of a table is cut short"));
         };
         if !(1..=16).contains(&bits) {
-            return Err(damaged(at, Damage::EntryBits(bits)));
+            return Err(damaged(at, format!("a table has entries of {bits} bits")));
         }
         let first = if signed { i64::from(first.cast_signed()) } else { i64::from(first) };
         // 65536 does not fit the field and is written 0.
@@ -154,7 +153,7 @@ impl Descriptor {
         let length = data.length.and_then(|n| usize::try_from(n).ok()).unwrap_or(0);
         let packed = length < 2 * self.entries;
         if packed && (self.bits > 8 || length < self.entries) {
-            return Err(damaged(at, Damage::ShortTable { entries: self.entries, bytes: length }));
+            return Err(damaged(at, format!("a table of {} entries has {length} bytes", self.entries)));
         }
         let big = encoding.endian == Endian::Big;
         // An even number of bytes in any case: packed entries of a big-endian word stand swapped.
@@ -164,7 +163,7 @@ impl Descriptor {
         while read < needed && left > 0 {
             let piece = parser.window.upto(at + read as u64, PIECE.min(needed - read))?;
             if piece.is_empty() {
-                return Err(damaged(at, Damage::EndsInTable));
+                return Err(damaged(at, "the file ends inside a table"));
             }
             // Pieces are even but for the last byte of an odd table.
             let whole = if piece.len() > 1 { piece.len() & !1 } else { 1 };

@@ -390,9 +390,10 @@ fn each<W: Word>(samples: &mut [u8], map: impl Fn(u32) -> u32) {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::facts::dicom::{Obstacle, Required, TransferSyntax};
     use crate::source::dicom::image::describe::Image;
+    use crate::source::dicom::image::describe::Obstacle;
     use crate::source::dicom::parse::header::PixelData;
+    use crate::source::dicom::parse::syntax::TransferSyntax;
 
     fn header(allocated: u16, stored: u16, high: u16, signed: bool) -> DicomHeader {
         let mut header = DicomHeader::new(TransferSyntax::ExplicitLe);
@@ -505,16 +506,22 @@ mod tests {
     fn impossible_bits_and_missing_sizes_are_named() {
         let of = |h: &DicomHeader| Image::of(h).unwrap_err();
         for allocated in [0, 2, 12, 24, 64, u16::MAX] {
-            assert_eq!(of(&header(allocated, 1, 0, false)), Obstacle::BitsAllocated(allocated));
+            assert_eq!(
+                of(&header(allocated, 1, 0, false)),
+                Obstacle::new(format!("pixels of {allocated} bits allocated cannot be read"))
+            );
         }
         for (stored, high) in [(0, 0), (17, 16), (12, 16), (12, 5), (u16::MAX, u16::MAX)] {
-            let expected = Obstacle::BadBits { allocated: 16, stored, high };
+            let expected = Obstacle::new(format!(
+                "{stored} bits stored with high bit {high} do not fit 16 bits allocated"
+            ));
             assert_eq!(of(&header(16, stored, high, false)), expected);
         }
         let mut image = header(16, 16, 15, false);
         image.columns = Some(33);
-        assert_eq!(of(&image), Obstacle::Truncated { needed: 66, got: 64 });
+        let obstacle = of(&image);
+        assert!(obstacle.cut_short && obstacle.to_string().ends_with("64 bytes of 66"), "{obstacle}");
         image.columns = Some(0);
-        assert_eq!(of(&image), Obstacle::Missing(Required::Columns));
+        assert_eq!(of(&image), Obstacle::new("the image does not state its columns"));
     }
 }

@@ -13,13 +13,13 @@ use super::pixels::Padding;
 use crate::budget::{Budget, Reservation, TooSmall};
 use crate::codec::rle::RleFormat;
 use crate::codec::{CodecError, FrameFormat, RowSink, damaged, jpeg, jpeg2000, jpegls, rle};
-use crate::facts::SourceFault;
-use crate::facts::dicom::{DeflateFault, DicomFault, ScanError, TransferSyntax};
+use crate::fault::bad;
 use crate::source::dicom::parse::deflated::InflateReader;
+use crate::source::dicom::parse::error::{DeflateFault, ScanError};
 use crate::source::dicom::parse::header::DicomHeader;
-use crate::source::dicom::parse::syntax::Codec;
+use crate::source::dicom::parse::syntax::{Codec, TransferSyntax};
 use crate::source::dicom::parse::window::ReadAt;
-use crate::volume::{Result, SourceError};
+use crate::volume::{Result, SourceError, SourceFault};
 
 /// Read buffers, tables of decoders and small change of any DICOM codec but JPEG 2000.
 const DICOM_DECODER: u64 = 256 << 10;
@@ -125,6 +125,9 @@ impl Image {
     }
 }
 
+/// The cure for a file that proved damaged when it was decoded.
+const LEAVE_OUT: &str = "; copy the file again, or leave it out";
+
 /// A failure whose file is not named yet.
 enum Failure {
     Scan(ScanError),
@@ -161,10 +164,10 @@ impl Failure {
             Self::Scan(ScanError::Io(fault)) => {
                 return SourceError::from(SourceFault::Unreadable { path, cause: fault.into() });
             }
-            Self::Scan(error) => DicomFault::Elements(error),
+            Self::Scan(error) => bad!("{error}{LEAVE_OUT}"),
             Self::Read(slice, cause) | Self::Codec(slice, CodecError::Io(cause)) => {
                 match DeflateFault::inside(&cause) {
-                    Some(fault) => DicomFault::Deflate(fault),
+                    Some(fault) => bad!("cannot be decoded: {fault}"),
                     None => return SourceError::from(SourceFault::ReadFailed { path, slice, cause }),
                 }
             }
@@ -173,11 +176,13 @@ impl Failure {
                 return SourceError::from(SourceFault::Memory { path, needed_bytes, allowed_bytes });
             }
             Self::Codec(frame, error) => {
-                DicomFault::Frame { frame: Some(frame).filter(|_| frames > 1), error }
+                let frame =
+                    if frames > 1 { format!("in frame {} ", u64::from(frame) + 1) } else { String::new() };
+                bad!("{frame}{error}")
             }
-            Self::Cut { needed, got } => DicomFault::PixelsCut { needed, got },
+            Self::Cut { needed, got } => bad!("the pixels are cut short: {got} bytes of {needed}{LEAVE_OUT}"),
         };
-        SourceError::from(SourceFault::Dicom { path, fault })
+        fault.at(path).into()
     }
 }
 

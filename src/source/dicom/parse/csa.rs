@@ -18,10 +18,41 @@
 //! Everything is read through the window: nothing is allocated by what the header says, and every step
 //! goes forwards, so that a header of n bytes ends after n / 16 steps.
 
+use std::borrow::Cow;
+use std::fmt;
+use std::io;
 use std::str::FromStr;
 
+use super::error::{ReadFault, ScanError};
 use super::window::{ReadAt, Window};
-use crate::facts::dicom::{CsaCount, CsaFault};
+
+/// Why the private header of a Siemens image cannot be read, as the end of a sentence.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) struct CsaFault(Cow<'static, str>);
+
+impl CsaFault {
+    fn new(text: impl Into<Cow<'static, str>>) -> Self {
+        Self(text.into())
+    }
+}
+
+impl fmt::Display for CsaFault {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        f.write_str(&self.0)
+    }
+}
+
+impl From<io::Error> for CsaFault {
+    fn from(error: io::Error) -> Self {
+        Self::new(ReadFault::from(error).to_string())
+    }
+}
+
+impl From<ScanError> for CsaFault {
+    fn from(error: ScanError) -> Self {
+        Self::new(error.to_string())
+    }
+}
 
 /// Most tags, and most items of a tag; real headers have about a hundred, and a few dozen.
 const MAX_COUNT: u32 = 1000;
@@ -62,14 +93,14 @@ pub(crate) fn read<R: ReadAt + ?Sized>(
     } else {
         reader.at = start;
     }
-    let tags = reader.count(CsaCount::Tags)?;
+    let tags = reader.count("tags")?;
     reader.skip(4)?;
     let mut found = Csa::default();
     let mut less = None;
     for _ in 0..tags {
         let name = reader.array::<64>()?;
         reader.skip(12)?;
-        let items = reader.count(CsaCount::Items)?;
+        let items = reader.count("items")?;
         reader.skip(4)?;
         let less = *less.get_or_insert(items);
         let length = |item: &[u32; 4]| if newer { Some(item[1]) } else { item[0].checked_sub(less) };
@@ -99,7 +130,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
     fn skip(&mut self, bytes: u64) -> Result<(), CsaFault> {
         let after = self.at.saturating_add(bytes);
         if after > self.end {
-            return Err(CsaFault::EndsEarly { lacking: Some(after - self.end) });
+            return Err(CsaFault::new(format!("it ends {} bytes too early", after - self.end)));
         }
         self.at = after;
         Ok(())
@@ -108,7 +139,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
     fn array<const N: usize>(&mut self) -> Result<[u8; N], CsaFault> {
         let at = self.at;
         self.skip(N as u64)?;
-        self.window.array(at)?.ok_or(CsaFault::EndsEarly { lacking: None })
+        self.window.array(at)?.ok_or_else(|| CsaFault::new("it ends too early"))
     }
 
     fn number(&mut self) -> Result<u32, CsaFault> {
@@ -116,9 +147,9 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
     }
 
     /// A number of things, at most [`MAX_COUNT`].
-    fn count(&mut self, of: CsaCount) -> Result<u32, CsaFault> {
+    fn count(&mut self, of: &str) -> Result<u32, CsaFault> {
         let stated = self.number()?;
-        if stated > MAX_COUNT { Err(CsaFault::Count { of, stated }) } else { Ok(stated) }
+        if stated > MAX_COUNT { Err(CsaFault::new(format!("it states {stated} {of}"))) } else { Ok(stated) }
     }
 
     /// Does a number of unknown meaning follow, so far ahead?
@@ -141,7 +172,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
             let fits = |n: &u64| *n <= self.end - self.at;
             let Some(bytes) = length(&item).map(u64::from).filter(fits) else {
                 if newer {
-                    return Err(CsaFault::LongItem);
+                    return Err(CsaFault::new("an item is longer than the rest of it"));
                 }
                 break;
             };
@@ -280,14 +311,14 @@ mod tests {
         let sound = write(true, &TAGS);
         let mut many = sound.clone();
         many[8..12].copy_from_slice(&u32::MAX.to_le_bytes());
-        assert_eq!(parse(&many).unwrap_err(), CsaFault::Count { of: CsaCount::Tags, stated: u32::MAX });
+        assert_eq!(parse(&many).unwrap_err(), CsaFault::new(format!("it states {} tags", u32::MAX)));
         let mut items = sound.clone();
         items[16 + 76..16 + 80].copy_from_slice(&1001_u32.to_le_bytes());
-        assert_eq!(parse(&items).unwrap_err(), CsaFault::Count { of: CsaCount::Items, stated: 1001 });
+        assert_eq!(parse(&items).unwrap_err(), CsaFault::new("it states 1001 items"));
         let mut long = sound.clone();
         long[100 + 4..100 + 8].copy_from_slice(&0x7fff_ffff_u32.to_le_bytes());
-        assert_eq!(parse(&long).unwrap_err(), CsaFault::LongItem);
-        assert_eq!(parse(&sound[..200]).unwrap_err(), CsaFault::EndsEarly { lacking: Some(4) });
+        assert_eq!(parse(&long).unwrap_err(), CsaFault::new("an item is longer than the rest of it"));
+        assert_eq!(parse(&sound[..200]).unwrap_err(), CsaFault::new("it ends 4 bytes too early"));
         assert!(parse(&[]).is_err());
     }
 
@@ -321,6 +352,6 @@ mod tests {
         // No more than the first MiB is looked at: after 65 tags and 188 items it has 8 bytes left.
         let items: Vec<&str> = vec![""; 1000];
         let tags: Vec<Tag<'_>> = vec![("X", &items); 100];
-        assert_eq!(parse(&write(true, &tags)).unwrap_err(), CsaFault::EndsEarly { lacking: Some(4) });
+        assert_eq!(parse(&write(true, &tags)).unwrap_err(), CsaFault::new("it ends 4 bytes too early"));
     }
 }

@@ -7,7 +7,7 @@ use std::io;
 use flate2::{Decompress, FlushDecompress, Status};
 
 use super::window::ReadAt;
-use crate::facts::dicom::DeflateFault;
+use crate::source::dicom::parse::error::DeflateFault;
 
 /// Compressed bytes held at a time, and inflated bytes while stepping over them.
 const BLOCK: usize = 8 << 10;

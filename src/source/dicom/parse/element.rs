@@ -1,12 +1,14 @@
 //! Elements one by one, in bounded memory (PS3.5 section 7): heads, ends, and steps over sequences.
 
+use std::borrow::Cow;
+use std::fmt::{self, Display, Formatter};
 use std::io;
 
 use super::Result;
 use super::header::{Encoding, MAX_VALUE_BYTES};
 use super::value::Tag;
 use super::window::{ReadAt, Window};
-use crate::facts::dicom::{Damage, ScanError};
+use crate::source::dicom::parse::error::ScanError;
 use crate::volume::Endian;
 
 /// Deepest nesting of undefined lengths; real files stay under ten.
@@ -82,8 +84,18 @@ pub(crate) type ItemReader<'f, 'a, R> =
 pub(crate) type ElementReader<'f, 'a, R> =
     dyn FnMut(&mut Parser<'a, R>, &Element, u64) -> Result<Option<u64>> + 'f;
 
-pub(crate) fn damaged(offset: u64, damage: Damage) -> ScanError {
-    ScanError::Damaged { offset, damage }
+/// Damage of an element, or of what it holds.
+pub(crate) fn damaged(offset: u64, damage: impl Into<Cow<'static, str>>) -> ScanError {
+    ScanError::Damaged { offset, damage: damage.into() }
+}
+
+/// A tag as the standard writes it.
+struct TagName(Tag);
+
+impl Display for TagName {
+    fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {
+        write!(f, "element ({:04X},{:04X})", self.0 >> 16, self.0 & 0xffff)
+    }
 }
 
 impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
@@ -99,7 +111,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
     /// The element head at `at`.
     pub(crate) fn element(&mut self, at: u64, encoding: Encoding) -> Result<Element> {
         let Some(head) = self.window.array::<8>(at)? else {
-            return Err(damaged(at, Damage::EndsInElement));
+            return Err(damaged(at, "the file ends inside an element"));
         };
         let big = encoding.endian == Endian::Big;
         let u16_of = |b: [u8; 2]| if big { u16::from_be_bytes(b) } else { u16::from_le_bytes(b) };
@@ -123,7 +135,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
             return Ok(Element { tag, vr, length, value_at: at + 8 });
         }
         let Some(long) = self.window.array::<4>(at + 8)? else {
-            return Err(damaged(at, Damage::EndsInHead(tag)));
+            return Err(damaged(at, format!("the file ends inside the head of {}", TagName(tag))));
         };
         Ok(Element { tag, vr, length: defined(u32_of(long)), value_at: at + 12 })
     }
@@ -133,8 +145,11 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
         let left = self.window.left(element.value_at);
         match element.length {
             Some(n) if u64::from(n) <= left => Ok(element.value_at + u64::from(n)),
-            Some(declared) => Err(damaged(at, Damage::LongElement { tag: element.tag, declared, left })),
-            None => Err(damaged(at, Damage::NoLength(element.tag))),
+            Some(declared) => Err(damaged(
+                at,
+                format!("{} declares {declared} bytes, but {left} are left", TagName(element.tag)),
+            )),
+            None => Err(damaged(at, format!("{} has no length where it needs one", TagName(element.tag)))),
         }
     }
 
@@ -177,7 +192,7 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
                 }
                 // A delimiter also ends a sequence that gave its length, which some programs write.
                 SEQUENCE_END => return Ok(end.unwrap_or(inner.value_at)),
-                tag => return Err(damaged(at, Damage::NoItem(tag))),
+                tag => return Err(damaged(at, format!("{} stands where an item must", TagName(tag)))),
             }
         }
     }
@@ -236,13 +251,13 @@ impl<'a, R: ReadAt + ?Sized> Parser<'a, R> {
                 (Level::Sequence(encoding), ITEM, None) => Some(Level::Item(encoding)),
                 (Level::Item(encoding), _, None) => Some(inside(&inner, encoding)),
                 (Level::Sequence(_), tag, _) => {
-                    return Err(damaged(at, Damage::NoItem(tag)));
+                    return Err(damaged(at, format!("{} stands where an item must", TagName(tag))));
                 }
             };
             at = inner.value_at;
             if let Some(next) = next {
                 let Some(slot) = stack.get_mut(depth) else {
-                    return Err(damaged(at, Damage::Nesting { most: MAX_DEPTH }));
+                    return Err(damaged(at, format!("sequences are nested more than {MAX_DEPTH} deep")));
                 };
                 *slot = next;
                 depth += 1;

@@ -8,7 +8,9 @@ use super::value::{
     Tag, are_not_finite, double, is_not_finite, long_of, number, numbers, text, time_of, word_of,
 };
 use super::window::ReadAt;
-use crate::facts::dicom::{Attribute, Damage, ScanError, TransferSyntax};
+use crate::source::dicom::attribute::Attribute;
+use crate::source::dicom::parse::error::ScanError;
+use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::volume::Endian;
 
 /// Bytes of the Grid Frame Offset Vector looked at in one go; no number is as long.
@@ -206,7 +208,8 @@ impl Numbers {
         }
         if let Some(slices) = own.slices {
             if slices.entries < frames {
-                let damage = Damage::SliceVector { numbered: slices.entries, frames };
+                let damage =
+                    format!("the Slice Vector (0054,0080) numbers {} of {frames} frames", slices.entries);
                 return Err(damaged(slices.value_at, damage));
             }
             own.first = slices.number(parser, 0)?;
@@ -292,7 +295,10 @@ fn of_grid<R: ReadAt + ?Sized>(
         let piece = parser.window.upto(at, most)?;
         let length = piece.iter().position(|b| *b == b'\\').unwrap_or(piece.len());
         let Some(offset) = number(piece.get(..length).unwrap_or(&[])) else {
-            return Err(damaged(at, Damage::GridOffset(index)));
+            return Err(damaged(
+                at,
+                format!("the grid frame offset vector has no number for frame {}", u64::from(index) + 1),
+            ));
         };
         at += length as u64 + 1;
         frame.index = index;

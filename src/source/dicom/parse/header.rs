@@ -5,7 +5,8 @@ use super::value::{
     Tag, double, doubles, integer, is_not_finite, long_of, number, numbers, raw_double, raw_single, single,
     text, time_of, word_of,
 };
-use crate::facts::dicom::{Attribute, TransferSyntax};
+use crate::source::dicom::attribute::Attribute;
+use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::source::finding::BurnedIn;
 use crate::volume::Endian;
 

@@ -17,6 +17,7 @@
 pub(super) mod csa;
 pub(super) mod deflated;
 pub(super) mod element;
+pub(super) mod error;
 pub(super) mod frames;
 pub(super) mod header;
 pub(super) mod private;
@@ -27,4 +28,4 @@ pub(super) mod value;
 pub(super) mod window;
 
 /// Result of reading elements.
-pub(super) type Result<T = (), E = crate::facts::dicom::ScanError> = std::result::Result<T, E>;
+pub(super) type Result<T = (), E = crate::source::dicom::parse::error::ScanError> = std::result::Result<T, E>;

@@ -13,7 +13,8 @@ use super::element::{Element, META, Parser, length_form};
 use super::header::{DicomHeader, Encoding, PixelData, PixelElement};
 use super::value::{Tag, text};
 use super::window::{ReadAt, Window};
-use crate::facts::dicom::{Damage, ReadFault, ScanError, TransferSyntax};
+use crate::source::dicom::parse::error::{ReadFault, ScanError};
+use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::volume::Endian;
 
 /// Media Storage SOP Class UID and Transfer Syntax UID in the meta header.
@@ -49,7 +50,7 @@ pub fn scan<R: ReadAt + ?Sized>(input: &R) -> Result<DicomHeader> {
     let says_what = header.sop_class.starts_with("1.") || (header.rows.is_some() && header.columns.is_some());
     match walked {
         Err(ScanError::Io(ReadFault::Deflate(fault))) => {
-            Err(ScanError::Damaged { offset: header.dataset, damage: Damage::Deflate(fault) })
+            Err(ScanError::Damaged { offset: header.dataset, damage: fault.to_string().into() })
         }
         Err(ScanError::Io(fault)) => Err(ScanError::Io(fault)),
         _ if !has_preamble && !says_what => Err(ScanError::NotDicom),

@@ -6,7 +6,7 @@ use super::element::{Element, Parser};
 use super::header::{DicomHeader, Encoding};
 use super::value::{Tag, word_of};
 use super::window::ReadAt;
-use crate::facts::dicom::TransferSyntax;
+use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::volume::{Endian, StatedLabel};
 
 /// Segments that are taken at most; they take some 200 bytes each.

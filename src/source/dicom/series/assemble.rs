@@ -6,9 +6,11 @@ use super::gaps::{Grid, judge_gaps, with_empty_slices};
 use super::group::{Group, Shared, Slice};
 use super::layer::{Layer, Stack};
 use super::mosaic;
-use crate::facts::dicom::{DicomNote, ImageName, SeriesFault, SliceOrder};
+use crate::fault::{Fault, unfit};
 use crate::geom::{Affine, dot};
 use crate::source::GapPolicy;
+use crate::source::dicom::series::gaps::ImageName;
+use crate::volume::Note;
 
 /// Tilt in degrees from which it is worth a sentence.
 const TILT_DEGREES: f64 = 0.1;
@@ -25,7 +27,7 @@ pub(crate) fn assemble(
     chosen: &[usize],
     gaps: GapPolicy,
     name: &dyn Fn(&Slice) -> ImageName,
-) -> Result<Stack, SeriesFault> {
+) -> Result<Stack, Fault> {
     let mut notes = Vec::new();
     let slices: Vec<(usize, &Slice)> =
         chosen.iter().filter_map(|i| group.slices.get(*i).map(|s| (*i, s))).collect();
@@ -40,18 +42,19 @@ pub(crate) fn assemble(
     let placed = slices.iter().all(|(_, s)| s.position().is_some());
     let mut orientation = group.shared.orientation;
     if orientation.is_none() && placed && rises(&slices) {
-        notes.push(DicomNote::OrientationAssumed);
+        notes.push(Note::new("the images state positions, but no orientation; rows are taken as running to the left, columns to the back"));
         orientation = Some(UPRIGHT);
     }
     let Some(axes) = orientation.filter(|_| placed) else {
         return without_positions(group, &slices, [dx, dy], notes);
     };
-    let (row, column, normal) = directions(axes).ok_or(SeriesFault::Orientation)?;
+    let (row, column, normal) =
+        directions(axes).ok_or(unfit!("the image orientation is not two perpendicular unit vectors"))?;
     let mut placed: Vec<(f64, [f64; 3], usize, &Slice)> =
         slices.iter().filter_map(|(i, s)| s.position().map(|p| (dot(p, normal), p, *i, *s))).collect();
     placed.sort_by(|a, b| a.0.total_cmp(&b.0).then(a.2.cmp(&b.2)));
     let (Some(first), Some(last)) = (placed.first(), placed.last()) else {
-        return Err(SeriesFault::NoImage);
+        return Err(unfit!("no image"));
     };
     let origin = first.1;
     let (step, layers) = if placed.len() == 1 {
@@ -69,7 +72,9 @@ pub(crate) fn assemble(
         let layers: Vec<Layer> = match (sparse, grid) {
             (Some(places), _) => {
                 let slices = places.iter().filter(|p| p.is_none()).count();
-                notes.push(DicomNote::EmptySlices { slices });
+                notes.push(Note::new(format!(
+                    "{slices} slices for which the segmentation has no frame are empty"
+                )));
                 places.iter().map(|place| place.map_or(Layer::Empty, |at| Layer::Image(image(at)))).collect()
             }
             (None, Grid::AsTheyAre) => (0..placed.len()).map(|at| Layer::Image(image(at))).collect(),
@@ -95,11 +100,11 @@ pub(crate) fn assemble(
         && !numbers.is_sorted_by(|a, b| a < b)
         && !numbers.is_sorted_by(|a, b| a > b)
     {
-        notes.push(DicomNote::NumbersDisagree);
+        notes.push(Note::new("instance numbers do not follow the positions; slices are ordered by position"));
     }
     let affine = Affine { rows: [0, 1, 2].map(|i| [row[i] * dx, column[i] * dy, step[i], origin[i]]) };
     if affine.inverse().is_none() {
-        return Err(SeriesFault::Flat);
+        return Err(unfit!("the positions do not span a volume"));
     }
     Ok(Stack { layers, affine, notes })
 }
@@ -121,21 +126,26 @@ pub(crate) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> 
 }
 
 /// Distance of columns, then of rows: x before y, the reverse of the attribute.
-pub(crate) fn pixel_spacing(shared: &Shared, notes: &mut Vec<DicomNote>) -> [f64; 2] {
+pub(crate) fn pixel_spacing(shared: &Shared, notes: &mut Vec<Note>) -> [f64; 2] {
     match shared.pixel_spacing {
         Some([dy, dx]) if dx > 0.0 && dy > 0.0 => [dx, dy],
         _ => {
-            notes.push(DicomNote::PixelSpacingAssumed);
+            notes.push(Note::spacing("the images state no pixel spacing; 1 mm is assumed"));
             [1.0, 1.0]
         }
     }
 }
 
 /// Extent of a single slice along its normal.
-fn lone_thickness(group: &Group, notes: &mut Vec<DicomNote>) -> f64 {
+fn lone_thickness(group: &Group, notes: &mut Vec<Note>) -> f64 {
     let positive = |v: Option<f64>| v.filter(|mm| *mm > 0.0);
     let stated = positive(group.shared.slice_thickness).or(positive(group.shared.spacing_between));
-    notes.push(DicomNote::OneSlice { thickness_mm: stated });
+    notes.push(match stated {
+        Some(mm) => Note::new(format!(
+            "there is only one slice; its stated thickness, {mm} mm, is taken as its spacing"
+        )),
+        None => Note::spacing("there is only one slice, and no thickness is stated; 1 mm is assumed"),
+    });
     stated.unwrap_or(1.0)
 }
 
@@ -144,8 +154,8 @@ fn without_positions(
     group: &Group,
     slices: &[(usize, &Slice)],
     [dx, dy]: [f64; 2],
-    mut notes: Vec<DicomNote>,
-) -> Result<Stack, SeriesFault> {
+    mut notes: Vec<Note>,
+) -> Result<Stack, Fault> {
     let number = |s: &Slice| s.instance.map(|n| (n, s.frame));
     let mut numbered: Vec<((i32, u32), usize)> =
         slices.iter().filter_map(|(i, s)| number(s).map(|n| (n, *i))).collect();
@@ -161,13 +171,17 @@ fn without_positions(
             order.into_iter().map(|(_, i)| i).collect()
         }
         _ => {
-            return Err(SeriesFault::NoOrder);
+            return Err(unfit!(
+                "the images state no positions and no distinct instance numbers, so their order is unknown; convert them to a raw volume in the right order"
+            ));
         }
     };
     let positive = |v: Option<f64>| v.filter(|mm| *mm > 0.0);
     let dz = positive(group.shared.spacing_between).or(positive(group.shared.slice_thickness)).unwrap_or(1.0);
-    let order_by = if frames && slices.len() > 1 { SliceOrder::Frames } else { SliceOrder::InstanceNumbers };
-    notes.push(DicomNote::NoPositions { order: order_by, step_mm: dz });
+    let by =
+        if frames && slices.len() > 1 { "in the order of the frames" } else { "ordered by instance number" };
+    notes
+        .push(Note::new(format!("the images state no positions: {by}, {dz} mm apart, placed at the origin")));
     let layers = order.into_iter().map(Layer::Image).collect();
     Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes })
 }
@@ -178,11 +192,11 @@ fn judge_line(
     whole: [f64; 3],
     normal: [f64; 3],
     [dx, dy]: [f64; 2],
-    notes: &mut Vec<DicomNote>,
+    notes: &mut Vec<Note>,
 ) {
     let tilt = (dot(whole, normal) / dot(whole, whole).sqrt()).clamp(-1.0, 1.0).acos().to_degrees();
     if tilt > TILT_DEGREES {
-        notes.push(DicomNote::Tilt { degrees: tilt });
+        notes.push(Note::new(format!("the slices are stacked {tilt:.2} degrees off their normal (gantry tilt); the volume is sheared to match")));
     }
     let Some(origin) = positions.first() else { return };
     let height = dot(whole, normal);
@@ -194,6 +208,6 @@ fn judge_line(
     });
     let worst = sideways.fold(0.0, f64::max);
     if worst > SIDEWAYS_PIXELS * dx.min(dy) {
-        notes.push(DicomNote::Sideways { mm: worst });
+        notes.push(Note::new(format!("some slices are up to {worst:.3} mm off the line of the others")));
     }
 }

@@ -9,19 +9,31 @@ use super::layer::Stack;
 use super::split::{Part, split};
 use super::survey::{folder_of, load, path_of};
 use super::volume::DicomVolume;
-use crate::facts::SourceFault;
-use crate::facts::dicom::{Attribute, DicomFault, DicomNote, ImageFault, ImageName, SeriesFault, SetApart};
+use crate::fault::{Fault, FaultKind, bad, unfit};
+use crate::source::dicom::attribute::{Attribute, List};
+use crate::source::dicom::image::describe::Obstacle;
+use crate::source::dicom::series::gaps::ImageName;
+use crate::source::dicom::series::survey::not_finite;
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
 use crate::source::{Finding, InputFiles, OpenOptions, Subject};
-use crate::volume::{Result, SourceError, VolumeSource};
+use crate::text::shown;
+use crate::volume::{Note, Result, SourceError, VolumeSource};
 
 /// Attributes named in one note.
 const NAMED: usize = 4;
 
 /// Files of dropped images that are named in a note.
 const NAMED_COPIES: usize = 32;
+
+/// The cure for a file that breaks off, or is damaged, among others.
+const WITHOUT_IT: &str = "; copy the file again, or move it away to build without it";
+
+/// The refusal of an image for what is in its way.
+pub(super) fn of_image(obstacle: &Obstacle) -> Fault {
+    if obstacle.cut_short { bad!("{obstacle}{WITHOUT_IT}") } else { unfit!("{obstacle}") }
+}
 
 /// The volumes of a series, refused ones included; `facts` are size and time of change of each file.
 pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenOptions) -> Vec<Finding> {
@@ -52,9 +64,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             burned_in: None,
             at: 0,
             more: 0,
-            subject: Err(
-                SourceFault::Dicom { path: path.clone(), fault: DicomFault::Lost(error.clone()) }.into()
-            ),
+            subject: Err(bad!("{error}; was it changed while the folders were searched?").at(path).into()),
         });
     }
     findings
@@ -99,13 +109,7 @@ fn make_distinct(parts: &mut [(&Group, Part)]) {
     }
 }
 
-fn finding(
-    series: &Series,
-    group: &Group,
-    part: &Part,
-    notes: &[DicomNote],
-    options: &OpenOptions,
-) -> Finding {
+fn finding(series: &Series, group: &Group, part: &Part, notes: &[Note], options: &OpenOptions) -> Finding {
     let shared = &group.shared;
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
     let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
@@ -122,9 +126,8 @@ fn finding(
     };
     let id = id(shared, &part.label);
     let volume = open(series, group, part, &path, options).and_then(|stack| {
-        DicomVolume::build(series, group, stack, &id, &part.label, notes).map_err(|fault| {
-            SourceError::from(SourceFault::Dicom { path: path.clone(), fault: DicomFault::Series(fault) })
-        })
+        DicomVolume::build(series, group, stack, &id, &part.label, notes)
+            .map_err(|fault| SourceError::from(fault.at(&path)))
     });
     let opened = volume.as_ref().ok().map(|v| v.info().dims.to_array());
     let each = shared.mosaic.map_or(1, |mosaic| mosaic.slices);
@@ -147,24 +150,24 @@ fn finding(
 /// Orders the images of a part, unless one of them stands in the way.
 fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &OpenOptions) -> Result<Stack> {
     let slices: Vec<&Slice> = part.chosen.iter().filter_map(|i| group.slices.get(*i)).collect();
-    let refuse = |path: &Path, fault| Err(SourceFault::Dicom { path: path.to_path_buf(), fault }.into());
+    let refuse = |path: &Path, fault: Fault| Err(fault.at(path).into());
     let images = slices.len();
     let bad: Vec<&&Slice> = slices.iter().filter(|s| s.obstacle != NO_OBSTACLE).collect();
     if let Some(first) = bad.first() {
         let Some(fault) = series.obstacles.get(first.obstacle as usize).cloned() else {
-            return refuse(path, DicomFault::Series(SeriesFault::Incomplete));
+            return refuse(path, unfit!("an image without layout or file"));
         };
         let file = path_of(series, first);
         return match bad.len() {
-            1 if images == 1 => refuse(&file, DicomFault::Image(fault)),
-            bad if bad == images => refuse(path, DicomFault::EveryImage { images, first: fault }),
+            1 if images == 1 => refuse(&file, of_image(&fault)),
+            bad if bad == images => refuse(path, unfit!("none of its {images} images can be used: {fault}")),
             // Without it the volume would silently lack a slice.
-            _ => refuse(&file, DicomFault::OneImage(fault)),
+            _ => refuse(&file, bad!("{fault}{WITHOUT_IT}")),
         };
     }
     // Another image of the series may be one of these: without it the volume would silently lack a slice.
     if let Some((file, attribute)) = series.not_finite {
-        let fault = DicomFault::OneImage(ImageFault::NotFinite(attribute));
+        let fault = bad!("{}{WITHOUT_IT}", not_finite(attribute));
         return refuse(&series.files.path(file as usize), fault);
     }
     let frames = slices.iter().any(|s| s.frame > 0);
@@ -173,16 +176,18 @@ fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &Open
         frame: Some(s.frame).filter(|_| frames),
     };
     assemble(group, &part.chosen, options.gaps, &name).or_else(|mut fault| {
-        if let SeriesFault::Uneven(gaps) = &mut fault {
-            gaps.set_apart = set_apart(series, group);
+        if fault.kind == FaultKind::Gaps
+            && let Some(others) = set_apart(series, group)
+        {
+            fault.text = format!("{}{others}", fault.text).into();
         }
-        refuse(path, DicomFault::Series(fault))
+        refuse(path, fault)
     })
 }
 
 /// The images of the series that went into other groups, as the missing ones may be among them. Overviews
 /// are left out: they never fill a gap.
-fn set_apart(series: &Series, group: &Group) -> Option<SetApart> {
+fn set_apart(series: &Series, group: &Group) -> Option<String> {
     let others: Vec<&Group> = series
         .groups
         .iter()
@@ -195,8 +200,12 @@ fn set_apart(series: &Series, group: &Group) -> Option<SetApart> {
             by.push(attribute);
         }
     }
-    let images = others.iter().map(|g| g.slices.len()).sum();
-    Some(SetApart { images, by, first: series.files.name(first.file as usize).to_path_buf() })
+    let images = match others.iter().map(|g| g.slices.len()).sum::<usize>() {
+        1 => "1 other image of the series was".to_owned(),
+        many => format!("{many} other images of the series were"),
+    };
+    let (by, first) = (List(&by), shown(series.files.name(first.file as usize)));
+    Some(format!("; {images} set apart because of a different {by} (first: {first})"))
 }
 
 /// Modality, number and hash of the series, and the part: never a name of a file or of a patient.
@@ -211,18 +220,30 @@ fn id(shared: &Shared, label: &str) -> String {
 }
 
 /// Notes of dropped images, and of the attributes by which a series was split.
-fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
+fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<Note> {
     let mut notes = Vec::new();
     if !series.duplicates.is_empty() {
-        let name = |file: &u32| series.files.name(*file as usize).to_path_buf();
-        notes.push(DicomNote::Duplicates {
-            images: series.duplicates.len() as u64,
-            files: series.duplicates.iter().take(NAMED_COPIES).map(name).collect(),
-        });
+        // Images of one file with many frames share its name.
+        let mut named: Vec<String> = Vec::new();
+        for file in series.duplicates.iter().take(NAMED_COPIES) {
+            let name = shown(series.files.name(*file as usize)).to_string();
+            if !named.contains(&name) {
+                named.push(name);
+            }
+        }
+        let images = series.duplicates.len();
+        let more = match images.saturating_sub(NAMED_COPIES) {
+            0 => String::new(),
+            more => format!(" and {more} more"),
+        };
+        notes.push(Note::new(format!(
+            "{images} image(s) that are in the series twice were left out: {}{more}",
+            named.join(", ")
+        )));
     }
     if let Some((path, error)) = &series.lost {
         let file = path.file_name().map(PathBuf::from).unwrap_or_default();
-        notes.push(DicomNote::Lost { file, error: error.clone() });
+        notes.push(Note::new(format!("{}: {error}", shown(&file))));
     }
     if parts.len() > 1 {
         let mut all: Vec<Attribute> = parts.iter().flat_map(|(_, p)| p.by.iter().copied()).collect();
@@ -235,7 +256,11 @@ fn notes(series: &Series, parts: &[(&Group, Part)]) -> Vec<DicomNote> {
                 by.push(attribute);
             }
         }
-        notes.push(DicomNote::Volumes { volumes: parts.len(), by });
+        notes.push(Note::new(format!(
+            "the series holds {} volumes, told apart by {}",
+            parts.len(),
+            List(&by)
+        )));
     }
     notes
 }

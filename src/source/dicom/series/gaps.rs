@@ -1,8 +1,14 @@
 //! Distances between slices: even, repeated, or with gaps, and what is done about those.
 
+use std::fmt;
+use std::path::PathBuf;
+
 use super::axes::count;
-use crate::facts::dicom::{DicomNote, FilledGaps, Hole, ImageName, MissingSlices, SeriesFault, UnevenGaps};
+use crate::fault::{Fault, FaultKind, unfit};
 use crate::source::GapPolicy;
+use crate::text::names::GAPS;
+use crate::text::shown;
+use crate::volume::Note;
 
 /// Gaps that differ less than this from the mean are even: scanners print positions in micrometres.
 const EVEN: f64 = 1e-3;
@@ -101,12 +107,32 @@ pub(crate) fn with_empty_slices(along: &[f64], stated: Option<f64>) -> Option<Ve
     Some(layers)
 }
 
+/// An image of a series.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub(crate) struct ImageName {
+    /// Its file, without the folder.
+    pub file: PathBuf,
+    /// Number of the frame, from 0, where files have several.
+    pub frame: Option<u32>,
+}
+
+impl fmt::Display for ImageName {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        shown(&self.file).fmt(f)?;
+        match self.frame {
+            Some(frame) => write!(f, " (frame {})", u64::from(frame) + 1),
+            None => Ok(()),
+        }
+    }
+}
+
 /// Are positions, which may be in any order, so uneven that they would be refused?
 pub(crate) fn is_uneven(along: &[f64]) -> bool {
     let mut sorted = along.to_vec();
     sorted.sort_by(f64::total_cmp);
     let name = |_| ImageName::default();
-    matches!(judge_gaps(&sorted, GapPolicy::Error, &name, &mut Vec::new()), Err(SeriesFault::Uneven(_)))
+    judge_gaps(&sorted, GapPolicy::Error, &name, &mut Vec::new())
+        .is_err_and(|fault| fault.kind == FaultKind::Gaps)
 }
 
 /// Judges sorted positions: refuses repeated ones, and uneven gaps unless the policy knows what to do
@@ -115,18 +141,26 @@ pub(crate) fn judge_gaps(
     along: &[f64],
     policy: GapPolicy,
     name: &dyn Fn(usize) -> ImageName,
-    notes: &mut Vec<DicomNote>,
-) -> Result<Grid, SeriesFault> {
+    notes: &mut Vec<Note>,
+) -> Result<Grid, Fault> {
     let gaps: Vec<f64> = along.windows(2).map(|w| w[1] - w[0]).collect();
     let total = along.last().zip(along.first()).map_or(0.0, |(b, a)| b - a);
     if total <= SAME_MM {
-        return Err(SeriesFault::OnePosition { images: along.len() });
+        return Err(unfit!(
+            "all {} images are at one position; they form no volume: give the whole series, or build one image as a picture",
+            along.len()
+        ));
     }
     let (usual, same) = usual_gap(along);
     let repeats = gaps.iter().filter(|g| **g <= same).count();
     if let Some(at) = gaps.iter().position(|g| *g <= same) {
-        let first = Box::new([name(at), name(at + 1)]);
-        return Err(SeriesFault::Repeated { repeats, images: along.len(), first });
+        let first = [name(at), name(at + 1)];
+        return Err(unfit!(
+            "{repeats} of {} images repeat the position of another (first: {} and {}), and nothing in their headers tells them apart; give the files of one volume",
+            along.len(),
+            first[0],
+            first[1]
+        ));
     }
     let mean = total / count(gaps.len());
     let worst = gaps.iter().map(|g| (g - mean).abs()).fold(0.0, f64::max) / mean;
@@ -136,13 +170,13 @@ pub(crate) fn judge_gaps(
     let start = along.first().copied().unwrap_or(0.0);
     let off = along.iter().enumerate().map(|(i, p)| (p - start - count(i) * mean).abs()).fold(0.0, f64::max);
     if worst <= UNEVEN || (off <= ROUNDED_MM && off <= ROUNDED * mean) {
-        notes.push(DicomNote::NotQuiteEven { worst, mean_mm: mean, off_mm: off });
+        notes.push(Note::new(format!("slices are not quite evenly spaced: gaps differ by up to {:.2} % from their mean {mean:.4} mm, and slices lie up to {off:.3} mm off the regular grid", 100.0 * worst)));
         return Ok(Grid::AsTheyAre);
     }
     match policy {
-        GapPolicy::Error => Err(SeriesFault::Uneven(Box::new(uneven(&gaps, usual, name)))),
+        GapPolicy::Error => Err(uneven(&gaps, usual, name)),
         GapPolicy::Keep => {
-            notes.push(DicomNote::KeptUneven { mean_mm: mean, off_mm: off });
+            notes.push(Note::new(format!("unevenly spaced slices are used as if they were {mean:.4} mm apart; they lie up to {off:.3} mm off the places that the model shows them at")));
             Ok(Grid::AsTheyAre)
         }
         GapPolicy::Fill => fill(along, total, (usual, same), name, notes),
@@ -155,11 +189,14 @@ fn fill(
     total: f64,
     (usual, same): (f64, f64),
     name: &dyn Fn(usize) -> ImageName,
-    notes: &mut Vec<DicomNote>,
-) -> Result<Grid, SeriesFault> {
+    notes: &mut Vec<Note>,
+) -> Result<Grid, Fault> {
     let steps = (total / usual).round().max(1.0);
     if steps > MAX_MADE * count(along.len()) {
-        return Err(SeriesFault::TooFar { slices: steps, images: along.len() });
+        return Err(unfit!(
+            "{steps} slices would have to be made out of {}; give the files of an evenly spaced part",
+            along.len()
+        ));
     }
     let step = total / steps;
     // An image stands for a place that it misses by no more than is accepted where nothing is missing.
@@ -202,21 +239,31 @@ fn fill(
         }
         k += 1;
     }
-    let hole = |(at, made): &(usize, u64)| Hole { made: *made, between: [name(*at), name(at + 1)] };
-    notes.push(DicomNote::Filled(Box::new(FilledGaps {
-        made,
-        slices: places.len(),
-        holes: holes.iter().take(NAMED).map(hole).collect(),
-        more_holes: holes.len().saturating_sub(NAMED),
-        step_mm: step,
-        unused: along.len() - used.min(along.len()),
-        off_mm: Some(worst).filter(|worst| *worst > EVEN * step),
-    })));
+    let mut text = format!(
+        "gaps between slices were filled: {made} of {} were made by interpolation between neighbours (",
+        places.len()
+    );
+    for (i, (at, made)) in holes.iter().take(NAMED).enumerate() {
+        text +=
+            &format!("{}{made} between {} and {}", if i > 0 { ", " } else { "" }, name(*at), name(at + 1));
+    }
+    if holes.len() > NAMED {
+        text += &format!(", and in {} more places", holes.len() - NAMED);
+    }
+    text += &format!("), on a regular grid of {step:.4} mm from the first to the last");
+    let unused = along.len() - used.min(along.len());
+    if unused > 0 {
+        text += &format!("; {unused} that lie off the grid only lend their values to those");
+    }
+    if worst > EVEN * step {
+        text += &format!("; the others lie up to {worst:.3} mm off it");
+    }
+    notes.push(Note::new(text));
     Ok(Grid::Filled(places))
 }
 
 /// Uneven gaps: which lengths occur how often, and where slices seem to be missing.
-fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> UnevenGaps {
+fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> Fault {
     const KINDS: usize = 6;
     // Gaps as long as the first of their kind: how many, and their sum.
     let mut kinds: Vec<(f64, usize, f64)> = Vec::new();
@@ -236,17 +283,25 @@ fn uneven(gaps: &[f64], usual: f64, name: &dyn Fn(usize) -> ImageName) -> Uneven
         gaps.iter().all(|g| multiple(*g) >= 1.0 && (g - multiple(*g) * usual).abs() <= UNEVEN * usual);
     let odd = |g: &f64| if whole { multiple(*g) > 1.0 } else { (g - usual).abs() > UNEVEN * usual };
     let at = gaps.iter().position(odd).unwrap_or(0);
-    UnevenGaps {
-        gaps: gaps.len(),
-        lengths: kinds.iter().take(KINDS).map(|(_, n, sum)| (*n, sum / count(*n))).collect(),
-        other_lengths: kinds.len().saturating_sub(KINDS),
-        first: [name(at), name(at + 1)],
-        missing: whole.then(|| MissingSlices {
-            slices: gaps.iter().map(|g| multiple(*g) - 1.0).sum(),
-            places: gaps.iter().filter(|g| odd(g)).count(),
-        }),
-        set_apart: None,
+    let mut text = format!("the slices are unevenly spaced: {} gaps along the normal, ", gaps.len());
+    for (i, (_, n, sum)) in kinds.iter().take(KINDS).enumerate() {
+        text += &format!("{}{n} x {:.3}", if i > 0 { ", " } else { "" }, sum / count(*n));
     }
+    if kinds.len() > KINDS {
+        text += &format!(" and {} other lengths", kinds.len() - KINDS);
+    }
+    text += " mm; ";
+    if whole {
+        let slices: f64 = gaps.iter().map(|g| multiple(*g) - 1.0).sum();
+        let places = gaps.iter().filter(|g| odd(g)).count();
+        text += &format!("{slices} slice(s) seem to be missing in {places} place(s), ");
+    }
+    text += &format!(
+        "first between {} and {}; add the missing slices, give the files of an evenly spaced part, or choose {GAPS} fill or {GAPS} keep",
+        name(at),
+        name(at + 1)
+    );
+    Fault::new(FaultKind::Gaps, text)
 }
 
 #[cfg(test)]
@@ -257,7 +312,7 @@ mod tests {
         let mut notes = Vec::new();
         let name = |i| ImageName { file: format!("f{i}").into(), frame: None };
         match judge_gaps(along, policy, &name, &mut notes) {
-            Ok(grid) => Ok((grid, notes.iter().map(DicomNote::to_string).collect())),
+            Ok(grid) => Ok((grid, notes.iter().map(Note::to_string).collect())),
             Err(fault) => Err(fault.to_string()),
         }
     }

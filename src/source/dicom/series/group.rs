@@ -5,13 +5,15 @@ use std::io;
 use std::path::PathBuf;
 
 use super::mosaic::Mosaic;
-use crate::facts::dicom::{Attribute, DicomNote, ImageFault, ScanError};
 use crate::platform::{FileExt, open_file};
+use crate::source::dicom::attribute::Attribute;
+use crate::source::dicom::image::describe::Obstacle;
 use crate::source::dicom::image::pixels::{PaddingAttributes, PixelLayout};
+use crate::source::dicom::parse::error::ScanError;
 use crate::source::files::FileList;
 use crate::source::finding::BurnedIn;
 use crate::source::stable_hash::StableHash;
-use crate::volume::StatedLabel;
+use crate::volume::{Note, StatedLabel};
 
 /// Orientation cosines that differ by less are the same; scanners print six digits.
 const ORIENTATION_TOLERANCE: f64 = 1e-4;
@@ -225,12 +227,12 @@ pub(crate) struct Shared {
     pub(crate) burned_in: Option<BurnedIn>,
     /// Memory that decoding takes; 0 where pixels are read by position.
     pub(crate) unroll_bytes: u64,
-    pub(crate) notes: Vec<DicomNote>,
+    pub(crate) notes: Vec<Note>,
 }
 
 impl Shared {
     /// Keeps a note once, of few.
-    pub(crate) fn note(&mut self, note: Option<DicomNote>) {
+    pub(crate) fn note(&mut self, note: Option<Note>) {
         if let Some(note) = note
             && self.notes.len() < MAX_NOTES
             && !self.notes.contains(&note)
@@ -303,7 +305,7 @@ pub(crate) struct Series {
     pub(crate) groups: Vec<Group>,
     pub(crate) layouts: Vec<PixelLayout>,
     pub(crate) image_types: Vec<String>,
-    pub(crate) obstacles: Vec<ImageFault>,
+    pub(crate) obstacles: Vec<Obstacle>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
     /// The first file with an image that cannot be placed or scaled, as its header states values that are not finite:
@@ -377,7 +379,7 @@ impl Series {
         index_of(&mut self.image_types, text, MAX_TEXTS)
     }
 
-    pub(crate) fn obstacle_index(&mut self, fault: &ImageFault) -> u32 {
+    pub(crate) fn obstacle_index(&mut self, fault: &Obstacle) -> u32 {
         index_of(&mut self.obstacles, fault.clone(), MAX_TEXTS)
     }
 

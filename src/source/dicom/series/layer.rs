@@ -1,7 +1,7 @@
 //! Slices of a volume: where each one comes from.
 
-use crate::facts::dicom::DicomNote;
 use crate::geom::Affine;
+use crate::volume::Note;
 
 /// Images in order, with their place in the patient.
 #[derive(Debug)]
@@ -9,7 +9,7 @@ pub(crate) struct Stack {
     /// The slices of the volume, by increasing position.
     pub(crate) layers: Vec<Layer>,
     pub(crate) affine: Affine,
-    pub(crate) notes: Vec<DicomNote>,
+    pub(crate) notes: Vec<Note>,
 }
 
 /// A slice of the volume; numbers are indices into the group's slices.

@@ -16,14 +16,17 @@
 
 use super::axes::directions;
 use super::layer::{Layer, Stack};
-use crate::facts::dicom::{CsaFault, DicomNote, MosaicFault, SeriesFault, TransferSyntax};
+use crate::fault::{Fault, unfit};
 use crate::geom::{Affine, dot};
-use crate::source::dicom::parse::csa::{self, Csa};
+use crate::source::dicom::image::describe::Obstacle;
+use crate::source::dicom::parse::csa::{self, Csa, CsaFault};
 use crate::source::dicom::parse::deflated::InflateReader;
 use crate::source::dicom::parse::element::Parser;
 use crate::source::dicom::parse::frames::FrameGeometry;
 use crate::source::dicom::parse::header::DicomHeader;
+use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::source::dicom::parse::window::ReadAt;
+use crate::volume::Note;
 
 /// Cosine of the largest angle between the stated normal and that of the image: they are the same but for
 /// rounding, and one that is not belongs to another image.
@@ -48,7 +51,7 @@ pub(crate) struct MosaicLayout {
     pub(crate) mosaic: Mosaic,
     /// Size of a tile: columns and rows.
     pub(crate) size: [u32; 2],
-    pub(crate) notes: Vec<DicomNote>,
+    pub(crate) notes: Vec<Note>,
 }
 
 /// Is the image a mosaic, of whichever vendor?
@@ -65,12 +68,14 @@ fn is_frame_set(header: &DicomHeader) -> bool {
 }
 
 /// How the slices lie in an image that [`is_one`]; or why that is not known.
-pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<MosaicLayout, MosaicFault> {
+pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Result<MosaicLayout, Obstacle> {
     if header.frames.is_some_and(|frames| frames != Ok(1)) {
-        return Err(MosaicFault::SeveralFrames);
+        return Err(Obstacle::new("a Siemens mosaic of several frames cannot be read"));
     }
     if is_frame_set(header) {
-        return Err(MosaicFault::OtherVendor);
+        return Err(Obstacle::new(
+            "a frame set of United Imaging (VFRAME) holds its slices as tiles of one picture, which is not read; export it with one file for each slice",
+        ));
     }
     let mut notes = Vec::new();
     let (csa, fault) = match private_header(input, header) {
@@ -80,22 +85,36 @@ pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Resul
     let stated = |images: Option<u32>| images.filter(|n| *n > 0);
     let slices = match (stated(csa.images), stated(header.private.images)) {
         (Some(a), Some(b)) if a != b => {
-            return Err(MosaicFault::SlicesDisagree { stated: [a, b] });
+            return Err(Obstacle::new(format!(
+                "a Siemens mosaic whose private elements state {a} slices, and {b} in another place"
+            )));
         }
         (Some(slices), _) | (None, Some(slices)) => slices,
         (None, None) => {
-            return Err(MosaicFault::NoSliceNumber { header: fault });
+            return Err(Obstacle::new(format!(
+                "a Siemens mosaic does not state the number of its slices, which only the private header (0029,1010) has{}; give the original files, or convert them on the scanner",
+                fault.map_or_else(String::new, |fault| format!(" (it cannot be read: {fault})"))
+            )));
         }
     };
     let across = slices.isqrt() + u32::from(slices.isqrt().pow(2) < slices);
     let [columns, rows] = [header.columns, header.rows].map(|side| u32::from(side.unwrap_or(0)));
     if columns == 0 || rows == 0 || columns % across != 0 || rows % across != 0 {
-        return Err(MosaicFault::Tiles { slices, across, columns, rows });
+        return Err(Obstacle::new(format!(
+            "a Siemens mosaic of {slices} slices has {across} x {across} tiles, and its {columns} x {rows} pixels cannot be divided so"
+        )));
     }
     let positive = |mm: Option<f64>| mm.filter(|mm| *mm > 0.0);
     let distance_mm = positive(header.spacing_between).or_else(|| {
         let thickness = positive(header.slice_thickness);
-        notes.push(DicomNote::MosaicSpacing { thickness_mm: thickness });
+        notes.push(match thickness {
+            Some(mm) => Note::new(format!(
+                "the mosaic states no spacing between slices; their thickness, {mm} mm, is taken"
+            )),
+            None => Note::spacing(
+                "the mosaic states no spacing between slices, and no thickness; 1 mm is assumed",
+            ),
+        });
         thickness
     });
     let normal = header.orientation.and_then(directions).map(|(.., normal)| normal);
@@ -103,12 +122,14 @@ pub(crate) fn look<R: ReadAt + ?Sized>(input: &R, header: &DicomHeader) -> Resul
         (Some(stated), Some(normal)) => {
             let cosine = dot(stated, normal);
             if cosine.abs() < PARALLEL {
-                return Err(MosaicFault::OtherNormal);
+                return Err(Obstacle::new(
+                    "a Siemens mosaic states a slice normal in its private header that is not perpendicular to its rows and columns",
+                ));
             }
             cosine < 0.0
         }
         (None, Some(_)) if slices > 1 => {
-            notes.push(DicomNote::MosaicDirection { header: fault });
+            notes.push(Note::new(format!("the mosaic does not state in which direction its slices follow each other{}; rows x columns is assumed", fault.map_or_else(String::new, |fault| format!(" (its private header cannot be read: {fault})")))));
             false
         }
         _ => false,
@@ -155,23 +176,24 @@ pub(crate) fn assemble(
     index: usize,
     [dx, dy]: [f64; 2],
     place: Option<([f64; 6], [f64; 3])>,
-    mut notes: Vec<DicomNote>,
-) -> Result<Stack, SeriesFault> {
+    mut notes: Vec<Note>,
+) -> Result<Stack, Fault> {
     let dz = mosaic.distance_mm;
     let tiles = 0..mosaic.slices;
     let Some((axes, first)) = place else {
-        notes.push(DicomNote::MosaicUnplaced { step_mm: dz });
+        notes.push(Note::new(format!("the mosaic states no position: its slices are taken in their order, {dz} mm apart, placed at the origin")));
         let layers = tiles.map(|tile| Layer::Tile(index, tile)).collect();
         return Ok(Stack { layers, affine: Affine::from_spacing([dx, dy, dz]), notes });
     };
-    let (row, column, normal) = directions(axes).ok_or(SeriesFault::Orientation)?;
+    let (row, column, normal) =
+        directions(axes).ok_or(unfit!("the image orientation is not two perpendicular unit vectors"))?;
     let last = mosaic.slices.saturating_sub(1);
     let before = if mosaic.backwards { dz * f64::from(last) } else { 0.0 };
     let rows =
         [0, 1, 2].map(|i| [row[i] * dx, column[i] * dy, normal[i] * dz, first[i] - before * normal[i]]);
     let affine = Affine { rows };
     if affine.inverse().is_none() {
-        return Err(SeriesFault::Flat);
+        return Err(unfit!("the positions do not span a volume"));
     }
     let tile = |tile: u32| Layer::Tile(index, if mosaic.backwards { last - tile } else { tile });
     Ok(Stack { layers: tiles.map(tile).collect(), affine, notes })

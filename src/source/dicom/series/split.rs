@@ -14,7 +14,7 @@ use std::collections::{BTreeMap, HashMap};
 use super::assemble::along_normal;
 use super::gaps::{is_uneven, positions};
 use super::group::{Group, Key, Slice};
-use crate::facts::dicom::Attribute;
+use crate::source::dicom::attribute::Attribute;
 
 /// Images that may be one volume.
 #[derive(Clone, Debug, PartialEq)]

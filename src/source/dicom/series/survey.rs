@@ -9,17 +9,19 @@ use std::path::{Path, PathBuf};
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
-use crate::facts::dicom::{DicomNote, ImageFault, Obstacle, ScanError};
 use crate::platform::open_file;
-use crate::source::dicom::image::describe::{Access, Image, Storage};
+use crate::source::dicom::attribute::Attribute;
+use crate::source::dicom::image::describe::{Access, Image, Obstacle, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
 use crate::source::dicom::image::pixels::PaddingAttributes;
+use crate::source::dicom::parse::error::ScanError;
 use crate::source::dicom::parse::frames::{FrameGeometry, Origin, visit};
 use crate::source::dicom::parse::header::DicomHeader;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::dicom::parse::segments::segments;
 use crate::source::files::FileList;
 use crate::source::stable_hash::StableHash;
+use crate::volume::Note;
 
 /// [`costs::OPENING_FRAME`] of a tiled (mosaic) image, whose tables hold every tile.
 const OPENING_MOSAIC: u64 = 2600;
@@ -56,7 +58,7 @@ pub(crate) fn recognise(file: &File) -> Recognition {
             let each = if is_one(&header) { OPENING_MOSAIC } else { costs::OPENING_FRAME };
             Recognition::Image { series: header.series_uid, frames, opening_bytes: u64::from(frames) * each }
         }
-        Ok(header) => Recognition::NoImage(Obstacle::NoPixels { object: header.kind() }),
+        Ok(header) => Recognition::NoImage(Obstacle::new(format!("{} without pixels", header.kind()))),
         Err(ScanError::Io(fault)) => Recognition::Unreadable(fault.into()),
         Err(ScanError::NotDicom) => Recognition::Foreign,
         Err(error @ ScanError::Damaged { .. }) => Recognition::Damaged(error),
@@ -79,6 +81,12 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     series
 }
 
+pub(super) fn not_finite(attribute: Attribute) -> Obstacle {
+    Obstacle::new(format!(
+        "its {attribute} is infinite or not a number, so that neither place nor values are known; correct the header"
+    ))
+}
+
 /// Adds every frame of a file.
 fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
     if header.is_segmentation() {
@@ -86,21 +94,21 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     }
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
-    let mut obstacle = image.as_ref().err().cloned().map(ImageFault::Pixels);
+    let mut obstacle = image.as_ref().err().cloned();
     if header.is_tiled() {
-        obstacle = obstacle.or(Some(ImageFault::Tiles));
+        obstacle = obstacle.or(Some(Obstacle::new("its frames are tiles of a larger picture (a whole slide, or what was found on one), not slices, so they form no volume")));
     }
     let mut mosaic = None;
     if is_one(header) {
         match look(input, header) {
             Ok(found) => mosaic = Some(found),
-            Err(fault) => obstacle = obstacle.or(Some(ImageFault::Mosaic(fault))),
+            Err(fault) => obstacle = obstacle.or(Some(fault)),
         }
     }
     let plain =
         frames == 1 && header.offsets.frame_groups.is_none() && header.offsets.shared_groups.is_none();
     if plain {
-        obstacle = obstacle.or(header.not_finite.map(ImageFault::NotFinite));
+        obstacle = obstacle.or(header.not_finite.map(not_finite));
     }
     let image = image.ok().filter(|_| obstacle.is_none());
     let note = image.as_ref().and_then(|image| end_note(input, header, image));
@@ -118,20 +126,22 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
         return;
     }
     if let Ok(true) = is_planar(input, header) {
-        let fault = ImageFault::FramesWithoutSlices;
+        let fault = Obstacle::new(
+            "its frames are views, detectors, energy windows or points in time, not slices (there is no Slice Vector (0054,0080)), so they form no volume",
+        );
         add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
         return;
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        let fault = frame.not_finite.map(ImageFault::NotFinite);
+        let fault = frame.not_finite.map(not_finite);
         let image = image.as_ref().filter(|_| fault.is_none());
         add_frame(series, file, header, image, None, frame, fault.as_ref()).note(note.clone());
         seen += 1;
         seen < frames
     });
     if let Err(error) = visited {
-        let fault = ImageFault::Frames(error);
+        let fault = Obstacle::new(format!("its frames cannot be distinguished: {error}"));
         add_frame(series, file, header, None, None, &FrameGeometry::of_file(header), Some(&fault));
     }
 }
@@ -151,11 +161,17 @@ fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
 }
 
 /// Is the end of compressed pixels missing? A file that cannot be read says so when it is decoded.
-fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<DicomNote> {
+fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<Note> {
     let Storage::Coded(codec) = image.storage else { return None };
     let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
-    let all = lacking == 0 && image.frames > 1 && fragments >= image.frames.into();
-    Some(DicomNote::EndMissing { lacking, all_frames: Some(image.frames).filter(|_| all) })
+    let lost = match lacking {
+        0 if image.frames > 1 && fragments >= image.frames.into() => {
+            format!(" All {} frames were found", image.frames)
+        }
+        0 => String::new(),
+        bytes => format!(" The last fragment lacks {bytes} bytes"),
+    };
+    Some(Note::new(format!("the end of the pixel data is missing; was the file cut short?{lost}")))
 }
 
 /// Adds a frame; returns what its group shares.
@@ -166,7 +182,7 @@ fn add_frame<'s>(
     image: Option<&Image>,
     mosaic: Option<&MosaicLayout>,
     frame: &FrameGeometry,
-    obstacle: Option<&ImageFault>,
+    obstacle: Option<&Obstacle>,
 ) -> &'s mut Shared {
     let file = u32::try_from(file).unwrap_or(u32::MAX);
     if let Some(attribute) = frame.not_finite {
@@ -221,15 +237,17 @@ fn add_frame<'s>(
         group.shared.note(image.note());
     }
     if header.is_dose() && header.dose_scaling.is_none() && rescales {
-        group.shared.note(Some(DicomNote::DoseUnscaled));
+        group.shared.note(Some(Note::new(
+            "the RT dose states no dose grid scaling; values are as stored, not in Gy",
+        )));
     }
     group.shared.note(match frame.origin {
         Origin::Stated if frame.position.is_none() && frame.index > 0 && header.is_film() => {
-            Some(DicomNote::FramesInTime)
+            Some(Note::new("frames follow each other in time (Frame Increment Pointer (0028,0009)), and are stacked as if they were slices"))
         }
         Origin::Stated => None,
-        Origin::Grid => Some(DicomNote::GridPositions),
-        Origin::Stepped => Some(DicomNote::SteppedPositions),
+        Origin::Grid => Some(Note::new("positions of frames are taken from the grid frame offset vector")),
+        Origin::Stepped => Some(Note::new("frames state no positions of their own; they are placed in their order by the stated spacing between slices")),
     });
     group.slices.push(slice);
     &mut group.shared

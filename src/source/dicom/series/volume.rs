@@ -6,8 +6,7 @@ use std::path::Path;
 
 use super::group::{Group, Key, Series, Slice};
 use super::layer::{Layer, Stack};
-use crate::facts::dicom::{DicomFault, DicomNote, ImageFault, SeriesFault};
-use crate::facts::{Note, SourceFault};
+use crate::fault::{Fault, bad, unfit};
 use crate::geom::Dims;
 use crate::platform::open_file;
 use crate::progress::Progress;
@@ -16,13 +15,13 @@ use crate::source::dicom::image::pixels::{Padding, PixelLayout};
 use crate::source::dicom::image::unroll::{FrameSink, unroll};
 use crate::source::dicom::parse::header::FRACTIONAL;
 use crate::source::dicom::parse::scan::scan;
+use crate::source::dicom::series::findings::of_image;
 use crate::source::files::FileSet;
-use crate::volume::Spool;
 use crate::volume::{
-    ImageKind, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, StatedLabel,
-    VolumeInfo, VolumeSource, Workspace,
+    ImageKind, Note, Preparation, Rescale, Result, ScalarType, SourceDescription, SourceError, SourceFault,
+    Spool, StatedLabel, VolumeInfo, VolumeSource, Workspace, blend_rows, check_request, neighbour_bytes,
+    read_block,
 };
-use crate::volume::{blend_rows, check_request, neighbour_bytes, read_block};
 
 /// Physical value that stands for padding in CT (air, in HU); elsewhere it is 0.
 const CT_BACKGROUND: f64 = -1000.0;
@@ -102,8 +101,8 @@ impl DicomVolume {
         stack: Stack,
         name: &str,
         part: &str,
-        notes: &[DicomNote],
-    ) -> Result<Self, SeriesFault> {
+        notes: &[Note],
+    ) -> Result<Self, Fault> {
         let Stack { layers, affine, notes: of_stack } = stack;
         let mut notes = notes.to_vec();
         notes.extend(group.shared.notes.iter().cloned());
@@ -114,20 +113,24 @@ impl DicomVolume {
         let rescaled = slices.iter().filter(|s| s.rescales).count();
         let stated = slices.iter().filter(|s| s.rescales && s.rescale().is_some()).count();
         if stated > 0 && stated < rescaled {
-            return Err(SeriesFault::RescaleMissing { lacking: rescaled - stated, slices: slices.len() });
+            return Err(unfit!(
+                "{} of {} slices state no rescale slope and intercept, so their values cannot be compared",
+                rescaled - stated,
+                slices.len()
+            ));
         }
         if slices.iter().any(|s| rescale_of(s).0 == 0.0) {
-            return Err(SeriesFault::RescaleZero);
+            return Err(unfit!("the rescale slope is 0, so every pixel would have the same value"));
         }
         let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
         let physical = slices.iter().any(|s| rescale_of(s) != common);
         if physical {
-            notes.push(DicomNote::RescalesDiffer);
+            notes.push(Note::new("slices differ in rescale; values are converted to single precision"));
         }
         if stated == 0 && rescaled > 0 && shared.modality == "CT" {
-            notes.push(DicomNote::NoRescale);
+            notes.push(Note::new("the images state no rescale; values may not be HU"));
         }
-        let layout = *layout_of(series, slices.first().ok_or(SeriesFault::NoImage)?)?;
+        let layout = *layout_of(series, slices.first().ok_or(unfit!("no image"))?)?;
         let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
@@ -136,7 +139,7 @@ impl DicomVolume {
         let tiles = if layout.across() > 1 { u32::try_from(layers.len()).unwrap_or(u32::MAX) } else { 1 };
         let (places, paddings, coded) = place_images(series, &slices, &files, tiles, background)?;
         let (columns, rows, size) = (layout.columns, layout.rows, layers.len());
-        let dims = layout.dims(size).ok_or(SeriesFault::Size { columns, rows, slices: size })?;
+        let dims = layout.dims(size).ok_or(unfit!("{columns}x{rows}x{size} voxels are out of range"))?;
         let description = SourceDescription {
             format: "dicom".into(),
             name: name.into(),
@@ -161,7 +164,7 @@ impl DicomVolume {
             spacing_mm: affine.spacing_mm(),
             affine,
             description,
-            notes: notes.into_iter().map(Note::Dicom).collect(),
+            notes,
         };
         let files = FileSet::new(series.files.select(files.iter().map(|f| *f as usize)));
         Ok(Self {
@@ -265,8 +268,8 @@ fn rescale_of(slice: &Slice) -> (f64, f64) {
     slice.rescale().unwrap_or((1.0, 0.0))
 }
 
-fn layout_of<'s>(series: &'s Series, slice: &Slice) -> Result<&'s PixelLayout, SeriesFault> {
-    series.layouts.get(slice.layout as usize).ok_or(SeriesFault::Incomplete)
+fn layout_of<'s>(series: &'s Series, slice: &Slice) -> Result<&'s PixelLayout, Fault> {
+    series.layouts.get(slice.layout as usize).ok_or(unfit!("an image without layout or file"))
 }
 
 /// Where each image lies, the paddings that they refer to, and how many slices must be decoded first.
@@ -278,7 +281,7 @@ fn place_images(
     files: &[u32],
     tiles: u32,
     background: f64,
-) -> Result<PlacedImages, SeriesFault> {
+) -> Result<PlacedImages, Fault> {
     let mut paddings: Vec<Option<Padding>> = Vec::new();
     let mut places = Vec::with_capacity(slices.len());
     let mut coded = 0;
@@ -287,7 +290,7 @@ fn place_images(
         let (slope, intercept) = rescale_of(slice);
         let own = layout_of(series, slice)?;
         if *scalar.get_or_insert(own.scalar()) != own.scalar() {
-            return Err(SeriesFault::SampleTypes);
+            return Err(unfit!("its images have different sample types"));
         }
         let padding = own.padding(slice.padding, background, slope, intercept);
         let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
@@ -295,8 +298,8 @@ fn place_images(
             paddings.push(padding);
             paddings.len() - 1
         });
-        let padding = u32::try_from(at).map_err(|_| SeriesFault::ManyPaddings)?;
-        let file = files.binary_search(&slice.file).map_err(|_| SeriesFault::Incomplete)?;
+        let padding = u32::try_from(at).map_err(|_| unfit!("too many padding values"))?;
+        let file = files.binary_search(&slice.file).map_err(|_| unfit!("an image without layout or file"))?;
         let at = match slice.native() {
             Some(offset) => At::File(offset),
             None => {
@@ -305,7 +308,7 @@ fn place_images(
             }
         };
         places.push(ImageSource {
-            file: u32::try_from(file).map_err(|_| SeriesFault::ManyFiles)?,
+            file: u32::try_from(file).map_err(|_| unfit!("too many files"))?,
             frame: slice.frame,
             at,
             slope,
@@ -433,16 +436,15 @@ impl VolumeSource for DicomVolume {
         for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
             let Some((file, ..)) = of_file.first() else { continue };
             let path = self.files.list().path(*file as usize);
-            let unusable = |fault| SourceError::from(SourceFault::Dicom { path: path.clone(), fault });
+            let unusable = |fault: Fault| SourceError::from(fault.at(&path));
             let input = open_file(&path)
                 .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause }))?;
-            let header = scan(&input).map_err(|error| unusable(DicomFault::Header(error)))?;
-            let image = Image::of(&header)
-                .map_err(|obstacle| unusable(DicomFault::Image(ImageFault::Pixels(obstacle))))?;
+            let header = scan(&input).map_err(|error| unusable(bad!("{error}")))?;
+            let image = Image::of(&header).map_err(|obstacle| unusable(of_image(&obstacle)))?;
             if (image.layout.columns, image.layout.rows, image.layout.scalar())
                 != (layout.pitch(), layout.rows * layout.across(), scalar)
             {
-                return Err(unusable(DicomFault::Changed));
+                return Err(unusable(bad!("was changed since it was found; start again")));
             }
             let mut sink = ToSpool {
                 spool: &spool,

@@ -23,7 +23,7 @@ impl RowSink for Kept {
         assert!(self.format.replace(*format).is_none(), "begun twice");
         let samples = u64::from(format.columns) * u64::from(format.rows);
         if samples.saturating_mul(format.components.into()) > self.most_samples {
-            return Err(super::rle::Feature::LineSamples { columns: format.columns }.into());
+            return Err(CodecError::Unsupported("that many samples".into()));
         }
         Ok(())
     }

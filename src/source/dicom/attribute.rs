@@ -72,7 +72,7 @@ impl Display for Attribute {
 }
 
 /// Attributes with commas between them.
-pub(super) struct List<'a>(pub(super) &'a [Attribute]);
+pub(crate) struct List<'a>(pub(crate) &'a [Attribute]);
 
 impl Display for List<'_> {
     fn fmt(&self, f: &mut Formatter<'_>) -> fmt::Result {

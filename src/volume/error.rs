@@ -1,17 +1,15 @@
-//! What can be wrong with an input volume.
+//! The error of a source: a volume, a mesh or a tree of solids that cannot be read.
 
-use std::fmt;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
-use super::dicom::{DicomFault, SeriesFault};
 use crate::budget::Bytes;
 use crate::exit::{ExitKind, opaque_error};
 use crate::fault::{Fault, FaultKind};
 use crate::progress::Stopped;
-use crate::text::names::{MEMORY, SCRATCH, VOLUME};
+use crate::text::names::{MEMORY, SCRATCH};
 use crate::text::{reading, shown};
 
 opaque_error! {
@@ -37,8 +35,6 @@ pub(crate) enum SourceFault {
     },
     #[error(transparent)]
     Said(#[from] Fault),
-    #[error("{}: {fault}", shown(.path))]
-    Dicom { path: PathBuf, fault: DicomFault },
     #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
     Scratch {
         path: PathBuf,
@@ -51,28 +47,8 @@ pub(crate) enum SourceFault {
     Description { path: PathBuf, needed_bytes: u64, allowed_bytes: u64 },
     #[error("{}: has {images} images; sorting them takes {} of memory, and {} is left; allow at least {} more with {MEMORY}", shown(.path), Bytes(*.needed_bytes), Bytes(*.allowed_bytes), Bytes(.needed_bytes.saturating_sub(*.allowed_bytes)))]
     ManyImages { path: PathBuf, images: u64, needed_bytes: u64, allowed_bytes: u64 },
-    #[error("{error}; or choose a volume: {VOLUME} {number} is this one, {VOLUME} {} the largest of the others ({other})", .other.number)]
-    Gaps {
-        #[source]
-        error: Box<SourceError>,
-        number: usize,
-        other: Box<OtherVolume>,
-    },
     #[error("{Stopped}")]
     Stopped,
-}
-
-/// An error without its path, where that stands for itself before the reason.
-pub(super) struct Reason<'a>(pub(super) &'a SourceError);
-
-impl fmt::Display for Reason<'_> {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self.0.fault() {
-            SourceFault::Said(fault) => f.write_str(&fault.text),
-            SourceFault::Dicom { fault, .. } => fault.fmt(f),
-            other => other.fmt(f),
-        }
-    }
 }
 
 impl SourceFault {
@@ -91,13 +67,11 @@ impl SourceFault {
         match self {
             Self::Unreadable { path, .. }
             | Self::ReadFailed { path, .. }
-            | Self::Dicom { path, .. }
             | Self::Scratch { path, .. }
             | Self::Memory { path, .. }
             | Self::ManyImages { path, .. }
             | Self::Description { path, .. } => Some(path),
             Self::Said(fault) => fault.path(),
-            Self::Gaps { error, .. } => error.path(),
             Self::Stopped => None,
         }
     }
@@ -113,6 +87,14 @@ impl SourceError {
     /// A slice, from 0, cannot be read: for a [`VolumeSource`](crate::VolumeSource) of your own.
     pub fn read_failed(path: impl Into<PathBuf>, slice: u32, cause: io::Error) -> Self {
         SourceFault::ReadFailed { path: path.into(), slice, cause }.into()
+    }
+
+    /// The sentence without its path, where that stands for itself.
+    pub(crate) fn reason(&self) -> String {
+        match self.fault() {
+            SourceFault::Said(fault) => fault.text.to_string(),
+            other => other.to_string(),
+        }
     }
 
     /// A fault that names no file yet is one of this file.
@@ -135,22 +117,14 @@ impl SourceError {
         }
     }
 
-    /// Are missing or uneven slices all that is wrong? The caller may then choose what to do about them.
+    /// True if missing or uneven slices are all that is wrong, so that the caller may choose what to do about them.
     pub(crate) fn has_gaps(&self) -> bool {
-        matches!(
-            self.fault(),
-            SourceFault::Dicom { fault: DicomFault::Series(SeriesFault::Uneven(_)), .. }
-                | SourceFault::Said(Fault { kind: FaultKind::Gaps, .. })
-        )
+        matches!(self.fault(), SourceFault::Said(Fault { kind: FaultKind::Gaps, .. }))
     }
 
-    /// Is the input broken, rather than of a kind that is not used?
+    /// True if the input is broken, rather than of a kind that is not used.
     pub(crate) fn is_damage(&self) -> bool {
-        match self.fault() {
-            SourceFault::Said(fault) => fault.kind == FaultKind::Damage,
-            SourceFault::Dicom { fault, .. } => fault.is_damage(),
-            _ => false,
-        }
+        matches!(self.fault(), SourceFault::Said(Fault { kind: FaultKind::Damage, .. }))
     }
 }
 
@@ -158,38 +132,4 @@ impl From<Fault> for SourceError {
     fn from(fault: Fault) -> Self {
         SourceFault::Said(fault).into()
     }
-}
-
-/// A volume that could be taken instead.
-#[derive(Clone, Debug, PartialEq)]
-pub(crate) struct OtherVolume {
-    /// Its number.
-    pub number: usize,
-    /// What it is.
-    pub kind: String,
-    /// Which part of its input it is, where that holds several volumes.
-    pub part: Option<String>,
-    /// Size in voxels, as far as it is known.
-    pub size: Option<[u32; 3]>,
-}
-
-impl fmt::Display for OtherVolume {
-    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self { kind, part, size, .. } = self;
-        describe(f, kind, part.as_deref(), *size)
-    }
-}
-
-/// Kind, part and size of a volume.
-pub(super) fn describe(
-    f: &mut fmt::Formatter<'_>,
-    kind: &str,
-    part: Option<&str>,
-    size: Option<[u32; 3]>,
-) -> fmt::Result {
-    f.write_str(kind)?;
-    if let Some(part) = part {
-        write!(f, " {part}")?;
-    }
-    size.map_or(Ok(()), |[x, y, z]| write!(f, " {x}x{y}x{z}"))
 }

@@ -1,4 +1,4 @@
-//! What is found, assumed and refused about triangle meshes.
+//! Findings about triangle meshes, and what was chosen.
 
 use std::fmt;
 
@@ -109,7 +109,7 @@ impl fmt::Display for MeshFacts {
 }
 
 /// A length to a thousandth of another one.
-pub(super) fn length(length: f64, of: f64) -> String {
+pub(crate) fn length(length: f64, of: f64) -> String {
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "a few places")]
     let places = (3.0 - of.log10().floor()).clamp(0.0, 30.0) as usize;
     let text = format!("{length:.places$}");

@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use super::mesh::length;
+use crate::mesh::length;
 
 /// What was found about a tree.
 #[derive(Clone, Copy, Debug, PartialEq)]
