@@ -1,4 +1,7 @@
 //! The errors of every boundary gathered once, and the exit code that each kind of failure has.
+//!
+//! An error has a kind, a path and one sentence with its remedy. The sentence is written at the place that finds the
+//! fault; a fault is a variant of its own only where code branches on it. No code reads a sentence.
 
 #![expect(missing_docs, reason = "the sentence of each variant says it")]
 
@@ -178,7 +181,7 @@ impl Error {
     /// The kind of failure, hence the exit code.
     pub fn kind(&self) -> ExitKind {
         match self {
-            Self::Usage(_) | Self::Internal => ExitKind::Usage,
+            Self::Usage(_) => ExitKind::Usage,
             Self::Source(e) => e.kind(),
             Self::Build(e) => e.kind(),
             Self::Clean(e) => e.kind(),
@@ -187,7 +190,7 @@ impl Error {
             Self::Render(e) => e.kind(),
             Self::Scene(e) => e.kind(),
             Self::Stopped => ExitKind::Stopped,
-            Self::Busy { .. } | Self::Output { .. } | Self::Port { .. } => ExitKind::Io,
+            Self::Busy { .. } | Self::Output { .. } | Self::Port { .. } | Self::Internal => ExitKind::Io,
         }
     }
 }

@@ -13,7 +13,7 @@ pub enum ExitKind {
     Input,
     /// The memory budget is too small: exit 4.
     Budget,
-    /// The disk or the operating system failed: exit 5.
+    /// The disk, the operating system or this program failed: exit 5.
     Io,
     /// A batch finished with some failures: exit 8.
     Partial,

@@ -106,6 +106,12 @@
 //!
 //! Modules hidden from the documentation are for the program `oct` and the tests; they may change with any release.
 //!
+//! # Errors
+//!
+//! An [`Error`] has a kind ([`ExitKind`], which is the exit code of `oct` and the kind in its JSON), for most of them a
+//! path, and one sentence that says what is wrong and what to do about it. Sentences may be improved with any release;
+//! programs tell failures apart by kind.
+//!
 //! # How data flows
 //!
 //! ```text

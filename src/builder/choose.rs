@@ -10,6 +10,7 @@ use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::BuildFault;
+use crate::fault::usage;
 use crate::format::{Selection, SelectionKind};
 use crate::volume::{VolumeInfo, VolumeSource};
 
@@ -75,7 +76,11 @@ impl Chooser<'_> {
             }
         };
         if selection.lo.is_nan() || selection.hi.is_nan() || selection.lo > selection.hi {
-            return Err(BuildFault::EmptyRange { lo: selection.lo, hi: selection.hi }.into());
+            return Err(BuildFault::Said {
+                name: String::new(),
+                fault: usage!("the range is empty: write it as LO..HI with LO <= HI"),
+            }
+            .into());
         }
         match file_range(scalar, &selection, rescale) {
             Some(range) => Ok(Chosen { selection, range, note }),

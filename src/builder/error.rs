@@ -9,11 +9,10 @@ use thiserror::Error;
 use super::parts::PartFault;
 use crate::budget::{ExactSize, SizeArgument};
 use crate::exit::{ExitKind, opaque_error};
-use crate::format::{Channel, FormatError, Selection, SurfaceKind};
+use crate::fault::{Fault, unfit, usage};
+use crate::format::{FormatError, Selection};
 use crate::progress::Stopped;
-use crate::text::names::{
-    DTYPE, ERROR, FILL, ISO, MEMORY, RANGE, ROI, SCRATCH, SURFACE, THREADS, VISIBLE_FROM,
-};
+use crate::text::names::{DTYPE, ISO, MEMORY, RANGE, ROI, SCRATCH, SURFACE, THREADS};
 use crate::text::{Short, reading, shown, writing};
 use crate::volume::{SourceError, SourceFault};
 
@@ -31,41 +30,16 @@ pub(crate) enum BuildFault {
     BudgetTooSmall { name: String, limit_bytes: u64, minimum_bytes: u64 },
     #[error("{name}: no voxel lies in {sought}; the values of this volume run from {} to {}: choose {ISO} or {RANGE} within them", Short(*.min), Short(*.max))]
     EmptyResult { name: String, sought: Criterion, min: f64, max: f64 },
-    #[error("{name}: no voxel is inside; choose a finer grid, or check that the solid lies in it")]
-    NothingInside { name: String },
-    #[error(
-        "{name}: no voxel is inside, as the mesh is open and its caps enclose too little; {FILL} surface builds skin of the voxels that it passes through, and a finer grid may help"
-    )]
-    NothingInsideOpen { name: String },
-    #[error(
-        "{name}: none of the {boxes} boxes of its surface can be seen from there; give another {VISIBLE_FROM}"
-    )]
-    NothingVisible { name: String, boxes: u64 },
-    #[error("{name}: {}", no_channel(*.channel, *.surface))]
-    NoChannel { name: String, channel: Channel, surface: SurfaceKind },
-    #[error("{name}: no voxel has one of the labels asked for; choose others, or all of them")]
-    NoLabels { name: String },
-    #[error("{name}: a label model does not support {asked} yet; leave it out")]
-    NotOfLabels { name: String, asked: &'static str },
-    #[error("{name}: only cells are joined into larger leaves; leave out {ERROR}, or use {SURFACE} cells")]
-    ErrorOfSkin { name: String },
-    #[error("{name}: {ERROR} is {} voxels of the finest spacing here; give a bound above 0 and up to 1 voxel", Short(*.voxels))]
-    ErrorRange { name: String, voxels: f64 },
-    #[error(
-        "{name}: a side of 65536 voxels is too long for cells; use {SURFACE} skin, or a part of the volume with {ROI}"
-    )]
-    NoRoomForCells { name: String },
+    #[error("{}{fault}", named(.name))]
+    Said {
+        /// The input; empty for a fault of the options alone.
+        name: String,
+        fault: Fault,
+    },
     #[error(
         "{name}: holds no finite value; check that it is the right file, and of headerless voxels check {DTYPE}"
     )]
     NoNumbers { name: String },
-    #[error("the range is empty: write it as LO..HI with LO <= HI")]
-    EmptyRange {
-        /// Lowest value asked for.
-        lo: f64,
-        /// Highest value asked for.
-        hi: f64,
-    },
     #[error("scratch file in {}: {cause}; {}", shown(.path), reading(.cause, format_args!("free some space or choose another folder with {SCRATCH}")))]
     Scratch {
         path: PathBuf,
@@ -92,16 +66,8 @@ pub(crate) enum BuildFault {
     Stopped,
 }
 
-fn no_channel(channel: Channel, surface: SurfaceKind) -> String {
-    match (channel, surface) {
-        (Channel::Value, SurfaceKind::Cells) => format!(
-            "cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use {SURFACE} skin"
-        ),
-        (Channel::Color | Channel::Material, SurfaceKind::Cells) => format!(
-            "cells hold the shape of a surface alone, so there is no channel '{channel}'; leave it out, or use {SURFACE} skin"
-        ),
-        _ => format!("does not have the channel '{channel}'; leave it out"),
-    }
+fn named(name: &str) -> String {
+    if name.is_empty() { String::new() } else { format!("{name}: ") }
 }
 
 impl BuildError {
@@ -131,13 +97,7 @@ impl BuildError {
         match self.fault_mut() {
             BuildFault::BudgetTooSmall { name, .. }
             | BuildFault::EmptyResult { name, .. }
-            | BuildFault::NothingInside { name }
-            | BuildFault::NothingInsideOpen { name }
-            | BuildFault::NothingVisible { name, .. }
-            | BuildFault::NoChannel { name, .. }
-            | BuildFault::ErrorOfSkin { name }
-            | BuildFault::ErrorRange { name, .. }
-            | BuildFault::NoRoomForCells { name }
+            | BuildFault::Said { name, .. }
             | BuildFault::NoNumbers { name } => Some(name),
             _ => None,
         }
@@ -219,23 +179,25 @@ impl From<ScratchFault> for io::Error {
 }
 
 impl BuildFault {
+    pub(crate) fn no_room_for_cells(name: String) -> Self {
+        let fault = usage!(
+            "a side of 65536 voxels is too long for cells; use {SURFACE} skin, or a part of the volume with {ROI}"
+        );
+        Self::Said { name, fault }
+    }
+
+    pub(crate) fn nothing_inside(name: String) -> Self {
+        let fault = unfit!("no voxel is inside; choose a finer grid, or check that the solid lies in it");
+        Self::Said { name, fault }
+    }
+
     fn kind(&self) -> ExitKind {
         match self {
             Self::Source(e) => e.kind(),
             Self::Part { fault, .. } => fault.kind(),
             Self::BudgetTooSmall { .. } => ExitKind::Budget,
-            Self::EmptyResult { .. }
-            | Self::NothingInside { .. }
-            | Self::NothingInsideOpen { .. }
-            | Self::NoLabels { .. }
-            | Self::NothingVisible { .. }
-            | Self::NoNumbers { .. } => ExitKind::Input,
-            Self::EmptyRange { .. }
-            | Self::NoChannel { .. }
-            | Self::NotOfLabels { .. }
-            | Self::ErrorOfSkin { .. }
-            | Self::ErrorRange { .. }
-            | Self::NoRoomForCells { .. } => ExitKind::Usage,
+            Self::Said { fault, .. } => fault.exit(),
+            Self::EmptyResult { .. } | Self::NoNumbers { .. } => ExitKind::Input,
             Self::Scratch { .. } | Self::Output { .. } | Self::Threads { .. } => ExitKind::Io,
             Self::Format(_) => ExitKind::Input,
             Self::Stopped => ExitKind::Stopped,

@@ -23,8 +23,10 @@ use super::{BuildNote, BuildOptions, BuildReport, Progress, StageSeconds, parall
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, Reservation};
 use crate::builder::BuildFault;
+use crate::fault::{Fault, unfit, usage};
 use crate::format::{Channel, ErrorBound, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
 use crate::geom::{Affine, Dims};
+use crate::text::names::{SURFACE, VISIBLE_FROM};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
@@ -91,10 +93,11 @@ pub(super) fn channel_forms(
 ) -> Result<Vec<ChannelForm>, BuildError> {
     let with_form = |channel| match form(channel, &ScanSummary::default()) {
         Some(form) => Ok(ChannelForm { channel, form }),
-        None => {
-            Err(BuildFault::NoChannel { name: name.to_owned(), channel, surface: options.volume_surface() }
-                .into())
+        None => Err(BuildFault::Said {
+            name: name.to_owned(),
+            fault: no_channel(channel, options.volume_surface()),
         }
+        .into()),
     };
     options.channels().iter().map(with_form).collect()
 }
@@ -160,7 +163,7 @@ impl Job<'_> {
             let name = solid.name();
             return Err(match totals.hidden {
                 0 => solid.nothing_inside(),
-                boxes => BuildError::from(BuildFault::NothingVisible { name, boxes }),
+                boxes => BuildError::from(nothing_visible(name, boxes)),
             });
         }
 
@@ -393,7 +396,7 @@ impl Job<'_> {
         totals.hidden = hidden;
         totals.skin -= hidden;
         if totals.skin == 0 && hidden > 0 {
-            return Err(BuildError::from(BuildFault::NothingVisible { name: solid.name(), boxes: hidden }));
+            return Err(BuildError::from(nothing_visible(solid.name(), hidden)));
         }
         Ok(Some(bound))
     }
@@ -447,4 +450,23 @@ impl Job<'_> {
     fn output_error(&self, cause: std::io::Error) -> BuildError {
         BuildError::from(BuildFault::Output { path: self.output.to_path_buf(), cause })
     }
+}
+
+fn no_channel(channel: Channel, surface: SurfaceKind) -> Fault {
+    match (channel, surface) {
+        (Channel::Value, SurfaceKind::Cells) => usage!(
+            "cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use {SURFACE} skin"
+        ),
+        (Channel::Color | Channel::Material, SurfaceKind::Cells) => usage!(
+            "cells hold the shape of a surface alone, so there is no channel '{channel}'; leave it out, or use {SURFACE} skin"
+        ),
+        _ => usage!("does not have the channel '{channel}'; leave it out"),
+    }
+}
+
+fn nothing_visible(name: String, boxes: u64) -> BuildFault {
+    let fault = unfit!(
+        "none of the {boxes} boxes of its surface can be seen from there; give another {VISIBLE_FROM}"
+    );
+    BuildFault::Said { name, fault }
 }

@@ -6,8 +6,10 @@ use std::str::FromStr;
 use super::{BuildError, Connectivity, Gradient, LabelChoice, MAX_SMOOTH, ViewedFrom};
 use crate::budget::MemoryCap;
 use crate::builder::BuildFault;
+use crate::fault::usage;
 use crate::format::{Channel, Channels, LabelName, Selection, SurfaceKind};
-use crate::text::some_text;
+use crate::text::names::{ERROR, SURFACE};
+use crate::text::{Short, some_text};
 use crate::volume::Overlap;
 
 /// How to choose what is inside; values are physical (after rescale).
@@ -210,9 +212,20 @@ impl BuildOptions {
         let Some(error) = self.error.filter(|_| self.joins()) else { return Ok(()) };
         let voxels = error.voxels(spacing_mm);
         let fault = if self.surface != Some(SurfaceKind::Cells) {
-            BuildFault::ErrorOfSkin { name: name() }
+            BuildFault::Said {
+                name: name(),
+                fault: usage!(
+                    "only cells are joined into larger leaves; leave out {ERROR}, or use {SURFACE} cells"
+                ),
+            }
         } else if !(voxels > 0.0 && voxels <= 1.0) {
-            BuildFault::ErrorRange { name: name(), voxels }
+            BuildFault::Said {
+                name: name(),
+                fault: usage!(
+                    "{ERROR} is {} voxels of the finest spacing here; give a bound above 0 and up to 1 voxel",
+                    Short(voxels)
+                ),
+            }
         } else {
             return Ok(());
         };

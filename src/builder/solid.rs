@@ -176,7 +176,7 @@ pub trait Solid: Sync {
 
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
-        BuildError::from(BuildFault::NothingInside { name: self.name() })
+        BuildError::from(BuildFault::nothing_inside(self.name()))
     }
 }
 

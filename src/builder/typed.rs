@@ -19,8 +19,9 @@ use crate::volume::VolumeInfo;
 pub(super) fn grid_dims(dims: Dims, surface: SurfaceKind, name: &str) -> Result<Dims, BuildError> {
     match surface {
         SurfaceKind::Skin => Ok(dims),
-        SurfaceKind::Cells => cell_dims(dims)
-            .ok_or_else(|| BuildError::from(BuildFault::NoRoomForCells { name: name.to_owned() })),
+        SurfaceKind::Cells => {
+            cell_dims(dims).ok_or_else(|| BuildError::from(BuildFault::no_room_for_cells(name.to_owned())))
+        }
     }
 }
 

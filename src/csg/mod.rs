@@ -122,7 +122,7 @@ fn solid_of<'a>(
     match options.volume_surface() {
         SurfaceKind::Skin => Ok(Box::new(tree)),
         SurfaceKind::Cells => {
-            let no_room = || BuildFault::NoRoomForCells { name: name.display().to_string() };
+            let no_room = || BuildFault::no_room_for_cells(name.display().to_string());
             let dims = cell_dims(tree.place.dims).ok_or_else(no_room)?;
             Ok(Box::new(CsgCells { tree, dims }))
         }

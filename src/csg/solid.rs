@@ -195,7 +195,7 @@ impl Solid for CsgSolid<'_> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        BuildError::from(BuildFault::NothingInside { name: self.name.clone() })
+        BuildError::from(BuildFault::nothing_inside(self.name.clone()))
     }
 }
 

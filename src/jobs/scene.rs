@@ -9,6 +9,7 @@ use super::relief::Relief;
 use super::render::{Bodies, RenderReport, RenderRequest, paint_whole};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
+use crate::fault::bad;
 use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
@@ -19,8 +20,7 @@ use crate::render::{Image, Projection, RenderFault, ViewPoint};
 #[cfg(feature = "python")]
 pub(crate) use crate::scene::LabelPick;
 use crate::scene::{
-    self, Coloring, Colors, Key, MAX_BYTES, Opacity, Part, Scene, SceneError, SceneFault, SceneModel, Seen,
-    Table,
+    self, Coloring, Colors, Key, MAX_BYTES, Opacity, Part, Scene, SceneError, SceneModel, Seen, Table,
 };
 pub(crate) use crate::scene::{LabelRule, Section};
 use crate::text::shown;
@@ -41,11 +41,12 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     let file = open_file(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();
     if bytes > MAX_BYTES {
-        return Err(wrong(SceneFault::TooLong { bytes, most: MAX_BYTES }));
+        return Err(wrong(bad!("{bytes} bytes are too long for a scene; write at most {MAX_BYTES}")));
     }
     let mut text = Vec::new();
     file.take(MAX_BYTES).read_to_end(&mut text).map_err(unreadable)?;
-    let text = String::from_utf8(text).map_err(|_| wrong(SceneFault::NotText))?;
+    let text =
+        String::from_utf8(text).map_err(|_| wrong(bad!("is not text; a scene is a TOML file in UTF-8")))?;
     scene::read(&text).map_err(wrong)
 }
 
@@ -84,7 +85,7 @@ impl Files {
                     files.models.push(open_model(&path).map_err(|error| match error {
                         Error::Load(cause) if is_scene(scene_path) => {
                             let key = Key { table: Table::Model(number), name: "file" };
-                            let fault = SceneFault::File { key, told: cause.to_string() };
+                            let fault = bad!("{key}: {cause}");
                             Error::Scene(SceneError { path: scene_path.to_path_buf(), fault })
                         }
                         other => other,
@@ -185,14 +186,10 @@ fn parts<'a, D: AsRef<[u8]>>(
         };
         let colors = Colors::of(model, shown);
         if let (None, Some(channel)) = (&colors, placed.coloring.channel()) {
-            return Err(wrong(SceneFault::NoChannel { key: key("material"), channel }).into());
+            return Err(wrong(bad!("{}: takes its colour from the channel {}, which the model lacks; build the model with it, or choose another material", key("material"), channel.name())).into());
         }
         let part = Part::new(view, model.dims(), &affine, &placement, material, clip).map_err(|error| {
-            if is_scene(path) {
-                wrong(SceneFault::Flat { key: key("scale") }).into()
-            } else {
-                Error::from(error)
-            }
+            if is_scene(path) { wrong(scene::flat(&key("scale"))).into() } else { Error::from(error) }
         })?;
         parts.push(part.colored(colors).labelled(opacity));
     }
@@ -214,7 +211,7 @@ fn with_bodies<D: AsRef<[u8]>, T>(
     let of_scene = is_scene(path);
     crate::render::picture::check_size(width, height).map_err(|error| match *error.fault() {
         RenderFault::Size { width, height, most_side, most_pixels } if of_scene && request.size.is_none() => {
-            let fault = SceneFault::Size { width, height, most_side, most_pixels };
+            let fault = bad!("size: a picture of {width}x{height} is not possible; choose sides of 1 to {most_side} and at most {most_pixels} pixels");
             SceneError { path: path.to_path_buf(), fault }.into()
         }
         _ => Error::from(error),
@@ -227,7 +224,7 @@ fn with_bodies<D: AsRef<[u8]>, T>(
         Error::Render(error) if of_scene && request.point.is_none() && request.fov_deg.is_none() => {
             match error.fault() {
                 RenderFault::Camera(fault) => {
-                    let fault = SceneFault::Camera(*fault);
+                    let fault = bad!("[camera]: {fault}");
                     Error::Scene(SceneError { path: path.to_path_buf(), fault })
                 }
                 _ => error.into(),

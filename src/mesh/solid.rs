@@ -35,10 +35,11 @@ use crate::builder::{
     SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::cpu::{Kernel, Lanes, dispatch};
-use crate::fault::Fault;
+use crate::fault::{Fault, unfit};
 use crate::format::{Channel, Metadata, SourceMeta, normal};
 use crate::geom::Dims;
 use crate::identity::file_identity;
+use crate::text::names::FILL;
 use crate::volume::SourceError;
 
 /// Rows and columns of a brick.
@@ -116,9 +117,9 @@ impl Solid for MeshSolid {
     fn nothing_inside(&self) -> BuildError {
         let name = self.name.clone();
         if self.open {
-            return BuildFault::NothingInsideOpen { name }.into();
+            return BuildFault::Said { name, fault: unfit!("no voxel is inside, as the mesh is open and its caps enclose too little; {FILL} surface builds skin of the voxels that it passes through, and a finer grid may help") }.into();
         }
-        BuildFault::NothingInside { name }.into()
+        BuildFault::nothing_inside(name).into()
     }
 
     fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {

@@ -1,9 +1,11 @@
 //! Values of a scene's text: within their limits, or refused with their key.
 
+use crate::fault::{Fault, bad};
 use crate::geom::dot;
 use crate::render::shade::linear_of;
+use crate::text::{Short, shown};
 
-use super::fault::{Key, SceneFault, Table};
+use super::fault::{Key, Table};
 
 /// Lengths and places in mm.
 pub(super) const FAR: f64 = 1e12;
@@ -23,14 +25,14 @@ impl Checked {
         name: &'static str,
         value: f64,
         [least, most]: [f64; 2],
-    ) -> Result<f64, SceneFault> {
+    ) -> Result<f64, Fault> {
         if (least..=most).contains(&value) {
             return Ok(value);
         }
-        Err(SceneFault::Range { key: self.key(name), value, least, most })
+        Err(bad!("{}: {value} is out of range; choose {} to {}", self.key(name), Short(least), Short(most)))
     }
 
-    pub(super) fn part(&self, name: &'static str, value: Option<f64>, usual: f64) -> Result<f64, SceneFault> {
+    pub(super) fn part(&self, name: &'static str, value: Option<f64>, usual: f64) -> Result<f64, Fault> {
         value.map_or(Ok(usual), |value| self.number(name, value, [0.0, 1.0]))
     }
 
@@ -40,29 +42,43 @@ impl Checked {
         value: Option<u32>,
         usual: u32,
         limits: [u32; 2],
-    ) -> Result<u32, SceneFault> {
+    ) -> Result<u32, Fault> {
         let Some(value) = value else { return Ok(usual) };
         self.number(name, value.into(), limits.map(f64::from)).map(|_| value)
     }
 
-    pub(super) fn point(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
+    pub(super) fn point(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], Fault> {
         value.iter().try_for_each(|v| self.number(name, *v, [-FAR, FAR]).map(|_| ()))?;
         Ok(value)
     }
 
     /// A unit vector.
-    pub(super) fn direction(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], SceneFault> {
+    pub(super) fn direction(&self, name: &'static str, value: [f64; 3]) -> Result<[f64; 3], Fault> {
         let value = self.point(name, value)?;
         let length = dot(value, value).sqrt();
         if !length.is_normal() {
-            return Err(SceneFault::NoDirection { key: self.key(name) });
+            return Err(bad!(
+                "{}: {}",
+                self.key(name),
+                if name == "planes" {
+                    "a row of which the first three numbers are 0 is not a direction; write rows such as [0, 0, 1, 40]"
+                } else {
+                    "has no length, so it is not a direction; write one such as [0, -1, 1]"
+                }
+            ));
         }
         Ok(value.map(|c| c / length))
     }
 
     /// Linear RGB of `#rrggbb`.
-    pub(super) fn color(&self, name: &'static str, text: &str) -> Result<[f64; 3], SceneFault> {
-        let wrong = || SceneFault::Color { key: self.key(name), text: text.to_owned() };
+    pub(super) fn color(&self, name: &'static str, text: &str) -> Result<[f64; 3], Fault> {
+        let wrong = || {
+            bad!(
+                "{}: '{}' is not a colour; write six hex digits for red, green and blue, such as \"#e8d8b0\"",
+                self.key(name),
+                shown(text)
+            )
+        };
         let digits =
             text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
         let code = u32::from_str_radix(digits.ok_or_else(wrong)?, 16).map_err(|_| wrong())?;
@@ -75,19 +91,18 @@ impl Checked {
         color: Option<&str>,
         strength: Option<f64>,
         usual: f64,
-    ) -> Result<[f64; 3], SceneFault> {
+    ) -> Result<[f64; 3], Fault> {
         let color = color.map_or(Ok([1.0; 3]), |text| self.color("color", text))?;
         let strength = strength.map_or(Ok(usual), |v| self.number("strength", v, [0.0, STRONG]))?;
         Ok(color.map(|c| c * strength))
     }
 
-    pub(super) fn not_both(
-        &self,
-        name: &'static str,
-        given: bool,
-        other: &'static str,
-    ) -> Result<(), SceneFault> {
-        if given { Err(SceneFault::Both { key: self.key(name), other }) } else { Ok(()) }
+    pub(super) fn not_both(&self, name: &'static str, given: bool, other: &'static str) -> Result<(), Fault> {
+        if given {
+            Err(bad!("{}: does not go with {other}; leave one of them out", self.key(name)))
+        } else {
+            Ok(())
+        }
     }
 
     pub(super) fn unknown<'n>(
@@ -95,12 +110,29 @@ impl Checked {
         name: &'static str,
         given: &str,
         known: impl IntoIterator<Item = &'n str>,
-    ) -> SceneFault {
-        let known = known.into_iter().map(str::to_owned).collect();
-        SceneFault::Unknown { key: self.key(name), name: given.to_owned(), known }
+    ) -> Fault {
+        let known: Vec<String> = known.into_iter().map(str::to_owned).collect();
+        bad!("{}: '{}' is unknown; choose {}", self.key(name), shown(given), any_of(&known))
     }
 
-    pub(super) fn few(&self, name: &'static str, count: usize, most: usize) -> Result<(), SceneFault> {
-        if count > most { Err(SceneFault::TooMany { key: self.key(name), count, most }) } else { Ok(()) }
+    pub(super) fn few(&self, name: &'static str, count: usize, most: usize) -> Result<(), Fault> {
+        if count > most {
+            Err(bad!("{}: {count} are too many; write at most {most}", self.key(name)))
+        } else {
+            Ok(())
+        }
     }
+}
+
+fn any_of(names: &[String]) -> String {
+    let mut text = String::new();
+    for (at, name) in names.iter().enumerate() {
+        let before = match at {
+            0 => "",
+            _ if at + 1 == names.len() => " or ",
+            _ => ", ",
+        };
+        text += &format!("{before}{}", shown(name));
+    }
+    text
 }

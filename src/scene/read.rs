@@ -1,8 +1,10 @@
 //! From the text of a scene to checked values.
 
+use crate::fault::{Fault, bad};
 use crate::geom::{Affine, add_scaled, dot};
 use crate::render::ambient::MAX_RAYS;
 use crate::render::{NamedView, Samples, Shading};
+use crate::text::shown;
 
 use super::checked::{Checked, FAR};
 use super::clip::{Clip, CutPlane};
@@ -10,7 +12,7 @@ use super::describe::{
     AmbientKeys, CameraKeys, ChannelName, ClipKeys, Description, LabelKey, LightKeys, LightName,
     MaterialKeys, ModelKeys, PivotKey, ScaleKey,
 };
-use super::fault::{SceneFault, Table};
+use super::fault::{Key, Table};
 use super::labels::{LabelPick, LabelRule};
 use super::light::{Ambient, Light, LightKind};
 use super::material::{Coloring, Material, PRESETS};
@@ -40,23 +42,24 @@ type Substance = (Material, Coloring);
 ///
 /// # Errors
 /// The first thing that is wrong with it.
-pub(crate) fn read(text: &str) -> Result<Scene, SceneFault> {
-    let description: Description = toml::from_str(text).map_err(|fault| SceneFault::Toml {
-        line: fault.span().map(|span| 1 + text.bytes().take(span.start).filter(|b| *b == b'\n').count()),
-        parser: fault.message().to_owned(),
+pub(crate) fn read(text: &str) -> Result<Scene, Fault> {
+    let description: Description = toml::from_str(text).map_err(|fault| {
+        let number = |start| 1 + text.bytes().take(start).filter(|b| *b == b'\n').count();
+        let line = fault.span().map_or_else(String::new, |span| format!("line {}: ", number(span.start)));
+        bad!("{line}{}; SCENES.md lists every key", shown(fault.message()))
     })?;
     scene(&description)
 }
 
-fn scene(keys: &Description) -> Result<Scene, SceneFault> {
+fn scene(keys: &Description) -> Result<Scene, Fault> {
     let top = Checked(Table::Top);
     if keys.model.is_empty() {
-        return Err(SceneFault::NoModels);
+        return Err(bad!("names no model; add a table [[model]] with file = \"MODEL.oct\""));
     }
     top.few("model", keys.model.len(), MAX_MODELS)?;
     top.few("light", keys.light.len(), MAX_LIGHTS)?;
     let materials = keys.material.iter().map(|(name, keys)| Ok((name.as_str(), substance(name, keys)?)));
-    let materials: Vec<(&str, Substance)> = materials.collect::<Result<_, SceneFault>>()?;
+    let materials: Vec<(&str, Substance)> = materials.collect::<Result<_, Fault>>()?;
     let all = clip(Table::Clip, &keys.clip)?;
     let models = (1..).zip(&keys.model).map(|(number, keys)| model(number, keys, &materials, &all));
     let lights = (1..).zip(&keys.light).map(|(number, keys)| light(number, keys));
@@ -79,7 +82,7 @@ fn scene(keys: &Description) -> Result<Scene, SceneFault> {
 }
 
 /// Rays of a pixel, from so many along each of its sides.
-fn samples(top: &Checked, keys: &Description) -> Result<Samples, SceneFault> {
+fn samples(top: &Checked, keys: &Description) -> Result<Samples, Fault> {
     Ok(match top.whole("samples", keys.samples, 1, [1, MAX_SAMPLES])? {
         1 => Samples::One,
         2 => Samples::Four,
@@ -88,7 +91,7 @@ fn samples(top: &Checked, keys: &Description) -> Result<Samples, SceneFault> {
     })
 }
 
-fn camera(keys: &CameraKeys) -> Result<SceneCamera, SceneFault> {
+fn camera(keys: &CameraKeys) -> Result<SceneCamera, Fault> {
     let on = Checked(Table::Camera);
     let view = keys
         .view
@@ -103,11 +106,11 @@ fn camera(keys: &CameraKeys) -> Result<SceneCamera, SceneFault> {
         // What is not finite, or the same, the camera itself refuses.
         (Some(eye), Some(look_at)) => Some([eye, look_at]),
         (None, None) => None,
-        (Some(_), None) => return Err(SceneFault::Needs { key: on.key("eye"), other: "look_at" }),
-        (None, Some(_)) => return Err(SceneFault::Needs { key: on.key("look_at"), other: "eye" }),
+        (Some(_), None) => return Err(bad!("{}: needs look_at as well; add it", on.key("eye"))),
+        (None, Some(_)) => return Err(bad!("{}: needs eye as well; add it", on.key("look_at"))),
     };
     if keys.up.is_some() && eye.is_none() {
-        return Err(SceneFault::Needs { key: on.key("up"), other: "eye" });
+        return Err(bad!("{}: needs eye as well; add it", on.key("up")));
     }
     Ok(SceneCamera {
         view: view.transpose()?,
@@ -119,7 +122,7 @@ fn camera(keys: &CameraKeys) -> Result<SceneCamera, SceneFault> {
     })
 }
 
-fn ambient(keys: &AmbientKeys) -> Result<Ambient, SceneFault> {
+fn ambient(keys: &AmbientKeys) -> Result<Ambient, Fault> {
     let on = Checked(Table::Ambient);
     Ok(Ambient {
         color: on.light(keys.color.as_deref(), keys.strength, 0.1)?,
@@ -128,9 +131,9 @@ fn ambient(keys: &AmbientKeys) -> Result<Ambient, SceneFault> {
     })
 }
 
-fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
+fn light(number: usize, keys: &LightKeys) -> Result<Light, Fault> {
     let on = Checked(Table::Light(number));
-    let needs = |name, other| SceneFault::Needs { key: on.key(name), other };
+    let needs = |name, other| bad!("{}: needs {other} as well; add it", on.key(name));
     on.not_both("at", keys.at.is_some() && keys.kind != LightName::Point, "kind")?;
     on.not_both("from", keys.from.is_some() && keys.kind != LightName::Directional, "kind")?;
     let kind = match keys.kind {
@@ -151,11 +154,11 @@ fn light(number: usize, keys: &LightKeys) -> Result<Light, SceneFault> {
     })
 }
 
-fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
+fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, Fault> {
     let material = material(name, keys)?;
     let on = Checked(Table::Material(name.to_owned()));
     let by_preset = keys.preset.as_deref().map_or(Coloring::Own, Coloring::preset);
-    let needs = |key, other| SceneFault::Needs { key: on.key(key), other };
+    let needs = |key, other| bad!("{}: needs {other} as well; add it", on.key(key));
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::Color), "channel")?;
     on.not_both("colors", keys.colors.is_some() && keys.channel == Some(ChannelName::None), "channel")?;
     let colors = |given: &[(f64, String)]| {
@@ -163,11 +166,14 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
         let one = |(value, text): &(f64, String)| {
             Ok((on.number("colors", *value, [-FAR, FAR])?, on.color("colors", text)?))
         };
-        let all: Vec<(f64, [f64; 3])> = given.iter().map(one).collect::<Result<_, SceneFault>>()?;
+        let all: Vec<(f64, [f64; 3])> = given.iter().map(one).collect::<Result<_, Fault>>()?;
         if all.is_sorted_by(|a, b| a.0 < b.0) && !all.is_empty() {
             Ok(all)
         } else {
-            Err(SceneFault::Order { key: on.key("colors") })
+            Err(bad!(
+                "{}: needs numbers that rise, each with its colour, as in [[-100, \"#e2b484\"], [400, \"#f0e8d8\"]]",
+                on.key("colors")
+            ))
         }
     };
     let coloring = match (keys.channel, keys.colors.as_deref()) {
@@ -182,18 +188,21 @@ fn substance(name: &str, keys: &MaterialKeys) -> Result<Substance, SceneFault> {
             let label = |(number, color): (f64, [f64; 3])| {
                 let number = on.number("colors", number, [0.0, 255.0])?;
                 if number.fract() != 0.0 {
-                    return Err(SceneFault::Label { key: on.key("colors"), value: number });
+                    return Err(bad!(
+                        "{}: {number} is not a label; labels are whole numbers from 0 to 255",
+                        on.key("colors")
+                    ));
                 }
                 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
                 Ok((number as u8, color))
             };
-            Coloring::Labels(colors(given)?.into_iter().map(label).collect::<Result<_, SceneFault>>()?)
+            Coloring::Labels(colors(given)?.into_iter().map(label).collect::<Result<_, Fault>>()?)
         }
     };
     Ok((material, coloring))
 }
 
-fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
+fn material(name: &str, keys: &MaterialKeys) -> Result<Material, Fault> {
     let on = Checked(Table::Material(name.to_owned()));
     let base = match keys.preset.as_deref() {
         None => Material::default(),
@@ -211,7 +220,7 @@ fn material(name: &str, keys: &MaterialKeys) -> Result<Material, SceneFault> {
     })
 }
 
-fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
+fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, Fault> {
     let on = Checked(table);
     on.few("planes", keys.planes.len(), MAX_PLANES)?;
     let cap = keys.cap.as_deref().map(|text| on.color("cap", text)).transpose()?;
@@ -220,7 +229,10 @@ fn clip(table: Table, keys: &ClipKeys) -> Result<Clip, SceneFault> {
         for axis in 0..3 {
             let (low, high) = (on.point("box", low)?[axis], on.point("box", high)?[axis]);
             if low >= high {
-                return Err(SceneFault::EmptyBox { key: on.key("box") });
+                return Err(bad!(
+                    "{}: holds nothing; write the low corner first, as in [[-50, -50, 0], [50, 50, 90]]",
+                    on.key("box")
+                ));
             }
             let mut normal = [0.0; 3];
             normal[axis] = 1.0;
@@ -242,7 +254,7 @@ fn model(
     keys: &ModelKeys,
     materials: &[(&str, Substance)],
     all: &Clip,
-) -> Result<SceneModel, SceneFault> {
+) -> Result<SceneModel, Fault> {
     let on = Checked(Table::Model(number));
     let (material, coloring) = match keys.material.as_deref() {
         None => Substance::default(),
@@ -264,10 +276,8 @@ fn model(
     })
 }
 
-fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, SceneFault> {
-    let pick = |name, text: &str| {
-        text.parse::<LabelPick>().map_err(|told| SceneFault::Labels { key: on.key(name), told })
-    };
+fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, Fault> {
+    let pick = |name, text: &str| text.parse::<LabelPick>().map_err(|told| bad!("{}: {told}", on.key(name)));
     let mut rules = Vec::new();
     let mut add = |name, key: &LabelKey, opacity| {
         let labels = match key {
@@ -275,7 +285,7 @@ fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, SceneFault> 
             LabelKey::Text(text) => pick(name, text)?,
         };
         rules.push(LabelRule { labels, opacity });
-        Ok::<_, SceneFault>(())
+        Ok::<_, Fault>(())
     };
     if let Some(only) = &keys.only {
         add("only", &LabelKey::Text("all".into()), 0.0)?;
@@ -290,7 +300,14 @@ fn labels(on: &Checked, keys: &ModelKeys) -> Result<Vec<LabelRule>, SceneFault> 
     Ok(rules)
 }
 
-fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {
+/// A placement without a volume.
+pub(crate) fn flat(key: &Key) -> Fault {
+    bad!(
+        "{key}: leaves the model without a volume; choose factors that are not 0, or rows that are not parallel"
+    )
+}
+
+fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, Fault> {
     if let Some(rows) = keys.place {
         for (name, given) in [
             ("scale", keys.scale.is_some()),
@@ -303,7 +320,7 @@ fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {
         }
         rows.iter().flatten().try_for_each(|v| on.number("place", *v, [-FAR, FAR]).map(|_| ()))?;
         let affine = Affine { rows };
-        return affine.inverse().map(|_| Place::Map(affine)).ok_or(SceneFault::Flat { key: on.key("place") });
+        return affine.inverse().map(|_| Place::Map(affine)).ok_or_else(|| flat(&on.key("place")));
     }
     on.not_both("at", keys.at.is_some() && keys.moved.is_some(), "move")?;
     let scale = match keys.scale {
@@ -320,7 +337,7 @@ fn place(on: &Checked, keys: &ModelKeys) -> Result<Place, SceneFault> {
     };
     let placement = Placement { scale, turn_deg, pivot: [0.0; 3], at };
     if placement.affine().inverse().is_none() {
-        return Err(SceneFault::Flat { key: on.key("scale") });
+        return Err(flat(&on.key("scale")));
     }
     match &keys.pivot {
         None => Ok(Place::Middle { placement, moved }),

@@ -1,7 +1,7 @@
 //! The volume formats that are read besides DICOM and headerless files: two short lists.
 //!
-//! A new format is a file in this folder and a row here. Its faults go into `facts`, and its name into the sentence
-//! about files of unknown kind (`discovery::open`); a format that states no placement says so in its row, and
+//! A new format is a file in this folder, with the sentences of its faults, and a row here. Its name goes into the
+//! sentence about files of unknown kind (`discovery::open`); a format that states no placement says so in its row, and
 //! its suffix stands in `discovery::placing`; one whose axes are a patient's is named in `page`.
 //!
 //! A file belongs to the first format of [`FORMATS`] that recognises it, else, if [`STACKS`] does, to the

@@ -37,7 +37,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("csg", "budget builder fault format geom identity mesh progress scratch source text volume"),
     ("load", "budget cpu exit format geom text"),
     ("render", "atomic budget cpu exit format geom load mark text"),
-    ("scene", "cpu exit format geom load render text"),
+    ("scene", "cpu exit fault format geom load render text"),
     ("enclosed", "format geom load"),
     ("page", "format geom load render text"),
     ("export", "cpu enclosed format geom load progress render scratch text"),

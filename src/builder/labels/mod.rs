@@ -32,7 +32,7 @@ use crate::geom::Dims;
 use crate::text::Short;
 use crate::volume::{SourceError, StatedLabel, VolumeInfo, VolumeSource};
 
-use crate::fault::{Fault, bad};
+use crate::fault::{Fault, bad, unfit, usage};
 use cells::CellWorker;
 pub(super) use cells::worker_bytes;
 use ring::ConvertRow;
@@ -113,12 +113,16 @@ pub(super) fn label_solid<'a>(
     let refused = options.labels_refused();
     if let Some(asked) = refused {
         let name = source.info().description.name.clone();
-        return Err(BuildFault::NotOfLabels { name, asked }.into());
+        return Err(BuildFault::Said {
+            name,
+            fault: usage!("a label model does not support {asked} yet; leave it out"),
+        }
+        .into());
     }
     let info = source.info();
     let dims = cell_dims(info.dims).ok_or_else(|| {
         let name = info.description.name.clone();
-        BuildFault::NoRoomForCells { name }
+        BuildFault::no_room_for_cells(name)
     })?;
     let solid = LabelSolid {
         source,
@@ -277,7 +281,11 @@ impl Solid for LabelSolid<'_> {
     }
 
     fn nothing_inside(&self) -> BuildError {
-        BuildFault::NoLabels { name: self.name() }.into()
+        BuildFault::Said {
+            name: self.name(),
+            fault: unfit!("no voxel has one of the labels asked for; choose others, or all of them"),
+        }
+        .into()
     }
 }
 

@@ -104,7 +104,7 @@ impl PartsInput<'_> {
             SurfaceKind::Skin => info.dims,
             SurfaceKind::Cells => cell_dims(info.dims).ok_or_else(|| {
                 let name = info.description.name.clone();
-                Error::Build(BuildError::from(BuildFault::NoRoomForCells { name }))
+                Error::Build(BuildError::from(BuildFault::no_room_for_cells(name)))
             })?,
         };
         let by_otsu = self.threshold() == Threshold::Otsu;
