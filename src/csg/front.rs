@@ -146,7 +146,7 @@ impl<'a, 't> Front<'a, 't> {
 
     fn volume(&self, path: &Path) -> Result<&'a dyn VolumeSource, BuildError> {
         let known = self.volumes.iter().find(|(own, _)| own == path).map(|(_, source)| *source);
-        known.ok_or_else(|| SourceError::from(Fault::no_volume().at(&path)).into())
+        known.ok_or_else(|| SourceError::from(Fault::no_volume().at(path)).into())
     }
 
     fn mesh(

@@ -79,7 +79,7 @@ fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, Sou
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
     let file = open_file(path).map_err(|cause| {
         if is_not_regular(&cause) {
-            return bad!("is neither a file nor a folder; name one of these").at(&path).into();
+            return bad!("is neither a file nor a folder; name one of these").at(path).into();
         }
         unreadable(cause)
     })?;
@@ -138,7 +138,7 @@ pub(crate) fn check_links(tree: &Tree, text: &Path) -> Result<(), SourceError> {
 }
 
 pub(super) fn unusable(path: &Path, fault: Fault) -> SourceError {
-    SourceError::from(Fault::from(fault).at(&path))
+    SourceError::from(fault.at(path))
 }
 
 pub(super) fn too_small(path: &Path, memory: MemoryCap, bytes: u64) -> BuildError {

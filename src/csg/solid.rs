@@ -165,7 +165,7 @@ impl Solid for CsgSolid<'_> {
         if let Some((path, then)) = &self.text
             && file_identity(path) != *then
         {
-            return Err(Fault::changed().at(&path).into());
+            return Err(Fault::changed().at(path).into());
         }
         self.sampled.iter().try_for_each(|leaf| leaf.solid.check_unchanged())
     }

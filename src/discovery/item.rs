@@ -332,7 +332,7 @@ fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
 
 /// The error of a file that is not what it was when its folder was searched.
 pub(super) fn changed_meanwhile(path: &Path) -> SourceError {
-    SourceError::from(bad!("was changed while the folders were searched; start again").at(&path))
+    SourceError::from(bad!("was changed while the folders were searched; start again").at(path))
 }
 
 /// A subject of one file or folder, of which no more is known than that.

@@ -106,7 +106,7 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
     let is_empty =
         |path: &&PathBuf| std::fs::metadata(path).is_ok_and(|meta| meta.is_file() && meta.len() == 0);
     if let Some(path) = inputs.iter().find(is_empty) {
-        return Err(bad!("is empty; give a DICOM series or headerless voxels").at(&path).into());
+        return Err(bad!("is empty; give a DICOM series or headerless voxels").at(path).into());
     }
     // The samples of a pair do not say what they are; their header does.
     let header = match inputs {
@@ -128,7 +128,7 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
             return match options.volume {
                 None | Some(1) => Ok(volume),
                 Some(wanted) => {
-                    Err(usage!("there is no volume {wanted}: the input has only one").at(&data).into())
+                    Err(usage!("there is no volume {wanted}: the input has only one").at(data).into())
                 }
             };
         }
@@ -411,7 +411,7 @@ impl Chooser {
                 }
                 None => Fault::no_volume(),
             };
-            let none = || SourceError::from(misuse.at(&first));
+            let none = || SourceError::from(misuse.at(first));
             return Err(errors.remove(&number).unwrap_or_else(none));
         };
         let mut notes = Vec::new();
@@ -478,7 +478,7 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
         return error;
     }
     if let Some(what) = known_folder(first) {
-        return known_otherwise(what).at(&first).into();
+        return known_otherwise(what).at(first).into();
     }
     let files: u64 = found.left_out().iter().map(|l| l.count).sum();
     let found = match found.left_out() {
@@ -535,7 +535,7 @@ fn refuse_file(path: &Path) -> SourceError {
             "is not a file of a known kind; for headerless voxels add {DIMS} NXxNYxNZ and {DTYPE}, or put a side-car with dims and dtype beside it, as NAME.json"
         )
     };
-    let undescribed = || SourceError::from(misuse.at(&path));
+    let undescribed = || SourceError::from(misuse.at(path));
     sidecar::wrong_beside(path).unwrap_or_else(undescribed)
 }
 

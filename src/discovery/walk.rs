@@ -65,7 +65,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
             visitor.file(at, Path::new(""), &meta)?;
         } else {
             // Opening a pipe could wait forever.
-            return Err(bad!("is neither a file nor a folder; name one of these").at(&input).into());
+            return Err(bad!("is neither a file nor a folder; name one of these").at(input).into());
         }
     }
     Ok(())

@@ -129,7 +129,7 @@ impl Solid for MeshSolid {
     /// Files are gone through several times, and what one pass found is taken for true in the next.
     fn check_unchanged(&self) -> Result<(), SourceError> {
         match self.inputs.iter().find(|(path, then)| file_identity(path) != *then) {
-            Some((path, _)) => Err(Fault::changed().at(&path).into()),
+            Some((path, _)) => Err(Fault::changed().at(path).into()),
             None => Ok(()),
         }
     }

@@ -140,7 +140,7 @@ impl Header {
                 continue;
             }
             let Some((field, value)) = line.split_once(':') else {
-                wrong.get_or_insert_with(|| not_a_field(&line).into());
+                wrong.get_or_insert_with(|| not_a_field(&line));
                 continue;
             };
             let (field, value) = (field.trim().to_lowercase(), value.trim());
@@ -164,9 +164,9 @@ impl Header {
                 }
                 header.data = Some(data_file(path, value).map_err(|fault| unusable(path, fault))?);
             } else if let Err(fault) = once.check(&field) {
-                wrong.get_or_insert(fault.into());
+                wrong.get_or_insert(fault);
             } else if let Err(fault) = header.field(&field, value) {
-                wrong.get_or_insert(fault.into());
+                wrong.get_or_insert(fault);
             }
         }
         match wrong {

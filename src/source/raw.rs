@@ -212,7 +212,7 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
     for path in inputs {
         if is_dir(path)? {
             return Err(usage!("is a folder among several inputs; give one folder, or files only")
-                .at(&path)
+                .at(path)
                 .into());
         }
         list.push(path);

@@ -121,7 +121,7 @@ fn open_file(path: &Path) -> Result<(File, u64, Vec<u8>, Format), Stop> {
     let file = platform::open_file(path).map_err(Stop::Read)?;
     let bytes = file.metadata().map_err(Stop::Read)?.len();
     let head = stream::head(&file).map_err(Stop::Read)?;
-    let format = Format::of(&head, bytes, path).ok_or_else(|| unknown_format())?;
+    let format = Format::of(&head, bytes, path).ok_or_else(unknown_format)?;
     Ok((file, bytes, head, format))
 }
 

@@ -6,7 +6,6 @@
 use std::path::{Path, PathBuf};
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::fault::Fault;
 use crate::platform::open_file;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
@@ -80,7 +79,7 @@ impl Fields {
                 self.resolution = numbers(value).ok_or_else(|| missing("resolution"))?;
             }
             ("geometry", "unit") => self.unit = Some(value.to_owned()),
-            (_, "name") if of_file => listed(&mut self.files, value).map_err(Fault::from)?,
+            (_, "name") if of_file => listed(&mut self.files, value)?,
             (_, "skipheader") if of_file => self.skip = value.parse().map_err(|_| missing("SkipHeader"))?,
             (_, "fileformat") if of_file && !value.eq_ignore_ascii_case("raw") => {
                 return Err(unread(format!("files of the format `{value}`"), "export it as raw"));

@@ -11,7 +11,7 @@ use crate::volume::ScalarType;
 const LONGEST: usize = 64;
 
 fn wrong(fault: Fault) -> io::Error {
-    Fault::from(fault).in_stream()
+    fault.in_stream()
 }
 
 /// Numbers between white space or commas as the little-endian bytes of their type.

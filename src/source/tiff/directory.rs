@@ -12,7 +12,7 @@ const MAX_ENTRIES: u64 = 512;
 
 /// An error that says what is damaged.
 pub(super) fn damaged(fault: Fault) -> io::Error {
-    Fault::from(fault).in_stream()
+    fault.in_stream()
 }
 
 /// An open file and how its numbers are written.

@@ -81,10 +81,16 @@ impl Image {
         let is_usual = names.ends_with(&["z", "y", "x"]) || (axes == 2 && names == ["y", "x"]);
         if names.len() != axes || !(is_usual || names.ends_with(&["y", "x"])) {
             let what = format!("axes in the order {}", names.join(", "));
-            return Err(bad!("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", what.escape_debug()).into());
+            return Err(bad!(
+                "holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks",
+                what.escape_debug()
+            ));
         }
         if !is_usual {
-            return Err(bad!("holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks", ("pictures of two dimensions").escape_debug()).into());
+            return Err(bad!(
+                "holds {}, which is not read; pass the array to `infobyte.build` in Python, which reads any chunks",
+                ("pictures of two dimensions").escape_debug()
+            ));
         }
         let (mut spacing, mut origin) = ([1.0; 3], [0.0; 3]);
         for (axis, at) in (0..axes).rev().take(3).enumerate() {

@@ -99,7 +99,10 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         let (image, level) = Image::read(&what, None).map_err(refused)?;
         let inside = folder.join(&level);
         if !options.follow_links && !super::stays(path, &inside) {
-            return Err(refused(bad!("its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}", level.escape_debug()).into()));
+            return Err(refused(bad!(
+                "its data file `{}` is a link that leads out of the folder of the header; put the data there, or add {FOLLOW_LINKS}",
+                level.escape_debug()
+            )));
         }
         (Some(image), inside, base_name(folder))
     } else {
@@ -188,7 +191,7 @@ fn volumes(
     let side = |side: u64| u32::try_from(side).unwrap_or(u32::MAX);
     let [nz, ny, nx] = array.size.map(side);
     let dims = Dims::new(nx, ny, nz)
-        .ok_or_else(|| refused(bad!("has a side of 0 voxels, or of more than {}", Dims::MAX_SIDE).into()))?;
+        .ok_or_else(|| refused(bad!("has a side of 0 voxels, or of more than {}", Dims::MAX_SIDE)))?;
     let mut notes = Vec::new();
     let mut affine = Affine::from_spacing([1.0; 3]);
     let mut spacing_mm = [1.0; 3];

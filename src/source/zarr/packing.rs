@@ -118,7 +118,7 @@ impl Packing {
         let Place { file, at, length } = place;
         let mut length = *length;
         if self.checked {
-            length = length.checked_sub(4).ok_or_else(|| short())?;
+            length = length.checked_sub(4).ok_or_else(short)?;
             check(file, *at, length)?;
         }
         let input = || section(file, *at, length);
@@ -138,7 +138,7 @@ impl Packing {
             Codec::Lz4 => {
                 let mut packed = vec![0; usize::try_from(length).unwrap_or(usize::MAX)];
                 file.read_exact_at(&mut packed, *at)?;
-                let (stated, packed) = packed.split_at_checked(4).ok_or_else(|| short())?;
+                let (stated, packed) = packed.split_at_checked(4).ok_or_else(short)?;
                 let stated = stated.try_into().map_or(0, u32::from_le_bytes);
                 if u64::from(stated) != bytes {
                     return Err(damaged("its length"));

@@ -133,7 +133,7 @@ impl Resolver<'_> {
             return self.decode(*at);
         }
         if uri.contains("://") {
-            return Err(outside(&uri).into());
+            return Err(outside(uri).into());
         }
         let (file, path, bytes) = open_linked(self.path, &unescaped(uri), self.limits.follow_links)?;
         self.files.push(path);

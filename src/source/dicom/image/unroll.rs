@@ -442,7 +442,7 @@ impl<'a> Rows<'a> {
         decoded.map_err(|error| Failure::Codec(frame, error))?;
         if next < image.layout.rows {
             let mismatch = damaged(format!("it has {next} rows of {}", image.layout.rows));
-            return Err(Failure::Codec(frame, mismatch.into()));
+            return Err(Failure::Codec(frame, mismatch));
         }
         Ok(())
     }
