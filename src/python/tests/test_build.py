@@ -94,17 +94,19 @@ def test_thresholds(bumps):
 def test_labels(tmp_path):
     z, y, x = np.mgrid[:20, :24, :28]
     array = np.where((x > 4) & (x < 20) & (y > 3) & (y < 20) & (z > 2) & (z < 15), np.where(x < 12, 7, 9), 0).astype(np.uint8)
-    model = built(array, iso=None, labels="all", surface="skin", names={7: "left", 9: "right"})
+    model = built(array, iso=None, labels="all", names={7: "left", 9: "right"})
     assert [(label["number"], label["name"], label["voxels"]) for label in model.info["labels"]] == [
         (7, "left", int((array == 7).sum())), (9, "right", int((array == 9).sum()))]  # fmt: skip
-    assert np.array_equal(model.labels(), array[tuple(model.voxels().T)])
-    # Skin of each, by its definition.
+    # Cells lie between eight samples that are not all of one label; samples beyond the volume are outside.
     padded = np.pad(array, 1)
-    wall = np.zeros(array.shape, bool)
+    low, high = padded, padded
     for axis in range(3):
-        for step in (-1, 1):
-            wall |= np.roll(padded, step, axis)[1:-1, 1:-1, 1:-1] != array
-    assert len(model) == (wall & (array > 0)).sum()
+        front, behind = (slice(None),) * axis + (slice(1, None),), (slice(None),) * axis + (slice(-1),)
+        low, high = np.minimum(low[front], low[behind]), np.maximum(high[front], high[behind])
+    assert len(model) == (low != high).sum()
+    assert np.array_equal(model.labels(), high[tuple(model.voxels().T)])
+    with pytest.raises(infobyte.UsageError):
+        built(array, "d.oct", iso=None, labels="all", surface="skin")
     table = tmp_path / "names.tsv"
     table.write_text("index\tname\n9\tright\n")
     one = built(array.astype(np.int32), "b.oct", iso=None, labels=[9], names=table)
