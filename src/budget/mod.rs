@@ -10,8 +10,8 @@
 //! A [`MemoryCap`] is the requested bound. A [`Budget`] is the memory that may still be used under it, and
 //! [`Budget::reserve`] is the only test of whether something fits. Plans are made by reserving: a stage reserves
 //! what it will hold, in the widest shape that is granted. The smallest cap that works is found by the same
-//! calls in their smallest shape, on a budget without a limit ([`Budget::dry`]), which is asked afterwards how much
-//! was reserved at most ([`Budget::smallest_limit`]).
+//! calls in their smallest shape, on a budget without a limit (`Budget::dry`), which is asked afterwards how much
+//! was reserved at most (`Budget::smallest_limit`).
 //!
 //! | file | what it holds |
 //! |---|---|

@@ -102,7 +102,7 @@ pub struct CleanOptions {
     /// Radius of the closing in voxels, 1 or 2; 0 for none.
     pub close: u32,
     /// Turn cavities, which are parts of the outside that the border of the volume does not touch, into inside?
-    /// They are connected as [`ComponentConnectivity::complement`] says.
+    /// They are connected as `ComponentConnectivity::complement` says.
     pub fill_cavities: bool,
     /// Keep this many of the largest components; of equal ones those whose first voxel comes first in the order
     /// z, y, x.

@@ -1,14 +1,14 @@
 //! The ladder of instruction sets: portable, AVX2, AVX-512 with VBMI2.
 //!
-//! A [`Kernel`] is written once, over [`Lanes`], and `#[inline(always)]` all the way down; it is compiled for each form
+//! A `Kernel` is written once, over `Lanes`, and `#[inline(always)]` all the way down; it is compiled for each form
 //! inside a function with that form's target features. A value of a form's type is the proof that the machine has the
 //! instructions. All forms do the same operations in the same order, each rounded once (nothing is fused), so they give
 //! the same bits.
 //!
 //! | caller | forms |
 //! |---|---|
-//! | [`dispatch`]: builder, packed format, exports | portable, AVX2: memory and branches bound these, and a third form of some 50 kernels would double their part of the compile time |
-//! | [`Form::run`]: rays, shading | all three: VBMI2 compares a brick's pairs of ray and cell sixteen at a time, in 0.55 to 0.7 of AVX2's time |
+//! | `dispatch`: builder, packed format, exports | portable, AVX2: memory and branches bound these, and a third form of some 50 kernels would double their part of the compile time |
+//! | `Form::run`: rays, shading | all three: VBMI2 compares a brick's pairs of ray and cell sixteen at a time, in 0.55 to 0.7 of AVX2's time |
 //!
 //! AVX-512 without VBMI2 (Skylake-SP, Cascade Lake) runs AVX2: pictures take 1.0 to 1.4 times what a fourth form took
 //! there, and that form was a quarter of the machine code of all rays.

@@ -11,7 +11,7 @@ pub(crate) const fn spread(v: u32) -> u64 {
     (x | x << 2) & 0x0000_2492_4924_9249
 }
 
-/// Inverse of [`spread`]: collects bits 0, 3, 6 ... 45 of `code`.
+/// Inverse of `spread`: collects bits 0, 3, 6 ... 45 of `code`.
 #[inline]
 pub const fn compact(code: u64) -> u32 {
     let x = code & 0x0000_2492_4924_9249;

@@ -1,6 +1,6 @@
 //! One ray at a time, two levels at a time, and no step through air: for rays that have no neighbours.
 //!
-//! At each node the ray's [`Line`] is compared with the 4 x 4 x 4 boxes two levels below at once. Those that are
+//! At each node the ray's `Line` is compared with the 4 x 4 x 4 boxes two levels below at once. Those that are
 //! intersected and occupied wait in Morton order, which in mirrored coordinates is front to back. At the last level
 //! `mirrored_ray` decides in integers.
 //!

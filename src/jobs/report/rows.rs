@@ -32,7 +32,7 @@ pub struct Experiment {
 #[serde(into = "[&'static str; 2]")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Drawn {
-    /// Which of [`Costs::NAMES`] is drawn from left to right.
+    /// Which of `Costs::NAMES` is drawn from left to right.
     pub cost: usize,
     /// The error that is drawn upwards.
     pub metric: Metric,
