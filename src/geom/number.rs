@@ -10,12 +10,11 @@
 //! anything: views answer for every number (SPEC 7).
 //!
 //! ```
-//! use infobyte::geom::{BoxIndex, NodeIndex, Octant, VoxelIndex};
+//! use infobyte::geom::{BoxIndex, NodeIndex, VoxelIndex};
 //!
 //! let nodes = 3;
 //! assert_eq!(BoxIndex::new(4).voxel(nodes), VoxelIndex::new(1));
 //! assert_eq!(BoxIndex::ROOT.node(), NodeIndex::ROOT);
-//! assert_eq!(Octant::low_bits(0b1_101).high(), [1, 0, 1]);
 //! ```
 //!
 //! A voxel is not a node, and an octant is not a number of a box:
