@@ -10,6 +10,7 @@ use crate::platform::open_file;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
+use crate::text::plain_head;
 
 /// Kind of a file that is built on a grid of the caller's choice, by its first bytes and its length; by its name where
 /// these do not tell.
@@ -49,7 +50,7 @@ impl SubjectKind {
         let kind = solid_kind(&head, bytes, path).or_else(|| mesh::is_named(path).then_some(Self::Mesh));
         let is_volume = |(_, file): (u64, File)| {
             !matches!(recognise(&file), Recognition::Foreign)
-                || FORMATS.iter().any(|format| (format.recognise)(&head, path))
+                || FORMATS.iter().any(|format| (format.recognise)(&plain_head(&head), path))
                 || STACKS.iter().any(|format| (format.recognise)(&head, path))
         };
         kind.filter(|_| !opened.is_ok_and(is_volume)).unwrap_or(Self::Volume)

@@ -26,7 +26,7 @@ mod keys;
 
 use std::ffi::OsStr;
 use std::fs;
-use std::io::Read;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 
 use super::placing;
@@ -35,6 +35,7 @@ use crate::geom::Orientation;
 use crate::platform::open_file;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::text::names::FOLLOW_LINKS;
+use crate::text::{mark_bytes, plain_head};
 use crate::volume::{InfoOverride, Note, Placement, Result, SourceError, VolumeSource};
 pub(super) use keys::Keys;
 
@@ -75,42 +76,46 @@ fn unusable(path: &Path, fault: Fault) -> SourceError {
 
 /// The keys of a text, if it can be parsed.
 pub(super) fn keys_of(path: &Path) -> Option<Keys> {
-    let text = text_of(path)?;
-    if is_toml(path) { Keys::of_toml(&text) } else { Keys::of_json(&text).ok() }
+    parse(path, &text_of(path)?.ok()?).ok()
+}
+
+/// The keys of a text, or why they cannot be told.
+fn parse(path: &Path, bytes: &[u8]) -> Result<Keys, String> {
+    let mark = mark_bytes(bytes).map_err(|wide| wide.to_string())?;
+    let text = String::from_utf8_lossy(bytes.get(mark..).unwrap_or_default());
+    if is_toml(path) { Keys::of_toml(&text) } else { Keys::of_json(&text) }
 }
 
 fn is_toml(path: &Path) -> bool {
     path.extension().is_some_and(|e| e == "toml")
 }
 
-fn text_of(path: &Path) -> Option<String> {
-    let mut text = String::new();
+/// The bytes of a text that is short enough for a side-car, or why they cannot be read.
+fn text_of(path: &Path) -> Option<io::Result<Vec<u8>>> {
     // Opening a pipe could wait forever.
     fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
-    let file = open_file(path).ok()?;
-    file.take(MAX_BYTES).read_to_string(&mut text).ok()?;
-    Some(text)
+    let mut text = Vec::new();
+    let read = open_file(path).and_then(|file| file.take(MAX_BYTES).read_to_end(&mut text));
+    Some(read.map(|_| text))
 }
 
 /// The fault of a text that is meant as a side-car, as it mentions `dims` or `dtype` and lies next to data
-/// of its stem, but cannot be parsed.
+/// of its stem, but cannot be parsed; one that cannot be read may mention them.
 pub(super) fn unparsed(path: &Path) -> Option<String> {
     let text = text_of(path)?;
-    let raw = text.contains("dims") || text.contains("dtype");
-    if !raw && !((text.contains("spacing") || text.contains("orientation")) && placing::may_place(path)) {
+    let plain = text.as_deref().map(plain_head).unwrap_or_default();
+    let mentions =
+        |word: &str| text.is_err() || plain.windows(word.len()).any(|part| part == word.as_bytes());
+    let raw = (mentions("dims") || mentions("dtype")) && data_of(path).is_some();
+    if !raw && !((mentions("spacing") || mentions("orientation")) && placing::may_place(path)) {
         return None;
     }
-    let at = if is_toml(path) {
-        let key = keys::lost_in_toml(&text)?;
-        format!("the value of {key} is neither a string nor a number nor a list of these")
-    } else {
-        Keys::of_json(&text).err()?.to_string()
-    };
-    if raw {
-        data_of(path)?;
-    }
     let what = if raw { "side-car of raw data" } else { "side-car" };
-    Some(format!("{what} that cannot be parsed: {at}"))
+    match text.map(|text| parse(path, &text)) {
+        Ok(Ok(_)) => None,
+        Ok(Err(at)) => Some(format!("{what} that cannot be parsed: {at}")),
+        Err(cause) => Some(format!("{what} that cannot be read: {cause}")),
+    }
 }
 
 /// The missing key of a text that is meant as a side-car of raw data and lies next to data of its stem.

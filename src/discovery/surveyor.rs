@@ -22,6 +22,7 @@ use crate::source::{
     FORMATS, HEAD_BYTES, OpenOptions, STACKS, StableHash, SubjectKind, is_of_zarr_group, known, zarr_head,
 };
 use crate::synthetic;
+use crate::text::plain_head;
 use crate::volume::{Result, SourceFault};
 
 /// A catalogue in the making.
@@ -110,7 +111,7 @@ impl<'a> Surveyor<'a> {
             Recognition::Foreign => {}
         }
         let index = |at: usize| u8::try_from(at).unwrap_or(u8::MAX);
-        if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&head, path)) {
+        if let Some(at) = FORMATS.iter().position(|f| (f.recognise)(&plain_head(&head), path)) {
             return Ok(Class::Item(ItemKind::Format(index(at)), None, Weight::FILE));
         }
         if let Some(at) = STACKS.iter().position(|f| (f.recognise)(&head, path)) {

@@ -8,6 +8,7 @@ use super::files::FileList;
 use super::stored::{Section, section};
 use crate::budget::Bytes;
 use crate::fault::{Fault, bad};
+use crate::text::mark_bytes;
 use crate::text::names::FOLLOW_LINKS;
 use crate::volume::{Result, SourceError, SourceFault};
 
@@ -34,6 +35,11 @@ impl<'a> Lines<'a> {
 
     /// The next line without its end; `None` at the end of the file.
     pub(super) fn next(&mut self) -> io::Result<Option<Vec<u8>>> {
+        if self.offset == 0 {
+            let mark = mark_bytes(self.reader.fill_buf()?).map_err(|wide| bad!("{wide}").in_stream())?;
+            self.reader.consume(mark);
+            self.offset = mark as u64;
+        }
         let mut line = Vec::new();
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;

@@ -2,11 +2,13 @@
 //!
 //! | file | parts |
 //! |---|---|
+//! | `encoding` | byte order marks of text files |
 //! | `foreign` | text from outside, in the one way in which it is printed |
 //! | `names` | names of options and jobs, as the caller knows them |
 //! | `number` | numbers with the digits that mean something |
 //! | `system` | cures for refusals of the operating system |
 
+mod encoding;
 mod foreign;
 pub(crate) mod names;
 mod number;
@@ -16,6 +18,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, de::Error};
 
+pub(crate) use encoding::{mark_bytes, plain_head};
 pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, call, data, json, plain, shown};
 pub use names::{Name, spell};

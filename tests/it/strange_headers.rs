@@ -335,3 +335,65 @@ fn a_spacing_that_no_picture_can_be_made_of_is_refused_where_it_is_given() {
         assert_eq!(oct(&["selfcheck", &text(&model), "--rays", "200"]).code, 0, "{odd}");
     }
 }
+
+/// Text in UTF-16, low byte first, with its mark.
+fn wide(text: &[u8]) -> Vec<u8> {
+    let units = text.iter().flat_map(|byte| [*byte, 0]);
+    [0xff, 0xfe].into_iter().chain(units).collect()
+}
+
+#[test]
+fn a_byte_order_mark_changes_no_header_and_utf_16_is_named() {
+    let headers = [
+        (
+            "a.mhd",
+            "ObjectType = Image\nNDims = 3\nDimSize = 2 2 2\nElementType = MET_UCHAR\nElementDataFile = a.raw\n",
+        ),
+        (
+            "a.nhdr",
+            "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 2 2 2\nencoding: raw\nspacings: 1 1 1\ndata file: a.raw\n",
+        ),
+        (
+            "a.vgi",
+            "{volume1}\n[representation]\nsize = 2 2 2\ndatatype = unsigned integer\nbitsperelement = 8\n[file1]\n\
+             name = a.raw\n{volumeprimitive1}\n[geometry]\nresolution = 1 1 1\n",
+        ),
+        ("a.json", r#"{"dims": [2, 2, 2], "dtype": "u8"}"#),
+        ("a.toml", "dims = [2, 2, 2]\ndtype = \"u8\"\n"),
+        (
+            ".zarray",
+            r#"{"zarr_format": 2, "shape": [2, 2, 2], "chunks": [2, 2, 2], "dtype": "|u1", "compressor": null, "fill_value": 0, "order": "C", "filters": null}"#,
+        ),
+    ];
+    let read = |name: &str, header: &[u8]| {
+        let folder = tempfile::tempdir().unwrap();
+        for data in ["a.raw", "0.0.0"] {
+            fs::write(folder.path().join(data), [0, 1, 2, 3, 4, 5, 6, 7]).unwrap();
+        }
+        fs::write(folder.path().join(name), header).unwrap();
+        let input =
+            if name.starts_with('.') { folder.path().to_path_buf() } else { folder.path().join(name) };
+        let volume = open_unprepared(&[input], &OpenOptions::default()).map_err(|error| error.to_string())?;
+        let mut bytes = [0; 8];
+        (0..2_u32).for_each(|z| {
+            let at = 4 * z as usize;
+            volume.read_rows(z, 0..2, 0..2, &mut bytes[at..at + 4]).unwrap();
+        });
+        Ok::<_, String>(bytes)
+    };
+    for (name, header) in headers {
+        for mark in [&b""[..], b"\xef\xbb\xbf"] {
+            let marked = [mark, header.as_bytes()].concat();
+            assert_eq!(read(name, &marked), Ok([0, 1, 2, 3, 4, 5, 6, 7]), "{name} {mark:?}");
+        }
+        let refused = read(name, &wide(header.as_bytes())).unwrap_err();
+        assert!(refused.contains("UTF-16"), "{name}: {refused}");
+    }
+    // Data next to a side-car that cannot be read is not taken for data without one.
+    let folder = tempfile::tempdir().unwrap();
+    let data = folder.path().join("a.raw");
+    fs::write(&data, [0; 8]).unwrap();
+    fs::write(folder.path().join("a.json"), wide(headers[3].1.as_bytes())).unwrap();
+    let refused = open_unprepared(&[data], &OpenOptions::default()).err().unwrap().to_string();
+    assert!(refused.contains("UTF-16"), "{refused}");
+}

@@ -3,10 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Component, Path};
 
-use serde::Deserialize;
 use serde::de::IgnoredAny;
+use serde::{Deserialize, Serialize};
 use serde_json::{Map, Value};
 
+use super::KEYS;
 use crate::fault::{Fault, bad};
 use crate::geom::{Dims, Orientation};
 use crate::volume::{Endian, Placement, ScalarType};
@@ -37,10 +38,10 @@ enum Entry<T> {
     #[serde(skip)]
     Missing,
     Value(T),
-    Wrong(IgnoredAny),
+    Wrong(Value),
 }
 
-impl<T> Entry<T> {
+impl<T: Serialize> Entry<T> {
     fn is_stated(&self) -> bool {
         !matches!(self, Self::Missing)
     }
@@ -52,14 +53,23 @@ impl<T> Entry<T> {
         }
     }
 
-    /// Meaning of the value, nothing where the key is missing, or the fault.
-    fn meaning<M>(&self, mean: impl Fn(&T) -> Option<M>, fault: Fault) -> Result<Option<M>, Fault> {
-        if self.is_stated() { self.value().and_then(mean).map(Some).ok_or(fault) } else { Ok(None) }
+    /// Meaning of the value, nothing where the key is missing, or the fault of the key and its text.
+    fn meaning<M>(&self, key: &str, mean: impl Fn(&T) -> Option<M>, due: &str) -> Result<Option<M>, Fault> {
+        let text = match self {
+            Self::Missing => return Ok(None),
+            Self::Value(value) => match mean(value) {
+                Some(meaning) => return Ok(Some(meaning)),
+                None => serde_json::to_string(value),
+            },
+            Self::Wrong(value) => serde_json::to_string(value),
+        };
+        let text: String = text.unwrap_or_default().chars().take(NAMED.1).collect();
+        Err(bad!("its {key} `{}` is not {due}", text.trim_matches('"').escape_debug()))
     }
 }
 
 /// Numbers as a list, or joined by `x`.
-#[derive(Debug, Deserialize)]
+#[derive(Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 enum Numbers {
     List(Vec<f64>),
@@ -80,14 +90,20 @@ impl Numbers {
 }
 
 impl Keys {
-    /// Keys of a JSON object.
-    pub(super) fn of_json(text: &str) -> serde_json::Result<Self> {
-        serde_json::from_str(text)
+    /// Keys of a JSON object, or why the text is none.
+    pub(super) fn of_json(text: &str) -> Result<Self, String> {
+        serde_json::from_str(text).map_err(|e| e.to_string())
     }
 
-    /// Keys of a TOML text, as far as [`flat_toml`] reads it.
-    pub(super) fn of_toml(text: &str) -> Option<Self> {
-        serde_json::from_value(Value::Object(flat_toml(text))).ok()
+    /// Keys of a TOML text, as far as [`flat_toml`] reads it, or why they cannot be told.
+    pub(super) fn of_toml(text: &str) -> Result<Self, String> {
+        match lost_in_toml(text) {
+            Some((key, value)) => Err(format!(
+                "the value of {key}, `{}`, is neither a string nor a number nor a list of these",
+                value.escape_debug()
+            )),
+            None => serde_json::from_value(Value::Object(flat_toml(text))).map_err(|e| e.to_string()),
+        }
     }
 
     /// Do they describe raw data?
@@ -120,49 +136,49 @@ impl Keys {
             let side = (v.fract() == 0.0 && v >= 1.0 && v <= f64::from(u32::MAX)).then_some(v as u32);
             side
         };
-        let three = self.dims.value().and_then(Numbers::three);
-        three
-            .and_then(|[x, y, z]| Dims::new(whole(x)?, whole(y)?, whole(z)?))
-            .ok_or_else(|| bad!("its dims are not three sizes in range; write for example [256, 256, 113]"))
+        let sides = |numbers: &Numbers| {
+            let [x, y, z] = numbers.three()?;
+            Dims::new(whole(x)?, whole(y)?, whole(z)?)
+        };
+        let due = "three sizes in range; write for example [256, 256, 113]";
+        self.dims.meaning("dims", sides, due)?.ok_or_else(|| bad!("it has no dims"))
     }
 
     /// Type and byte order of the samples.
     pub(super) fn dtype(&self) -> Result<(ScalarType, Endian), Fault> {
-        self.dtype.value().and_then(|name| ScalarType::parse(name)).ok_or_else(|| {
-            bad!("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be")
-        })
+        let due = "known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be";
+        let samples = self.dtype.meaning("dtype", |name| ScalarType::parse(name), due)?;
+        samples.ok_or_else(|| bad!("it has no dtype"))
     }
 
     /// Bytes at the head of every file.
     pub(super) fn skip(&self) -> Result<u64, Fault> {
-        Ok(self.skip.meaning(|skip| Some(*skip), bad!("its skip is not a number of bytes"))?.unwrap_or(0))
+        Ok(self.skip.meaning("skip", |skip| Some(*skip), "a number of bytes")?.unwrap_or(0))
     }
 
     /// Name of the data, where it is stated: one that cannot lead out of the folder.
     pub(in crate::discovery) fn file(&self) -> Result<Option<String>, Fault> {
-        self.file.meaning(|name| is_plain(name).then(|| name.clone()), bad!("its file is not a plain name"))
+        self.file.meaning("file", |name| is_plain(name).then(|| name.clone()), "a plain name")
     }
 
     /// Spacing and orientation, as far as they are stated.
     pub(in crate::discovery) fn placement(&self) -> Result<Placement, Fault> {
         let positive = |numbers: &Numbers| numbers.three().filter(|s| s.iter().all(|v| *v > 0.0));
-        let no_spacing =
-            || bad!("its spacing is not three positive numbers of mm; write for example [0.5, 0.5, 1.2]");
+        let due = "three positive numbers of mm; write for example [0.5, 0.5, 1.2]";
         let spacing_mm = match (&self.spacing, &self.spacing_mm) {
-            (Entry::Missing, one) => one.meaning(positive, no_spacing())?,
-            (one, Entry::Missing) => one.meaning(positive, no_spacing())?,
+            (Entry::Missing, one) => one.meaning("spacing_mm", positive, due)?,
+            (one, Entry::Missing) => one.meaning("spacing", positive, due)?,
             (one, other) => {
                 let three = |entry: &Entry<Numbers>| entry.value().and_then(Numbers::three);
                 if three(one) != three(other) {
                     return Err(bad!("its spacing and its spacing_mm differ; keep one of them"));
                 }
-                one.meaning(positive, no_spacing())?
+                one.meaning("spacing", positive, due)?
             }
         };
         let letters = |letters: &String| Orientation::parse(letters);
-        let orientation = self
-            .orientation
-            .meaning(letters, bad!("its orientation is not three letters such as LPS or RAI"))?;
+        let orientation =
+            self.orientation.meaning("orientation", letters, "three letters such as LPS or RAI")?;
         Ok(Placement { spacing_mm, orientation })
     }
 
@@ -186,15 +202,17 @@ fn is_plain(name: &str) -> bool {
     matches!((parts.next(), parts.next()), (Some(Component::Normal(_)), None))
 }
 
-/// A key of a TOML text that matters, begins a line before the first table, and whose value cannot be read.
-pub(super) fn lost_in_toml(text: &str) -> Option<&'static str> {
+/// A key of a TOML text that matters and begins a line before the first table, and the rest of the line, where its value
+/// cannot be read.
+fn lost_in_toml(text: &str) -> Option<(&str, String)> {
     let keys = flat_toml(text);
-    let started = |key: &&str| {
-        let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
-        lines.any(|line| line.split_once('=').is_some_and(|(k, _)| k.trim().trim_matches('"') == *key))
-    };
-    let mut matter = ["dims", "dtype", "spacing", "spacing_mm", "orientation"].into_iter();
-    matter.find(|key| keys.get(*key).is_none() && started(key))
+    let mut lines = text.lines().map(str::trim_start).take_while(|line| !line.starts_with('['));
+    lines.find_map(|line| {
+        let (key, value) = line.split_once('=')?;
+        let key = key.trim().trim_matches('"');
+        let lost = KEYS.contains(&key) && keys.get(key).is_none();
+        lost.then(|| (key, value.trim().chars().take(NAMED.1).collect()))
+    })
 }
 
 /// The keys of a TOML text before its first table. Values that are not strings, numbers or lists of these are
@@ -256,14 +274,16 @@ mod tests {
         assert!(keys.describe_raw() && !keys.place());
         assert_eq!(
             keys.dims().err(),
-            Some(bad!("its dims are not three sizes in range; write for example [256, 256, 113]"))
+            Some(bad!("its dims `null` is not three sizes in range; write for example [256, 256, 113]"))
         );
         assert_eq!(
             keys.dtype().err(),
-            Some(bad!("its dtype is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be"))
+            Some(bad!(
+                "its dtype `7` is not known; write u8, i8, u16, i16, u32, i32, f32 or f64, with le or be"
+            ))
         );
-        assert_eq!(keys.skip().err(), Some(bad!("its skip is not a number of bytes")));
-        assert_eq!(keys.file().err(), Some(bad!("its file is not a plain name")));
+        assert_eq!(keys.skip().err(), Some(bad!("its skip `7.5` is not a number of bytes")));
+        assert_eq!(keys.file().err(), Some(bad!("its file `[\"a\"]` is not a plain name")));
         assert_eq!(keys.unknown(&["dims", "dtype", "skip", "file"]), ["note"]);
         assert_eq!(keys.unknown(&["file"]), ["dims", "dtype", "note", "skip"]);
         assert!(Keys::of_json("[]").is_err() && Keys::of_json("{} x").is_err());

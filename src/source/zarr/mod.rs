@@ -30,6 +30,7 @@ use super::files::base_name;
 use super::header::{unreadable, unusable};
 use crate::fault::{Fault, bad, usage};
 use crate::geom::{Affine, Dims};
+use crate::text::mark_bytes;
 use crate::text::names::{FOLLOW_LINKS, INDEX};
 use crate::volume::{Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource};
 use array::Array;
@@ -52,7 +53,9 @@ type Read<T> = std::result::Result<T, Fault>;
 pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
     let named = path.file_name().is_some_and(|name| HEADS.iter().any(|head| name == *head));
     let is_text = head.iter().find(|byte| !byte.is_ascii_whitespace()) == Some(&b'{');
-    named && is_text && metadata(path).is_ok_and(|found| found.is_none_or(|what| is_volume(path, &what)))
+    // Metadata that cannot be read is refused by name.
+    let found = || metadata(path).unwrap_or_default();
+    named && is_text && found().is_none_or(|what| is_volume(path, &what))
 }
 
 /// The metadata that makes a folder an array or an image.
@@ -76,7 +79,8 @@ fn metadata(path: &Path) -> Result<Option<Value>> {
         return Err(unusable(path, bad!("has {bytes} bytes of metadata; up to {MAX_METADATA} are read")));
     }
     let text = fs::read(path).map_err(failed)?;
-    Ok(serde_json::from_slice(&text).ok())
+    let mark = mark_bytes(&text).map_err(|wide| unusable(path, bad!("{wide}")))?;
+    Ok(serde_json::from_slice(text.get(mark..).unwrap_or_default()).ok())
 }
 
 /// Does metadata describe voxels?
