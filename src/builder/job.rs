@@ -457,9 +457,6 @@ fn no_channel(channel: Channel, surface: SurfaceKind) -> Fault {
         (Channel::Value, SurfaceKind::Cells) => usage!(
             "cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use {SURFACE} skin"
         ),
-        (Channel::Color | Channel::Material, SurfaceKind::Cells) => usage!(
-            "cells hold the shape of a surface alone, so there is no channel '{channel}'; leave it out, or use {SURFACE} skin"
-        ),
         _ => usage!("does not have the channel '{channel}'; leave it out"),
     }
 }

@@ -143,9 +143,10 @@ impl Default for BuildOptions {
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
+        let shape = self.channels().iter().filter(|channel| !matches!(channel, Channel::Color | Channel::Material));
         let only_skin = self.gradient.is_some()
             || self.connectivity != Connectivity::default()
-            || self.channels() != Channels::default();
+            || Channels::from_iter(shape) != Channels::default();
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
         let only_cells = self.labels.is_some() || self.channels().contains(Channel::Offset);
         if only_cells { SurfaceKind::Cells } else { self.surface.unwrap_or(usual) }
@@ -211,7 +212,14 @@ impl BuildOptions {
     ) -> Result<(), BuildError> {
         let Some(error) = self.error.filter(|_| self.joins()) else { return Ok(()) };
         let voxels = error.voxels(spacing_mm);
-        let fault = if self.surface != Some(SurfaceKind::Cells) {
+        let mut painted = [Channel::Color, Channel::Material].into_iter();
+        let painted = painted.find(|channel| self.channels().contains(*channel));
+        let fault = if let (Some(channel), Some(SurfaceKind::Cells)) = (painted, self.surface) {
+            BuildFault::Said {
+                name: name(),
+                fault: usage!("larger leaves have no channel '{channel}'; leave it out, or leave out {ERROR}"),
+            }
+        } else if self.surface != Some(SurfaceKind::Cells) {
             BuildFault::Said {
                 name: name(),
                 fault: usage!(

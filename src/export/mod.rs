@@ -533,7 +533,7 @@ impl Exporter<'_> {
         let normal = normal.unwrap_or_default();
         let wall = |items: CellItems<'_>| items.wall(found.voxel.get()).filter(|_| items.has_walls());
         let within = match self.view.cells().map(|items| (wall(items), found.shape(&items))) {
-            Some((Some(plane), _) | (None, CellShape::Plane(plane))) => patch::nearest_on_plane(plane),
+            Some((Some(plane), _) | (None, CellShape::Plane(plane))) => plane.nearest_to_middle(),
             _ => [0.0; 3],
         };
         let mm = self.affine.apply(std::array::from_fn(|a| at[a] + within[a]));

@@ -7,7 +7,7 @@ use super::signs::Item;
 use super::tint::{Light, Lights, Mixture};
 use super::write::unit;
 use crate::enclosed::Rows;
-use crate::format::cell::{CORNERS, HAS_CORNERS, Plane};
+use crate::format::cell::{CORNERS, HAS_CORNERS};
 use crate::format::normal;
 use crate::geom::VoxelIndex;
 use crate::load::{CellItems, ModelView, NodeView};
@@ -216,13 +216,6 @@ fn sum_along(axis: usize, lows: [f64; 4], normal: [i32; 3], crossed: &Crossed) -
         places[i] = chosen[i] * if held < 1.0 { held } else { 1.0 };
     }
     f64::from(crossed.ends[axis]) * 0.5 + ((places[0] + places[1]) + (places[2] + places[3]))
-}
-
-/// The point of a plane that is nearest to the middle of its cell, held within it.
-pub(super) fn nearest_on_plane(plane: Plane) -> [f64; 3] {
-    let n = plane.normal.map(f64::from);
-    let square = n.iter().map(|c| c * c).sum::<f64>().max(1.0);
-    n.map(|c| (c * f64::from(plane.offset) / 2.0 / square).clamp(-0.5, 0.5))
 }
 
 /// A corner of a cube, from its middle.

@@ -56,6 +56,13 @@ impl Plane {
         Self { normal: normal::decode_l1(code), offset: i32::from(offset) }
     }
 
+    /// The point that is nearest to the middle of the cell, held within the cell: from the middle, in edges.
+    pub(crate) fn nearest_to_middle(self) -> [f64; 3] {
+        let n = self.normal.map(f64::from);
+        let square = n.iter().map(|c| c * c).sum::<f64>().max(1.0);
+        n.map(|c| (c * f64::from(self.offset) / 2.0 / square).clamp(-0.5, 0.5))
+    }
+
     /// Corners behind the plane, as bits.
     pub fn inside(&self) -> u8 {
         (0..CORNERS).filter(|c| at_corner(self.normal, *c) <= self.offset).fold(0, |bits, c| bits | 1 << c)

@@ -421,7 +421,7 @@ impl BuildJob<'_> {
         let options = self.options;
         let thin = options.surface.is_none() && self.grid.is_thin();
         let surface = if thin { SurfaceKind::Skin } else { options.volume_surface() };
-        let channels = options.channels.or(Some(usual_channels(surface)));
+        let channels = options.channels.or(Some(usual_channels(options)));
         BuildOptions { surface: Some(surface), channels, ..options.clone() }
     }
 

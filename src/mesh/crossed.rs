@@ -62,7 +62,7 @@ impl Solid for MeshCells {
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-        CellEdges::form(channel)
+        CellEdges::form(channel).or_else(|| self.mesh.wanted?.form(channel))
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
@@ -106,11 +106,20 @@ impl SolidWorker for CellWorker<'_> {
             cross_edges(t, samples, &mut |crossing| edges.offer(crossing));
         })?;
         self.edges.describe(skin, self.samples);
-        Ok(())
+        match &mut self.mesh.painter {
+            Some(painter) => {
+                let [codes, offsets] = [Channel::Normal, Channel::Offset].map(|of| self.edges.items(of));
+                painter.cells(skin, codes, offsets)
+            }
+            None => Ok(()),
+        }
     }
 
     fn items(&self, channel: Channel) -> &[u8] {
-        self.edges.items(channel)
+        match (channel, &self.mesh.painter) {
+            (Channel::Color | Channel::Material, Some(painter)) => painter.items(channel),
+            _ => self.edges.items(channel),
+        }
     }
 }
 

@@ -29,7 +29,7 @@ use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
 use crate::mesh::{Boundary, Fill, MeshFacts, MeshNote};
 use crate::source::base_name;
-use crate::text::names::{FILL, KEEP_THIN, SURFACE};
+use crate::text::names::{ERROR, FILL, KEEP_THIN};
 use crate::volume::{SourceError, SourceFault};
 
 /// Most parts whose bounds are looked at.
@@ -130,8 +130,8 @@ impl Front<'_> {
             return Err(self.unusable(bad!("cannot be built as cells with {KEEP_THIN} or {FILL} surface, which add voxels that lie outside; leave one of them out")).into());
         }
         let (mesh, facts, notes) = self.solid()?;
-        // A mesh without colours has none to store; cells never have colours, and the builder refuses these by name.
-        let colored = cells || mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
+        // A mesh without colours has none to store.
+        let colored = mesh.paint.as_ref().is_some_and(|paint| paint.wanted.colors);
         let stored = self.options.channels().iter().filter(|channel| *channel != Channel::Color || colored);
         let channels = stored.collect();
         let held_bytes =
@@ -264,7 +264,8 @@ impl Front<'_> {
             return Ok((binner, counted, None));
         }
         let _collecting = self.reserve(budget, COLLECTING_BYTES + image_bytes(files, wanted))?;
-        let mut collector = Collector::new(wanted, grid.dims, &self.scratch)?;
+        let boxes = (self.options.volume_surface(), self.boxes(grid));
+        let mut collector = Collector::new(wanted, boxes, &self.scratch)?;
         let mut known = 0;
         let counted = self.count_looks(files, grid, &mut |t, look, file| {
             if known == file {
@@ -323,11 +324,10 @@ impl Front<'_> {
             file.summary.lacks.iter().map(note).collect::<Vec<_>>()
         };
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
-        if self.is_of_cells() && self.placed.is_none() && files.iter().any(|file| file.summary.looks[0]) {
-            notes.push(MeshNote {
-                mesh: self.mesh_name(),
-                lack: format!("has colours; add {SURFACE} skin to keep them"),
-            });
+        let colored = files.iter().any(|file| file.summary.looks[0]);
+        if self.options.joins() && self.placed.is_none() && colored {
+            let lack = format!("has colours, which larger leaves do not hold; leave out {ERROR} to keep them");
+            notes.push(MeshNote { mesh: self.mesh_name(), lack });
         }
         notes
     }
@@ -339,30 +339,29 @@ impl Front<'_> {
 
     fn open(&self, most_bytes: u64) -> Result<Vec<MeshFile>, SourceError> {
         let MeshOptions { unit_mm, up, follow_links, .. } = *self.mesh;
-        let [colors, looks] =
-            [Channel::Color, Channel::Normal].map(|channel| self.channels().contains(channel));
+        let PaintChannels { colors, normals: looks, .. } = self.asked();
         let scratch = &self.scratch;
         let limits =
             Limits { scratch, most_bytes, follow_links, looks: looks || colors, colors, unit_mm, up };
         self.inputs.iter().map(|path| MeshFile::open(path, &limits)).collect()
     }
 
-    /// Channels that are asked for; parts of something else have only normals of their own triangles, and so have
-    /// cells.
-    fn channels(&self) -> Channels {
-        let own = self.placed.is_some() || self.is_of_cells();
-        if own { Channels::NONE } else { self.options.channels() }
+    /// Channels that are asked for; parts of something else have only normals of their own triangles, and cells those
+    /// of their planes.
+    fn asked(&self) -> PaintChannels {
+        let asked = |channel| self.placed.is_none() && self.options.channels().contains(channel);
+        PaintChannels {
+            colors: asked(Channel::Color),
+            parts: asked(Channel::Material),
+            normals: asked(Channel::Normal) && !self.is_of_cells(),
+        }
     }
 
     /// Channels that are asked for and present.
     fn wanted(&self, files: &[MeshFile]) -> PaintChannels {
         let has = |k: usize| files.iter().any(|file| file.summary.looks[k]);
-        let channels = self.channels();
-        PaintChannels {
-            colors: channels.contains(Channel::Color) && has(0),
-            parts: channels.contains(Channel::Material),
-            normals: channels.contains(Channel::Normal) && has(1),
-        }
+        let asked = self.asked();
+        PaintChannels { colors: asked.colors && has(0), normals: asked.normals && has(1), ..asked }
     }
 
     /// What the model lacks, known once it is built: is it short of the mesh, as walls thinner than a voxel vanished?

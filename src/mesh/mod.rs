@@ -135,12 +135,9 @@ const COLUMN_BYTES: u64 = 768 << 10;
 /// Bytes that joining cells takes in addition, about.
 const JOINING_BYTES: u64 = 1 << 20;
 
-/// The default channels of a mesh: normals, and for skin colours if it has them.
-pub(crate) fn usual_channels(surface: SurfaceKind) -> Channels {
-    match surface {
-        SurfaceKind::Skin => Channels::default().with(Channel::Color),
-        SurfaceKind::Cells => Channels::default(),
-    }
+/// The default channels of a mesh: normals, and colours if it has them; larger leaves hold none.
+pub(crate) fn usual_channels(options: &BuildOptions) -> Channels {
+    if options.joins() { Channels::default() } else { Channels::default().with(Channel::Color) }
 }
 
 /// Makes the solid of a mesh, which several files may hold together, and hands it on with the options that fit it;

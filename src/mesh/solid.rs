@@ -135,14 +135,10 @@ impl Solid for MeshSolid {
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-        let wanted = self.wanted;
-        let bytes = match channel {
-            Channel::Normal => Some(2),
-            Channel::Color => wanted.filter(|wanted| wanted.colors).map(|_| 3),
-            Channel::Material => wanted.filter(|wanted| wanted.parts).map(|_| 1),
-            _ => None,
-        };
-        bytes.map(|bytes| ItemForm::AsIs { bytes })
+        match channel {
+            Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
+            _ => self.wanted?.form(channel),
+        }
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
@@ -174,7 +170,7 @@ pub(crate) struct MeshWorker<'a> {
     nearest: Vec<Nearest>,
     cells: Cells,
     codes: Vec<u8>,
-    painter: Option<Painter<'a>>,
+    pub(super) painter: Option<Painter<'a>>,
 }
 
 impl<'a> MeshWorker<'a> {
@@ -576,7 +572,7 @@ impl SolidWorker for MeshWorker<'_> {
             });
         }
         match &mut self.painter {
-            Some(painter) => painter.describe(skin, &mut self.codes),
+            Some(painter) => painter.voxels(skin, &mut self.codes),
             None => Ok(()),
         }
     }
@@ -592,8 +588,7 @@ impl SolidWorker for MeshWorker<'_> {
 
     fn items(&self, channel: Channel) -> &[u8] {
         match (channel, &self.painter) {
-            (Channel::Color, Some(painter)) => painter.colors(),
-            (Channel::Material, Some(painter)) => painter.parts(),
+            (Channel::Color | Channel::Material, Some(painter)) => painter.items(channel),
             _ => &self.codes,
         }
     }

@@ -342,9 +342,18 @@ fn cells_are_the_default_but_for_what_only_skin_has() {
         let info = shell(&script, &[at("m.oct")]).json();
         assert_eq!(info["surface"].as_str(), Some(surface), "{what}");
     }
-    for (name, is_said) in [("plain.obj", false), ("red.obj", true)] {
-        let script = "\"$OCT\" build \"$1\" -o \"$2\" --grid 12 --force --json";
-        let report = shell(script, &[at(name), at("n.oct")]).json();
-        assert_eq!(report["warnings"].to_string().contains("add --surface skin to keep them"), is_said);
+    for (what, channels, is_said) in [
+        ("plain.obj", "normal", false),
+        ("red.obj", "normal color", false),
+        ("plain.obj --error 0.1", "normal", false),
+        ("red.obj --error 0.1", "normal", true),
+    ] {
+        let script = format!(
+            "\"$OCT\" build {} --grid 12 -o \"$1\" --force --json && \"$OCT\" info \"$1\"",
+            at(what)
+        );
+        let said = shell(&script, &[at("n.oct")]).stdout;
+        assert_eq!(said.contains("which larger leaves do not hold; leave out --error"), is_said, "{what}");
+        assert_eq!(said.contains("\ncolor "), channels.contains("color"), "{what}: {said}");
     }
 }

@@ -13,8 +13,18 @@ fn all_channels() -> Channels {
 }
 
 fn build(inputs: &[PathBuf], channels: Channels, threads: usize, mib: u64) -> Result<Vec<u8>, String> {
+    build_as(SurfaceKind::Skin, inputs, channels, (threads, mib))
+}
+
+fn build_as(
+    surface: SurfaceKind,
+    inputs: &[PathBuf],
+    channels: Channels,
+    (threads, mib): (usize, u64),
+) -> Result<Vec<u8>, String> {
     let mesh = on_grid(exact_grid([SIDE; 3]));
-    let options = BuildOptions { channels: Some(channels), ..share(mib, threads) };
+    let options =
+        BuildOptions { surface: Some(surface), channels: Some(channels), ..share(mib, threads) };
     let model = inputs[0].with_extension("oct");
     build_mesh(inputs, &mesh, &options, &model, &Silent).map_err(|e| e.to_string())?;
     Ok(fs::read(&model).unwrap())
@@ -29,7 +39,7 @@ fn notes(input: &Path) -> Vec<String> {
     report.notes.iter().map(|note| note.to_string().split(';').next().unwrap().to_owned()).collect()
 }
 
-/// A skin voxel: where it is, and what is stored of it.
+/// A skin voxel or cell: where its centre is, and what is stored of it.
 struct Voxel {
     at: [f64; 3],
     color: Option<[u8; 3]>,
@@ -46,7 +56,7 @@ fn voxels(bytes: &[u8]) -> Vec<Voxel> {
         let [x, y, z] = normal::decode_l1(model.voxel_normal(number).unwrap()).map(f64::from);
         let length = (x * x + y * y + z * z).sqrt();
         found.push(Voxel {
-            at: corner.map(|c| f64::from(c) + 0.5),
+            at: corner.map(|c| f64::from(c) + if model.view().cells().is_some() { 0.0 } else { 0.5 }),
             color: item(Channel::Color).map(|c| [c[0], c[1], c[2]]),
             material: item(Channel::Material).map(|m| m[0]),
             normal: [x / length, y / length, z / length],
@@ -162,6 +172,51 @@ fn a_texture_stands_upright_whichever_way_its_format_counts() {
         }
     }
     assert!(seen > 50, "{seen}");
+}
+
+/// Nearest to the plane, not to the middle: a slab of less than a cell has another colour on either side.
+#[test]
+fn cells_have_the_colours_and_parts_of_the_mesh_at_their_planes() {
+    let folder = tempfile::tempdir().unwrap();
+    let body = Body::cuboid([8.0, 8.0, 19.6], [32.0, 32.0, 20.6]);
+    let mut ply = format!(
+        "ply\nformat ascii 1.0\nelement vertex 8\nproperty float x\nproperty float y\nproperty float z\n\
+         element face {}\nproperty list uchar int vertex_indices\nproperty uchar red\nproperty uchar green\n\
+         property uchar blue\nend_header\n",
+        body.faces.len()
+    );
+    let places = body.vertices.iter().map(|v| v.map(|c| c as f64 / meshes::STEPS as f64));
+    let places: Vec<[f64; 3]> = places.collect();
+    for [x, y, z] in &places {
+        writeln!(ply, "{x} {y} {z}").unwrap();
+    }
+    for face in &body.faces {
+        let [a, b, c] = face.map(|at| places[at][2]);
+        let color = if a == b && b == c { if a < 20.0 { "255 0 0" } else { "0 255 0" } } else { "0 0 255" };
+        writeln!(ply, "3 {} {} {} {color}", face[0], face[1], face[2]).unwrap();
+    }
+    let ply = put(folder.path(), "a.ply", ply.as_bytes());
+    let of = |ply: &PathBuf, at| {
+        build_as(SurfaceKind::Cells, std::slice::from_ref(ply), all_channels(), at).unwrap()
+    };
+    let built = of(&ply, (1, 8));
+    assert!(of(&ply, (2, 256)) == built, "at another budget");
+    let mut seen = [0; 2];
+    for cell in voxels(&built) {
+        assert_eq!(cell.material, Some(0));
+        if cell.at[..2].iter().all(|c| (10.0..30.0).contains(c)) {
+            let is_low = cell.normal[2] < 0.0;
+            assert_eq!(cell.color, Some(if is_low { [255, 0, 0] } else { [0, 255, 0] }), "{:?}", cell.at);
+            seen[usize::from(is_low)] += 1;
+        }
+    }
+    assert!(seen[0] == seen[1] && seen[0] > 300, "{seen:?}");
+    // Without colours the bytes are those of a mesh that never had any.
+    let normals = Channels::default();
+    let stl = put(folder.path(), "a.stl", &body.stl());
+    let [plain, bare] =
+        [&ply, &stl].map(|path| build_as(SurfaceKind::Cells, &[path.clone()], normals, (1, 8)).unwrap());
+    assert!(plain == bare);
 }
 
 #[test]

@@ -725,7 +725,7 @@ impl Run<'_> {
             _ => &[Channel::Value, Channel::Offset, Channel::Color, Channel::Material],
         };
         let own = asked.channels().iter().filter(|channel| !foreign.contains(channel)).collect();
-        let channels = (surface == SurfaceKind::Skin && own != Channels::default()).then_some(own);
+        let channels = (own != Channels::default()).then_some(own);
         let is_chosen = thin || asked.surface.is_some() || asked.channels.is_some() || asked.error.is_some();
         let error = asked.error.filter(|_| surface == SurfaceKind::Cells);
         BuildOptions { surface: is_chosen.then_some(surface), channels, error, ..asked }

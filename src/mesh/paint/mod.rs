@@ -32,8 +32,9 @@ use std::path::{Path, PathBuf};
 
 use super::lattice::{HALF, STEPS, Triangle, edges, first_centre, last_centre, span};
 use super::read::{Look, Material, NO_MATERIAL};
-use crate::builder::SkinSlice;
-use crate::format::normal;
+use crate::builder::{ItemForm, SkinSlice};
+use crate::format::cell::{HAS_CORNERS, Plane};
+use crate::format::{Channel, SurfaceKind, normal};
 use crate::geom::{Dims, cross};
 use crate::volume::{SourceError, SourceFault};
 pub(super) use image::needed_bytes as image_bytes;
@@ -53,6 +54,16 @@ pub(super) struct PaintChannels {
 impl PaintChannels {
     pub(super) fn anything(self) -> bool {
         self.colors || self.parts || self.normals
+    }
+
+    /// The form of the items of a channel that is painted.
+    pub(super) fn form(self, channel: Channel) -> Option<ItemForm> {
+        let bytes = match channel {
+            Channel::Color if self.colors => 3,
+            Channel::Material if self.parts => 1,
+            _ => return None,
+        };
+        Some(ItemForm::AsIs { bytes })
     }
 }
 
@@ -76,6 +87,7 @@ struct Coat {
 #[derive(Debug)]
 pub(super) struct Paint {
     pub(super) wanted: PaintChannels,
+    surface: SurfaceKind,
     near: Near,
     columns: Columns,
     coats: Vec<Coat>,
@@ -106,6 +118,7 @@ impl SurfaceLook {
 /// Gathers what triangles carry, in their order.
 pub(super) struct Collector {
     wanted: PaintChannels,
+    surface: SurfaceKind,
     sorter: Sorter,
     columns: Columns,
     coats: Vec<Coat>,
@@ -117,11 +130,20 @@ pub(super) struct Collector {
 }
 
 impl Collector {
-    pub(super) fn new(wanted: PaintChannels, dims: Dims, folder: &Path) -> Result<Self, SourceError> {
+    /// Begins for a grid of boxes, which are voxels or cells.
+    ///
+    /// # Errors
+    /// The scratch file cannot be made.
+    pub(super) fn new(
+        wanted: PaintChannels,
+        (surface, dims): (SurfaceKind, Dims),
+        folder: &Path,
+    ) -> Result<Self, SourceError> {
         let sorter = Sorter::new(dims, folder).map_err(|cause| scratch(folder, cause))?;
         let columns = Columns::new(folder);
         let folder = folder.to_path_buf();
-        Ok(Self { wanted, sorter, columns, coats: Vec::new(), folder, next: 0, first_part: 0, first_coat: 0 })
+        let coats = Vec::new();
+        Ok(Self { wanted, surface, sorter, columns, coats, folder, next: 0, first_part: 0, first_coat: 0 })
     }
 
     /// Begins a file: parts of its own from a number on, with these materials.
@@ -171,8 +193,8 @@ impl Collector {
         let failed = |cause| scratch(&self.folder, cause);
         self.columns.flush().map_err(failed)?;
         let near = self.sorter.finish(&self.folder).map_err(failed)?;
-        let Self { wanted, columns, coats, folder, .. } = self;
-        Ok(Paint { wanted, near, columns, coats, folder })
+        let Self { wanted, surface, columns, coats, folder, .. } = self;
+        Ok(Paint { wanted, surface, near, columns, coats, folder })
     }
 }
 
@@ -180,7 +202,7 @@ fn scratch(folder: &Path, cause: std::io::Error) -> SourceError {
     SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause })
 }
 
-/// The best triangle of a voxel so far.
+/// The best triangle of a place so far.
 #[derive(Clone, Copy, Debug)]
 struct Best {
     /// Squared distance in lattice steps, rounded.
@@ -214,6 +236,8 @@ pub(super) struct Painter<'a> {
     /// Triangles of a box, if they fit.
     held: Option<usize>,
     records: Vec<Numbered>,
+    /// Places of the slice whose look is sought, in lattice steps, and their triangles.
+    places: Vec<[f64; 3]>,
     best: Vec<Best>,
     last: Option<(u32, Look)>,
     colors: Vec<u8>,
@@ -222,7 +246,8 @@ pub(super) struct Painter<'a> {
 
 impl<'a> Painter<'a> {
     pub(super) const BYTES: u64 = Pages::BYTES
-        + (HELD * size_of::<Numbered>() + SkinSlice::MAX_VOXELS * (size_of::<Best>() + 4)) as u64
+        + (HELD * size_of::<Numbered>()
+            + SkinSlice::MAX_VOXELS * (size_of::<Best>() + size_of::<[f64; 3]>() + 4)) as u64
         + 4096;
 
     pub(super) fn new(paint: &'a Paint) -> Self {
@@ -231,6 +256,7 @@ impl<'a> Painter<'a> {
             pages: Pages::new(),
             held: None,
             records: Vec::with_capacity(HELD),
+            places: vec![[0.0; 3]; SkinSlice::MAX_VOXELS],
             best: vec![Best::NONE; SkinSlice::MAX_VOXELS],
             last: None,
             colors: Vec::with_capacity(3 * SkinSlice::MAX_VOXELS),
@@ -238,66 +264,98 @@ impl<'a> Painter<'a> {
         }
     }
 
-    /// Colours of the voxels that were described last, three bytes each.
-    pub(super) fn colors(&self) -> &[u8] {
-        &self.colors
+    /// The items of the boxes that were described last.
+    pub(super) fn items(&self, channel: Channel) -> &[u8] {
+        match channel {
+            Channel::Color => &self.colors,
+            Channel::Material => &self.parts,
+            _ => &[],
+        }
     }
 
-    /// Parts of the voxels that were described last.
-    pub(super) fn parts(&self) -> &[u8] {
-        &self.parts
+    /// Finds what the voxels of a brick's slice look like at their centres; `codes` are their normals, on the side of
+    /// the outside.
+    ///
+    /// # Errors
+    /// A scratch file cannot be read.
+    pub(super) fn voxels(&mut self, skin: &SkinSlice<'_>, codes: &mut [u8]) -> Result<(), SourceError> {
+        self.describe(skin, skin.voxels().map(|voxel| voxel.map(centre)), codes)
     }
 
-    /// Finds what the voxels of a brick's slice look like; `codes` are their normals, on the side of the outside.
-    pub(super) fn describe(&mut self, skin: &SkinSlice<'_>, codes: &mut [u8]) -> Result<(), SourceError> {
+    /// Finds what the cells of a brick's slice look like, on their planes next to the middle; in the middle if they
+    /// have corners instead.
+    ///
+    /// # Errors
+    /// A scratch file cannot be read.
+    pub(super) fn cells(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        codes: &[u8],
+        offsets: &[u8],
+    ) -> Result<(), SourceError> {
+        let items = codes.as_chunks::<2>().0.iter().zip(offsets.iter().map(|offset| offset.cast_signed()));
+        let place = |(cell, (code, offset)): ([u32; 3], (&[u8; 2], i8))| {
+            let plane = (offset != HAS_CORNERS).then(|| Plane::new(u16::from_le_bytes(*code), offset));
+            let within = plane.map_or([0.0; 3], Plane::nearest_to_middle);
+            [0, 1, 2].map(|k| (f64::from(cell[k]) + within[k]) * f64::from(STEPS))
+        };
+        self.describe(skin, skin.voxels().zip(items).map(place), &mut [])
+    }
+
+    /// Finds the looks at a place of every box of a brick's slice, and turns `codes`, if there are any, to the smooth
+    /// normals there.
+    fn describe(
+        &mut self,
+        skin: &SkinSlice<'_>,
+        places: impl Iterator<Item = [f64; 3]>,
+        codes: &mut [u8],
+    ) -> Result<(), SourceError> {
+        for (voxel, place) in skin.voxels().zip(places) {
+            self.places[at_in_slice(skin, voxel)] = place;
+        }
         self.seek(skin).map_err(|cause| scratch(&self.paint.folder, cause))?;
         self.colors.clear();
         self.parts.clear();
-        let [x0, y0, z] = skin.corner();
         let mut codes = codes.as_chunks_mut::<2>().0.iter_mut();
-        for (y, row) in skin.rows().iter().enumerate() {
-            let mut left = *row;
-            while left != 0 {
-                let x = left.trailing_zeros();
-                left &= left - 1;
-                let best = self.best[BRICK * y + x as usize];
-                let p = [x0 + x, y0 + y as u32, z].map(centre);
-                let [t @ .., _] = best.record;
-                let painted = self.at(best.number(), &t, p)?;
-                self.colors.extend(painted.color);
-                self.parts.push(painted.part);
-                if let (Some(code), Some(smooth)) = (codes.next(), painted.normal) {
-                    let own = normal::decode_l1(u16::from_le_bytes(*code));
-                    #[expect(clippy::cast_precision_loss, reason = "at most 127")]
-                    let along: f32 = own.iter().zip(smooth).map(|(a, b)| *a as f32 * b).sum();
-                    let out = if along < 0.0 { smooth.map(|c| -c) } else { smooth };
-                    *code = normal::encode(out).to_le_bytes();
-                }
+        for voxel in skin.voxels() {
+            let at = at_in_slice(skin, voxel);
+            let best = self.best[at];
+            let [t @ .., _] = best.record;
+            let painted = self.at(best.number(), &t, self.places[at])?;
+            self.colors.extend(painted.color);
+            self.parts.push(painted.part);
+            if let (Some(code), Some(smooth)) = (codes.next(), painted.normal) {
+                let own = normal::decode_l1(u16::from_le_bytes(*code));
+                #[expect(clippy::cast_precision_loss, reason = "at most 127")]
+                let along: f32 = own.iter().zip(smooth).map(|(a, b)| *a as f32 * b).sum();
+                let out = if along < 0.0 { smooth.map(|c| -c) } else { smooth };
+                *code = normal::encode(out).to_le_bytes();
             }
         }
         Ok(())
     }
 
-    /// Finds the nearest triangles of the voxels of a brick's slice.
+    /// Finds the nearest triangles of the places of a brick's slice.
     fn seek(&mut self, skin: &SkinSlice<'_>) -> io::Result<()> {
         self.best.fill(Best::NONE);
         let near = &self.paint.near;
         let at = near.box_of(skin.corner());
-        let Self { records, best, held, .. } = self;
+        let Self { paint, records, places, best, held, .. } = self;
+        let mut search = SliceSearch { skin, surface: paint.surface, places, best };
         if near.count(at) <= HELD as u64 {
             if *held != Some(at) {
                 *held = None;
                 near.read(at, 0, records, HELD)?;
                 *held = Some(at);
             }
-            records.iter().for_each(|record| offer(record, skin, best));
+            records.iter().for_each(|record| search.offer(record));
             return Ok(());
         }
         *held = None;
         let mut from = 0;
         while from < near.count(at) {
             near.read(at, from, records, HELD)?;
-            records.iter().for_each(|record| offer(record, skin, best));
+            records.iter().for_each(|record| search.offer(record));
             from += HELD as u64;
         }
         Ok(())
@@ -346,41 +404,57 @@ fn centre(voxel: u32) -> f64 {
     f64::from(voxel) * f64::from(STEPS) + f64::from(HALF)
 }
 
-/// Offers a triangle to the voxels of a brick's slice.
-fn offer(record: &Numbered, skin: &SkinSlice<'_>, best: &mut [Best]) {
-    let [t @ .., number] = record;
-    let corner = skin.corner().map(|c| c as i32);
-    let mut ranges = [(0, 0); 3];
-    for (axis, out) in ranges.iter_mut().enumerate() {
-        let (low, high) = span(t, axis);
-        let last = if axis == 2 { 0 } else { BRICK as i32 - 1 };
-        let first = first_centre(low - 2 * STEPS) - corner[axis];
-        *out = (first.max(0), (last_centre(high + 2 * STEPS) - corner[axis]).min(last));
-        if out.0 > out.1 {
-            return;
-        }
-    }
-    let columns = u32::MAX << ranges[0].0 & u32::MAX >> (31 - ranges[0].1);
-    let mut ready = None;
-    for y in ranges[1].0..=ranges[1].1 {
-        let mut left = skin.rows()[y as usize] & columns;
-        while left != 0 {
-            let x = left.trailing_zeros();
-            left &= left - 1;
-            let f = ready.get_or_insert_with(|| FacetPlane::new(t));
-            let p = [skin.corner()[0] + x, skin.corner()[1] + y as u32, skin.corner()[2]].map(centre);
-            let height = f.squared_height(p);
-            let best = &mut best[BRICK * y as usize + x as usize];
-            if height > best.squared {
-                continue;
+/// Where a voxel of a brick's slice is kept.
+fn at_in_slice(skin: &SkinSlice<'_>, [x, y, _]: [u32; 3]) -> usize {
+    let [x0, y0, _] = skin.corner();
+    BRICK * (y - y0) as usize + (x - x0) as usize
+}
+
+/// The places of a brick's slice, to which triangles are offered.
+struct SliceSearch<'a> {
+    skin: &'a SkinSlice<'a>,
+    surface: SurfaceKind,
+    places: &'a [[f64; 3]],
+    best: &'a mut [Best],
+}
+
+impl SliceSearch<'_> {
+    fn offer(&mut self, record: &Numbered) {
+        let [t @ .., number] = record;
+        let corner = self.skin.corner().map(|c| c as i32);
+        // The places of cells lie up to a voxel before the centre of the voxel of the same number.
+        let beyond = 2 * STEPS + if self.surface == SurfaceKind::Cells { STEPS } else { 0 };
+        let mut ranges = [(0, 0); 3];
+        for (axis, out) in ranges.iter_mut().enumerate() {
+            let (low, high) = span(t, axis);
+            let last = if axis == 2 { 0 } else { BRICK as i32 - 1 };
+            let first = first_centre(low - 2 * STEPS) - corner[axis];
+            *out = (first.max(0), (last_centre(high + beyond) - corner[axis]).min(last));
+            if out.0 > out.1 {
+                return;
             }
-            let squared = (squared_distance(t, p) + ROUNDER) - ROUNDER;
-            let taken = squared < best.squared
-                || squared == best.squared
-                    && (height > best.height
-                        || height == best.height && number.cast_unsigned() < best.number());
-            if taken {
-                *best = Best { squared, height, record: *record };
+        }
+        let columns = u32::MAX << ranges[0].0 & u32::MAX >> (31 - ranges[0].1);
+        let mut ready = None;
+        for y in ranges[1].0..=ranges[1].1 {
+            let mut left = self.skin.rows()[y as usize] & columns;
+            while left != 0 {
+                let at = BRICK * y as usize + left.trailing_zeros() as usize;
+                left &= left - 1;
+                let p = self.places[at];
+                let best = &mut self.best[at];
+                let height = ready.get_or_insert_with(|| FacetPlane::new(t)).squared_height(p);
+                if height > best.squared {
+                    continue;
+                }
+                let squared = (squared_distance(t, p) + ROUNDER) - ROUNDER;
+                let taken = squared < best.squared
+                    || squared == best.squared
+                        && (height > best.height
+                            || height == best.height && number.cast_unsigned() < best.number());
+                if taken {
+                    *best = Best { squared, height, record: *record };
+                }
             }
         }
     }

@@ -51,9 +51,9 @@ impl Boxes {
         let mut ranges = [(0, 0); 3];
         for (axis, out) in ranges.iter_mut().enumerate() {
             let (low, high) = centres(t, axis);
-            // Half a voxel more, for a triangle between two centres.
+            // Half a voxel more, for a triangle between two centres; a cell begins half a voxel before its centre.
             let first = (low - 1 - BEYOND) >> self.shift;
-            *out = (first.max(0), ((high + 1 + BEYOND) >> self.shift).min(self.sides[axis] - 1));
+            *out = (first.max(0), ((high + 2 + BEYOND) >> self.shift).min(self.sides[axis] - 1));
         }
         let [(x0, x1), (y0, y1), (z0, z1)] = ranges;
         let plane = NearPlane::new(t, self.shift);
