@@ -143,7 +143,8 @@ impl Default for BuildOptions {
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
-        let shape = self.channels().iter().filter(|channel| !matches!(channel, Channel::Color | Channel::Material));
+        let shape =
+            self.channels().iter().filter(|channel| !matches!(channel, Channel::Color | Channel::Material));
         let only_skin = self.gradient.is_some()
             || self.connectivity != Connectivity::default()
             || Channels::from_iter(shape) != Channels::default();
@@ -217,7 +218,9 @@ impl BuildOptions {
         let fault = if let (Some(channel), Some(SurfaceKind::Cells)) = (painted, self.surface) {
             BuildFault::Said {
                 name: name(),
-                fault: usage!("larger leaves have no channel '{channel}'; leave it out, or leave out {ERROR}"),
+                fault: usage!(
+                    "larger leaves have no channel '{channel}'; leave it out, or leave out {ERROR}"
+                ),
             }
         } else if self.surface != Some(SurfaceKind::Cells) {
             BuildFault::Said {

@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::frame::{Frame, size_title};
 use super::opened::open_model;
 use super::relief::Relief;
-use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whole, thumbnail};
+use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whole, thumbnail_within};
 use super::scene::OpenScene;
 use super::shots::{self, FrameNames, Shots};
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
@@ -249,12 +249,26 @@ fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &R
 /// # Errors
 /// The model cannot be used, or the picture cannot be written.
 pub fn thumbnail_file(model: &Path, output: &Path, size: u32, threads: usize) -> Result<RenderReport, Error> {
+    thumbnail_within_pages(model, output, (size, threads), u64::MAX)
+}
+
+/// [`thumbnail_file`] with so many bytes of the model's pages in the process, and what one step of
+/// each thread adds.
+pub(super) fn thumbnail_within_pages(
+    model: &Path,
+    output: &Path,
+    (size, threads): (u32, usize),
+    pages_bytes: u64,
+) -> Result<RenderReport, Error> {
     refuse_clash(model, &[output])?;
     let path = model;
     let model = open_model(path)?;
     let output = ImageFile::create(output)?;
-    let (image, mut report) = thumbnail(&model.view(), model.dims(), &model.affine(), size, threads)?;
-    report.bytes_touched = mapped_rss_bytes(model.bytes());
+    let give_back = || model.give_back();
+    let relief = Relief::of_pages(pages_bytes, threads, (model.bytes(), &give_back));
+    let space = (model.dims(), &model.affine());
+    let (image, mut report) = thumbnail_within(&model.view(), space, (size, threads), &relief)?;
+    report.bytes_touched = if relief.gave_back() { None } else { mapped_rss_bytes(model.bytes()) };
     model.check_unchanged(path)?;
     image.write_layer_to(output, PngLayer::Color)?;
     Ok(report)

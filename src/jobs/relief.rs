@@ -9,7 +9,7 @@
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicBool, AtomicI64, AtomicU64, Ordering};
 
-use crate::budget::{costs, own_rss_bytes, resident_bytes};
+use crate::budget::{costs, mapped_rss_bytes, own_rss_bytes, resident_bytes};
 use crate::platform;
 use crate::render::{RenderError, RenderFault};
 use crate::scene::Look;
@@ -56,6 +56,8 @@ pub(super) struct Relief<'a> {
     fits_whole: AtomicBool,
     /// Bytes that there are in any case: known before the first picture is made.
     base_bytes: OnceLock<u64>,
+    /// The model, where the cap is one of its pages alone.
+    mapped: Option<&'a [u8]>,
 }
 
 impl<'a> Relief<'a> {
@@ -82,7 +84,20 @@ impl<'a> Relief<'a> {
             model_bytes: model_bytes.next_multiple_of(MAPPED_AT_A_TIME),
             fits_whole: AtomicBool::new(false),
             base_bytes: OnceLock::new(),
+            mapped: None,
         }
+    }
+
+    /// Keeps the pages of a mapped model to a cap, in a process that does other things too.
+    pub(super) fn of_pages(
+        limit_bytes: u64,
+        threads: usize,
+        (mapped, give_back): (&'a [u8], &'a (dyn Fn() + Sync)),
+    ) -> Self {
+        let model_bytes = mapped.len() as u64;
+        let limit_bytes = Some(limit_bytes).filter(|limit| *limit < model_bytes);
+        let relief = Self::new(None, threads, 0, (model_bytes, give_back));
+        Self { limit_bytes, mapped: Some(mapped), ..relief }
     }
 
     /// Without a cap.
@@ -109,6 +124,9 @@ impl<'a> Relief<'a> {
         let step_bytes =
             (if cells { STEP_OF_CELLS } else { STEP } + (STEP_A_BOX * wide) as u64).min(MAX_STEP);
         self.step_bytes.store(step_bytes, Ordering::Relaxed);
+        if self.mapped.is_some() {
+            return Ok(None);
+        }
         // No picture touches more than the model has.
         let pages = KEPT_PAGES + self.under_way();
         self.fits_whole.store(self.model_bytes <= pages, Ordering::Relaxed);
@@ -148,7 +166,7 @@ impl<'a> Relief<'a> {
     /// [`Relief::look`] where the steps before cannot be counted.
     pub(super) fn look_now(&self) {
         let Some(limit_bytes) = self.limit_bytes else { return };
-        let room = limit_bytes.saturating_sub(resident_bytes());
+        let room = limit_bytes.saturating_sub(self.resident_bytes());
         match room.checked_sub(self.under_way()) {
             Some(free) => {
                 let steps = free / self.step_bytes.load(Ordering::Relaxed);
@@ -157,11 +175,19 @@ impl<'a> Relief<'a> {
             None => {
                 self.gave.store(true, Ordering::Relaxed);
                 (self.give_back)();
-                if resident_bytes().saturating_add(self.under_way()) > limit_bytes {
+                if self.mapped.is_none() && resident_bytes().saturating_add(self.under_way()) > limit_bytes {
                     // What has run once, and is larger than it is counted for where it is not optimised.
                     platform::give_back();
                 }
             }
+        }
+    }
+
+    /// What is capped, as it is now.
+    fn resident_bytes(&self) -> u64 {
+        match self.mapped {
+            Some(mapped) => mapped_rss_bytes(mapped).unwrap_or(0),
+            None => resident_bytes(),
         }
     }
 

@@ -207,18 +207,24 @@ pub fn render_view(
     affine: &Affine,
     request: &RenderRequest,
 ) -> Result<(Image, RenderReport), RenderError> {
+    render_within(view, (dims, affine), request, &Relief::none())
+}
+
+/// [`render_view`] within what `relief` allows.
+fn render_within(
+    view: &ModelView<'_>,
+    (dims, affine): (Dims, &Affine),
+    request: &RenderRequest,
+    relief: &Relief<'_>,
+) -> Result<(Image, RenderReport), RenderError> {
     let scene = Scene::of_model(std::path::PathBuf::new()).shown_as(request.color, request.clip_mm);
     let parts = scene
         .models
         .iter()
         .map(|model| Ok(Part::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
     let parts: Vec<Part<'_>> = parts.collect::<Result<_, RenderError>>()?;
-    let (image, report, _) = paint_whole(
-        &Bodies { parts: &parts, scene: &scene, legend: None },
-        request,
-        &Silent,
-        &Relief::none(),
-    )?;
+    let bodies = Bodies { parts: &parts, scene: &scene, legend: None };
+    let (image, report, _) = paint_whole(&bodies, request, &Silent, relief)?;
     Ok((image, report))
 }
 
@@ -526,6 +532,16 @@ pub fn thumbnail(
     size: u32,
     threads: usize,
 ) -> Result<(Image, RenderReport), RenderError> {
+    thumbnail_within(view, (dims, affine), (size, threads), &Relief::none())
+}
+
+/// [`thumbnail`] within what `relief` allows.
+pub(super) fn thumbnail_within(
+    view: &ModelView<'_>,
+    (dims, affine): (Dims, &Affine),
+    (size, threads): (u32, usize),
+    relief: &Relief<'_>,
+) -> Result<(Image, RenderReport), RenderError> {
     let request = RenderRequest {
         size: Some([size; 2]),
         point: Some(ViewPoint::Named(thumbnail_view(dims, affine))),
@@ -533,7 +549,7 @@ pub fn thumbnail(
         lod: true,
         ..RenderRequest::default()
     };
-    render_view(view, dims, affine, &request)
+    render_within(view, (dims, affine), &request, relief)
 }
 
 /// Rays that one task of the self-check compares.

@@ -326,7 +326,8 @@ impl Front<'_> {
         let mut notes: Vec<_> = files.iter().zip(self.inputs).flat_map(of).collect();
         let colored = files.iter().any(|file| file.summary.looks[0]);
         if self.options.joins() && self.placed.is_none() && colored {
-            let lack = format!("has colours, which larger leaves do not hold; leave out {ERROR} to keep them");
+            let lack =
+                format!("has colours, which larger leaves do not hold; leave out {ERROR} to keep them");
             notes.push(MeshNote { mesh: self.mesh_name(), lack });
         }
         notes

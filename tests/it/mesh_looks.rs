@@ -23,8 +23,7 @@ fn build_as(
     (threads, mib): (usize, u64),
 ) -> Result<Vec<u8>, String> {
     let mesh = on_grid(exact_grid([SIDE; 3]));
-    let options =
-        BuildOptions { surface: Some(surface), channels: Some(channels), ..share(mib, threads) };
+    let options = BuildOptions { surface: Some(surface), channels: Some(channels), ..share(mib, threads) };
     let model = inputs[0].with_extension("oct");
     build_mesh(inputs, &mesh, &options, &model, &Silent).map_err(|e| e.to_string())?;
     Ok(fs::read(&model).unwrap())

@@ -127,3 +127,30 @@ fn a_cap_changes_no_pixel() {
     }
     assert_eq!(command::names(folder.path()).iter().filter(|name| name.ends_with(".png")).count(), 2);
 }
+
+/// Thumbnails hold a part of a model's pages, however large it is: two at a time of noise, one of several sides.
+#[test]
+fn a_batch_with_thumbnails_keeps_to_its_cap() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    fs::create_dir(at("in")).unwrap();
+    for side in [200, 208] {
+        let mut random = Random(u64::from(side));
+        let bytes: Vec<u8> =
+            (0..u32::pow(side, 3)).map(|_| if random.below(6) == 0 { 200 } else { 0 }).collect();
+        fs::write(at(&format!("in/{side}.raw")), bytes).unwrap();
+        let sidecar = json!({"dims": [side, side, side], "dtype": "u8"}).to_string();
+        fs::write(at(&format!("in/{side}.json")), sidecar).unwrap();
+    }
+    let allowed = if is_slow() { 5 * MIB } else { 0 };
+    for (cap, jobs) in [("20MiB", "2"), ("40MiB", "8")] {
+        let out = at(cap);
+        let asked = ["--memory", cap, "--jobs", jobs, "--iso", "100", "--thumbnails", "256", "--json"];
+        let report = oct(&[&["batch", &at("in"), "--out", &out][..], &asked].concat()).json();
+        let peak = report["peak_rss_bytes"].as_u64().unwrap();
+        let sizes = fs::read_dir(&out).unwrap().map(|file| file.unwrap().metadata().unwrap().len());
+        assert!(sizes.max() > Some(24 * MIB), "the models are too small to show anything");
+        assert!(peak <= parse_size(cap).unwrap() + allowed, "{cap}: {peak}");
+        println!("batch {cap}: {peak}");
+    }
+}

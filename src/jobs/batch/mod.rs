@@ -36,6 +36,7 @@ pub use report::{
 };
 
 use std::fs;
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
@@ -43,7 +44,7 @@ use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
 use super::build::{BuildJob, BuildSummary, GridOptions};
-use super::picture::thumbnail_file;
+use super::picture::thumbnail_within_pages;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, peak_rss_bytes};
 use crate::builder::{BuildError, BuildFault, BuildOptions};
@@ -79,8 +80,8 @@ const MIN_JOB: u64 = 1536 << 10;
 /// is stated.
 const USUAL_OPENING: u64 = 16 << 20;
 
-/// Most pages of a model that a thumbnail touches: coarse levels of however large a model.
-const THUMBNAIL_PAGES: u64 = 5 << 20;
+/// Pages of a model that its thumbnail may hold: with fewer than the least, they would come and go all the time.
+const THUMBNAIL_PAGES: Range<u64> = 5 << 20..16 << 20;
 
 /// What to convert, into what, and within which means.
 #[derive(Clone, Debug)]
@@ -559,16 +560,22 @@ impl Run<'_> {
         if shown { self.request.thumbnails } else { 0 }
     }
 
-    /// Memory of a thumbnail of a model of so many bytes: the picture, and the pages of the model.
-    fn thumbnail_bytes(&self, model_bytes: u64) -> u64 {
+    /// Memory of a thumbnail of a model of so many bytes, and the pages of the model in it: as many as there is memory
+    /// for, between limits.
+    fn thumbnail_bytes(&self, model_bytes: u64) -> (u64, u64) {
         let side = self.request.thumbnails;
-        paint_bytes(side, side, self.threads) + model_bytes.min(THUMBNAIL_PAGES)
+        let picture = paint_bytes(side, side, self.threads);
+        let room = self.builds.limit_bytes().saturating_sub(picture);
+        let pages = model_bytes.min(room.clamp(THUMBNAIL_PAGES.start, THUMBNAIL_PAGES.end));
+        (picture + pages, pages)
     }
 
     /// Is there no thumbnail of a model where there should be one, and is there memory for it now?
     fn lacks_thumbnail(&self, done: &Record, thumbnails: u32) -> bool {
         let m = &done.model;
-        thumbnails > 0 && m.thumbnail.is_none() && self.thumbnail_bytes(m.bytes) <= self.builds.limit_bytes()
+        thumbnails > 0
+            && m.thumbnail.is_none()
+            && self.thumbnail_bytes(m.bytes).0 <= self.builds.limit_bytes()
     }
 
     /// What is reported of a volume that was built before. A thumbnail that is not to be shown any more goes.
@@ -580,7 +587,7 @@ impl Run<'_> {
             let _ = fs::remove_file(self.request.out.join(file)).and_then(|()| done.write(&self.request.out));
         }
         if thumbnails > 0 && done.model.thumbnail.is_none() {
-            item.warnings.push(self.no_thumbnail(self.thumbnail_bytes(done.model.bytes)));
+            item.warnings.push(self.no_thumbnail(self.thumbnail_bytes(done.model.bytes).0));
         }
         Item { status: Status::Skipped, model: Some(done.model), ..item }
     }
@@ -607,10 +614,11 @@ impl Run<'_> {
         let mut thumbnail = None;
         let mut thumbnail_bytes = 0;
         if thumbnails > 0 {
-            let needed = self.thumbnail_bytes(built.report.file_bytes);
+            let (needed, pages) = self.thumbnail_bytes(built.report.file_bytes);
             if let Ok(_grant) = self.builds.wait_for(needed) {
                 let file = format!("{name}.png");
-                thumbnail_file(&model, &out.join(&file), thumbnails, self.threads)?;
+                let size = (thumbnails, self.threads);
+                thumbnail_within_pages(&model, &out.join(&file), size, pages)?;
                 thumbnail_bytes = fs::metadata(out.join(&file)).map_or(0, |meta| meta.len());
                 thumbnail = Some(file);
             } else {

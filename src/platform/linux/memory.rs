@@ -1,4 +1,7 @@
 //! Memory that the operating system accounts to this process.
+#![cfg_attr(test, expect(unsafe_code, reason = "mappings to look at"))]
+
+use super::FileExt;
 
 /// Peak resident set of this process in bytes, as the kernel accounts it (`VmHWM`); 0 where the
 /// system does not tell.
@@ -39,21 +42,23 @@ pub(crate) fn file_rss_bytes() -> u64 {
     proc_status_bytes("RssFile:")
 }
 
-/// Resident part of the mapping that starts where `mapped` does, in bytes; `None` where none does, or
-/// where the system does not tell.
+/// Resident bytes of the pages of a mapping; `None` where the system does not tell.
 ///
-/// Cost: the kernel walks the pages of all mappings once.
+/// Cost: some 10 ns for a page of 4 KiB.
 pub(crate) fn mapped_rss_bytes(mapped: &[u8]) -> Option<u64> {
-    let smaps = std::fs::read_to_string("/proc/self/smaps").ok()?;
-    resident_of(&smaps, mapped.as_ptr().addr())
-}
-
-/// The `Rss` of the mapping that starts at `address`.
-fn resident_of(smaps: &str, address: usize) -> Option<u64> {
-    let start = format!("{address:08x}-");
-    let mut lines = smaps.lines().skip_while(|line| !line.starts_with(&start));
-    let rss = lines.find_map(|line| line.strip_prefix("Rss:"))?;
-    rss.trim().strip_suffix("kB")?.trim().parse::<u64>().ok().map(|kib| kib * 1024)
+    const PAGE: u64 = 4096;
+    let pages = std::fs::File::open("/proc/self/pagemap").ok()?;
+    let start = mapped.as_ptr().addr() as u64;
+    let (mut at, end) = (start / PAGE, (start + mapped.len() as u64).div_ceil(PAGE));
+    let (mut entries, mut resident) = ([0_u64; 512], 0);
+    while at < end {
+        let count = usize::try_from(end - at).map_or(entries.len(), |left| left.min(entries.len()));
+        pages.read_exact_at(bytemuck::cast_slice_mut(&mut entries[..count]), at * 8).ok()?;
+        // The highest bit tells that the page is there.
+        resident += entries[..count].iter().map(|entry| entry >> 63).sum::<u64>();
+        at += count as u64;
+    }
+    Some(resident * PAGE)
 }
 
 fn proc_status_bytes(key: &str) -> u64 {
@@ -81,11 +86,14 @@ mod tests {
     }
 
     #[test]
-    fn the_resident_part_of_one_mapping_is_found() {
-        let smaps = "7f00aa000-7f00bb000 r--p 00000000 08:01 12 /a\nSize: 68 kB\nRss:          12 kB\n\
-                     7f00bb000-7f00cc000 r--p 00000000 08:01 13 /b\nSize: 68 kB\nRss:          64 kB\n";
-        assert_eq!(resident_of(smaps, 0x7_f00b_b000), Some(64 << 10));
-        assert_eq!(resident_of(smaps, 0x7_f00a_a000), Some(12 << 10));
-        assert_eq!(resident_of(smaps, 0x7_f00c_c000), None);
+    fn pages_of_a_mapping_are_resident_once_they_are_read() {
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(8 << 20).unwrap();
+        // SAFETY: the file has no name, and no one else writes it.
+        let map = unsafe { memmap2::Mmap::map(&file).unwrap() };
+        assert_eq!(mapped_rss_bytes(&map), Some(0));
+        assert!(map[..3 << 20].iter().all(|byte| *byte == 0));
+        // The system maps some pages more than are asked for.
+        assert!((3 << 20..4 << 20).contains(&mapped_rss_bytes(&map).unwrap()));
     }
 }
