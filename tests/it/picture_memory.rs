@@ -134,7 +134,7 @@ fn a_batch_with_thumbnails_keeps_to_its_cap() {
     let folder = tempfile::tempdir().unwrap();
     let at = |name: &str| text(&folder.path().join(name));
     fs::create_dir(at("in")).unwrap();
-    for side in [200, 208] {
+    for side in [128, 136] {
         let mut random = Random(u64::from(side));
         let bytes: Vec<u8> =
             (0..u32::pow(side, 3)).map(|_| if random.below(6) == 0 { 200 } else { 0 }).collect();
@@ -143,13 +143,13 @@ fn a_batch_with_thumbnails_keeps_to_its_cap() {
         fs::write(at(&format!("in/{side}.json")), sidecar).unwrap();
     }
     let allowed = if is_slow() { 5 * MIB } else { 0 };
-    for (cap, jobs) in [("20MiB", "2"), ("40MiB", "8")] {
+    for (cap, jobs) in [("16MiB", "2"), ("64MiB", "8")] {
         let out = at(cap);
-        let asked = ["--memory", cap, "--jobs", jobs, "--iso", "100", "--thumbnails", "256", "--json"];
+        let asked = ["--memory", cap, "--jobs", jobs, "--iso", "100", "--surface", "cells", "--json"];
         let report = oct(&[&["batch", &at("in"), "--out", &out][..], &asked].concat()).json();
         let peak = report["peak_rss_bytes"].as_u64().unwrap();
         let sizes = fs::read_dir(&out).unwrap().map(|file| file.unwrap().metadata().unwrap().len());
-        assert!(sizes.max() > Some(24 * MIB), "the models are too small to show anything");
+        assert!(sizes.max() > Some(11 * MIB), "the models are too small to show anything");
         assert!(peak <= parse_size(cap).unwrap() + allowed, "{cap}: {peak}");
         println!("batch {cap}: {peak}");
     }
