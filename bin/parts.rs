@@ -32,14 +32,11 @@ pub(crate) fn plan(args: &PlanArgs) -> Result<ExitCode, Failure> {
 
 /// The build of a plan, as it was asked for.
 fn planned(plan: &Plan) -> Result<BuildArgs, Failure> {
-    let (words, folder) = plan.command();
-    let line = ["oct", "plan"].into_iter().chain(words.iter().map(String::as_str));
+    let line = ["oct", "plan"].into_iter().chain(plan.command().iter().map(String::as_str));
     let Ok(Cli { command: Command::Plan(PlanArgs { mut build, .. }) }) = Cli::try_parse_from(line) else {
         return Err(plan.not_of_this_program().into());
     };
-    for path in &mut build.input {
-        *path = folder.join(&path);
-    }
+    build.input = build.input.iter().map(|path| plan.input(path)).collect();
     build.scratch = None;
     if build.input.iter().any(|path| is_dash(path)) {
         return Err(Dash::Search.into());

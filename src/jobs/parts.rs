@@ -12,11 +12,12 @@ pub use report::{MergeReport, PartReport, PlanReport, StageReport};
 pub use staged::{merge_stage, part_stage};
 
 use std::fmt::Write;
-use std::io::Write as _;
+use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use serde::{Deserialize, Serialize};
+use sha2::{Digest, Sha256};
 
 use super::build::BuildJob;
 use crate::atomic::AtomicFile;
@@ -25,6 +26,8 @@ use crate::builder::parts::{Cuts, PartFault, PartFile, PartId, join};
 use crate::builder::{BuildError, BuildFault, BuildOptions, Progress};
 use crate::error::Error;
 use crate::geom::Dims;
+use crate::platform::open_file;
+use crate::synthetic::is_synthetic;
 use crate::text::data;
 use crate::volume::Preparation;
 use input::Opened;
@@ -53,6 +56,18 @@ struct PlanFile {
     files: Vec<String>,
     /// Inputs and options of the build, as words of a command line.
     command: Vec<String>,
+    /// SHA-256, in hex digits, of the plan with nothing in this place.
+    #[serde(default)]
+    checksum: String,
+}
+
+impl PlanFile {
+    /// The plan with its checksum.
+    fn sealed(mut self) -> serde_json::Result<Self> {
+        self.checksum.clear();
+        self.checksum = hex(&Sha256::digest(serde_json::to_vec(&self)?));
+        Ok(self)
+    }
 }
 
 /// A plan that was read.
@@ -73,11 +88,15 @@ impl Plan {
         let refuse = |fault| refused(path, fault);
         let not = |reason: &str| refuse(PartFault::NotPlan { reason: reason.to_owned() });
         let unreadable = |cause| refuse(PartFault::Unreadable(cause));
-        if std::fs::metadata(path).map_err(unreadable)?.len() > MAX_PLAN_BYTES {
+        let mut bytes = Vec::new();
+        let opened = open_file(path).and_then(|file| file.take(MAX_PLAN_BYTES + 1).read_to_end(&mut bytes));
+        if opened.map_err(unreadable)? as u64 > MAX_PLAN_BYTES {
             return Err(not("it is too long"));
         }
-        let bytes = std::fs::read(path).map_err(unreadable)?;
         let file: PlanFile = serde_json::from_slice(&bytes).map_err(|e| not(&e.to_string()))?;
+        if file.clone().sealed().ok().as_ref() != Some(&file) {
+            return Err(not("it was edited"));
+        }
         let digest = parse_hex(&file.digest).ok_or_else(|| not("its digest is not one"))?;
         let [x, y, z] = file.dims;
         let dims = Dims::new(x, y, z).ok_or_else(|| not("its size is not one"))?;
@@ -87,9 +106,14 @@ impl Plan {
         Ok(Self { path: path.to_path_buf(), file, digest, dims })
     }
 
-    /// Inputs and options of the build, and the folder that their paths start from.
-    pub fn command(&self) -> (&[String], &Path) {
-        (&self.file.command, Path::new(&self.file.folder))
+    /// Inputs and options of the build.
+    pub fn command(&self) -> &[String] {
+        &self.file.command
+    }
+
+    /// An input of the command from the folder of the plan's making; a synthetic one is in none.
+    pub fn input(&self, path: &Path) -> PathBuf {
+        if is_synthetic(path) { path.to_path_buf() } else { Path::new(&self.file.folder).join(path) }
     }
 
     /// Its command is not one of this program.
@@ -195,9 +219,10 @@ pub fn plan(
         folder: folder.to_owned(),
         files: opened.files.iter().map(text).collect::<Result<_, _>>()?,
         command,
+        checksum: String::new(),
     };
     let path = out.join("plan.json");
-    write_plan(&file, out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
+    write_plan(file.clone(), out, &path).map_err(|cause| Error::Output { path: path.clone(), cause })?;
     let mut warnings = Vec::new();
     if let Some(volume) = opened.volume() {
         warnings.extend(crate::volume::sentences(&volume.info().notes));
@@ -220,10 +245,11 @@ pub fn plan(
     })
 }
 
-fn write_plan(file: &PlanFile, out: &Path, path: &Path) -> std::io::Result<()> {
+fn write_plan(file: PlanFile, out: &Path, path: &Path) -> std::io::Result<()> {
     std::fs::create_dir_all(out)?;
     let atomic = AtomicFile::create(path)?;
-    let text = serde_json::to_string_pretty(file).map_err(std::io::Error::other)?;
+    let text = file.sealed().and_then(|file| serde_json::to_string_pretty(&file));
+    let text = text.map_err(std::io::Error::other)?;
     atomic.file().write_all(format!("{text}\n").as_bytes())?;
     atomic.commit()
 }
@@ -252,8 +278,11 @@ fn is_there(id: &PartId, folder: &Path, progress: &dyn Progress) -> Result<bool,
     let is_sound = |found: Option<PartFile>| found.map(|part| part.check(progress)).transpose();
     match PartFile::open(id, folder).and_then(is_sound) {
         Ok(found) => Ok(found.is_some()),
-        Err(error) if matches!(error.kind(), crate::exit::ExitKind::Input) => Ok(false),
-        Err(error) => Err(error.into()),
+        Err(error) => match error.fault() {
+            BuildFault::Part { fault: PartFault::Unreadable(_), .. } => Err(error.into()),
+            _ if matches!(error.kind(), crate::exit::ExitKind::Input) => Ok(false),
+            _ => Err(error.into()),
+        },
     }
 }
 

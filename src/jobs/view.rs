@@ -3,7 +3,8 @@
 //! A server on 127.0.0.1 under a path that cannot be guessed. It answers GET and HEAD: of pages, of a folder's contact
 //! sheet, and of pictures of a camera, which a page asks for where there is no WebGL2, of a scene, or of a model that is
 //! too large for a page. It refuses other hosts' names (a page from elsewhere could otherwise reach it by a name that
-//! leads here) and long or slow requests, answers 16 at a time, and makes one picture at a time.
+//! leads here) and long or slow requests, answers 16 at a time, and makes one picture at a time. Connections that ask
+//! nothing take no thread, and the oldest of many makes room. Of a folder's models the last ones stay open.
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -14,14 +15,15 @@ mod sheet;
 mod subject;
 
 use std::fs::File;
-use std::io::{self, BufWriter, Read, Write};
+use std::io::{self, BufWriter, ErrorKind, Read, Write};
 use std::net::{Ipv4Addr, TcpListener, TcpStream};
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::{Mutex, PoisonError};
+use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use crate::error::Error;
+use crate::load::survive_torn_files;
 use crate::platform::FileExt;
 use crate::scratch::unnamed;
 
@@ -32,14 +34,20 @@ use subject::Subject;
 const MAX_REQUEST: usize = 8 << 10;
 /// Requests that are answered at a time.
 const MAX_CLIENTS: usize = 16;
+/// Connections that have not asked yet; of more the oldest go.
+const MAX_WAITING: usize = 64;
+/// Models that stay open.
+const MAX_OPEN: usize = 16;
 /// How long a client may take to ask.
+const ASKING: Duration = Duration::from_secs(3);
+/// How long a client may take to get an answer.
 const PATIENCE: Duration = Duration::from_secs(10);
 /// Bytes a second that a client has to take, beyond that.
 const MIN_RATE: u64 = 1 << 20;
 /// Pixels along a side of the pictures of a contact sheet.
 const THUMBNAIL: u32 = 256;
-/// How often it is looked at whether to stop.
-const BEAT: Duration = Duration::from_millis(50);
+/// How often new clients are looked for, and how often while some wait.
+const BEATS: [Duration; 2] = [Duration::from_millis(20), Duration::from_millis(2)];
 
 /// How a model is served.
 #[derive(Clone, Copy, Debug, Default)]
@@ -65,14 +73,21 @@ pub fn view(
     ready: &dyn Fn(&str),
     stopped: &(dyn Fn() -> bool + Sync),
 ) -> Result<(), Error> {
+    survive_torn_files();
     let is_folder = input.is_dir();
-    let entries = if is_folder { sheet::entries(input)? } else { vec![Entry::opened(Subject::open(input)?)] };
+    let entries = if is_folder { sheet::entries(input)? } else { vec![Entry::of(input)] };
     let refused = |cause| Error::Port { port: request.port, cause };
+    let mut open = Vec::new();
+    if let (false, [only]) = (is_folder, &*entries) {
+        open.push(only.open()?);
+    }
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
+    listener.set_nonblocking(true).map_err(refused)?;
     let port = listener.local_addr().map_err(refused)?.port();
     let server = Server {
         folder: is_folder.then_some(input),
         entries,
+        open: Mutex::new(open),
         scratch,
         page: Mutex::new(None),
         drawing: Mutex::new(()),
@@ -80,52 +95,55 @@ pub fn view(
         secret: secret().map_err(refused)?,
     };
     ready(&format!("http://127.0.0.1:{port}/{}/", server.secret));
-    let (clients, ended) = (AtomicUsize::new(0), AtomicBool::new(false));
-    let last = Mutex::new(Instant::now());
-    let touch = || *last.lock().unwrap_or_else(PoisonError::into_inner) = Instant::now();
-    let is_idle = |idle| {
-        let mut last = last.lock().unwrap_or_else(PoisonError::into_inner);
-        if clients.load(Ordering::Acquire) > 0 {
-            *last = Instant::now();
-        }
-        last.elapsed() > idle
-    };
+    let answering = AtomicUsize::new(0);
+    let (mut waiting, mut last) = (Vec::new(), Instant::now());
     std::thread::scope(|scope| {
-        scope.spawn(|| {
-            while !ended.load(Ordering::Acquire) && !stopped() && !request.idle.is_some_and(is_idle) {
-                std::thread::sleep(BEAT);
+        while !stopped() && !request.idle.is_some_and(|idle| last.elapsed() > idle) {
+            if accept(&listener, &mut waiting) || answering.load(Ordering::Acquire) > 0 {
+                last = Instant::now();
             }
-            ended.store(true, Ordering::Release);
-            // Wakes the one that waits for clients.
-            let _gone = TcpStream::connect((Ipv4Addr::LOCALHOST, port));
-        });
-        loop {
-            let found = listener.accept();
-            if ended.load(Ordering::Acquire) {
-                return Ok(());
-            }
-            let client = match found {
-                Ok((client, _)) => client,
-                // A client that went away before it was looked at.
-                Err(cause) if cause.kind() == io::ErrorKind::ConnectionAborted => continue,
-                Err(cause) => {
-                    ended.store(true, Ordering::Release);
-                    return Err(refused(cause));
+            for mut client in std::mem::take(&mut waiting) {
+                match client.ask() {
+                    Ok(true) if answering.load(Ordering::Acquire) < MAX_CLIENTS => {
+                        answering.fetch_add(1, Ordering::AcqRel);
+                        let (server, answering) = (&server, &answering);
+                        scope.spawn(move || {
+                            // A client that closes early needs no more.
+                            let _gone = server.answer(client);
+                            answering.fetch_sub(1, Ordering::AcqRel);
+                        });
+                    }
+                    Ok(_) => waiting.push(client),
+                    Err(refused) => drop(client.refuse(refused)),
                 }
-            };
-            touch();
-            if clients.fetch_add(1, Ordering::AcqRel) >= MAX_CLIENTS {
-                clients.fetch_sub(1, Ordering::AcqRel);
-                continue;
             }
-            let (server, clients) = (&server, &clients);
-            scope.spawn(move || {
-                // A client that closes early needs no more.
-                let _gone = server.answer(client);
-                clients.fetch_sub(1, Ordering::AcqRel);
-            });
+            std::thread::sleep(BEATS[usize::from(!waiting.is_empty())]);
         }
-    })
+    });
+    Ok(())
+}
+
+/// Takes new clients; true if there were some.
+fn accept(listener: &TcpListener, waiting: &mut Vec<Client>) -> bool {
+    let mut any = false;
+    for _ in 0..MAX_WAITING {
+        match listener.accept() {
+            Ok((stream, _)) => {
+                any = true;
+                waiting.extend(Client::new(stream));
+            }
+            Err(cause) if cause.kind() == ErrorKind::WouldBlock => break,
+            // A client that went away before it was looked at.
+            Err(cause) if cause.kind() == ErrorKind::ConnectionAborted => {}
+            // Too many files are open, as a rule.
+            Err(_) => {
+                waiting.drain(..waiting.len().min(1));
+                break;
+            }
+        }
+        waiting.drain(..waiting.len().saturating_sub(MAX_WAITING));
+    }
+    any
 }
 
 /// Random hexadecimal digits.
@@ -160,6 +178,8 @@ struct Server<'a> {
     folder: Option<&'a Path>,
     /// Its models; one without a folder.
     entries: Vec<Entry>,
+    /// Those that were looked at last.
+    open: Mutex<Vec<Arc<Subject>>>,
     scratch: &'a Path,
     /// The page that was asked for last, of the entry of this number.
     page: Mutex<Option<(usize, File)>>,
@@ -179,10 +199,46 @@ struct Asked {
 /// A client that takes its time, but no more than it is given.
 struct Client {
     stream: TcpStream,
+    /// What it has asked so far.
+    asked: Vec<u8>,
     until: Instant,
 }
 
 impl Client {
+    /// A client that is about to ask; `None` if it is gone.
+    fn new(stream: TcpStream) -> Option<Self> {
+        stream.set_nonblocking(true).ok()?;
+        Some(Self { stream, asked: Vec::new(), until: Instant::now() + ASKING })
+    }
+
+    /// Reads what has come; true once that is a whole request.
+    fn ask(&mut self) -> Result<bool, Refused> {
+        let mut some = [0; 1024];
+        while !self.asked.ends_with(b"\r\n\r\n") {
+            let count = match self.stream.read(&mut some) {
+                Ok(0) => return Err(Refused::Gone),
+                Ok(count) => count,
+                Err(cause) if cause.kind() == ErrorKind::WouldBlock => {
+                    self.left().map_err(|_| Refused::because(408, "too slow"))?;
+                    return Ok(false);
+                }
+                Err(_) => return Err(Refused::Gone),
+            };
+            self.asked.extend_from_slice(some.get(..count).unwrap_or_default());
+            if self.asked.len() > MAX_REQUEST {
+                return Err(Refused::because(431, "too long"));
+            }
+        }
+        Ok(true)
+    }
+
+    /// Says why there is no content.
+    fn refuse(&mut self, refused: Refused) -> io::Result<()> {
+        let Refused::Status(status, why) = refused else { return Ok(()) };
+        self.head(status, "text/plain; charset=utf-8", why.len() as u64)?;
+        self.write_all(why.as_bytes())
+    }
+
     fn left(&self) -> io::Result<Duration> {
         let left = self.until.checked_duration_since(Instant::now()).filter(|left| !left.is_zero());
         left.ok_or_else(|| io::ErrorKind::TimedOut.into())
@@ -214,33 +270,17 @@ impl Write for Client {
 }
 
 impl Server<'_> {
-    fn answer(&self, stream: TcpStream) -> Result<(), Refused> {
-        let mut client = Client { stream, until: Instant::now() + PATIENCE };
-        let found = self.read(&mut client).and_then(|asked| self.send(&mut client, &asked));
-        if let Err(Refused::Status(status, why)) = found {
-            client.head(status, "text/plain; charset=utf-8", why.len() as u64)?;
-            client.write_all(why.as_bytes())?;
+    fn answer(&self, mut client: Client) -> io::Result<()> {
+        client.stream.set_nonblocking(false)?;
+        match self.read(&client.asked).and_then(|asked| self.send(&mut client, &asked)) {
+            Ok(()) => Ok(()),
+            Err(refused) => client.refuse(refused),
         }
-        Ok(())
     }
 
     /// Reads a request, and checks who asks for what.
-    fn read(&self, client: &mut Client) -> Result<Asked, Refused> {
-        let mut bytes = Vec::new();
-        while !bytes.ends_with(b"\r\n\r\n") {
-            let left = client.left().map_err(|_| Refused::because(408, "too slow"))?;
-            client.stream.set_read_timeout(Some(left))?;
-            let mut some = [0; 1024];
-            let count = client.stream.read(&mut some)?;
-            if count == 0 {
-                return Err(Refused::Gone);
-            }
-            bytes.extend_from_slice(some.get(..count).unwrap_or_default());
-            if bytes.len() > MAX_REQUEST {
-                return Err(Refused::because(431, "too long"));
-            }
-        }
-        let text = str::from_utf8(&bytes).map_err(|_| Refused::because(400, "not text"))?;
+    fn read(&self, bytes: &[u8]) -> Result<Asked, Refused> {
+        let text = str::from_utf8(bytes).map_err(|_| Refused::because(400, "not text"))?;
         let mut lines = text.split("\r\n");
         let mut words = lines.next().unwrap_or_default().split(' ');
         let (method, path) = (words.next().unwrap_or_default(), words.next().unwrap_or_default());
@@ -275,9 +315,10 @@ impl Server<'_> {
                 (number.parse().map_err(|_| nothing())?, what)
             }
         };
-        let subject = self.entries.get(number).ok_or_else(nothing)?.subject()?;
+        let entry = self.entries.get(number).ok_or_else(nothing)?;
+        let subject = self.opened(entry)?;
         if what.is_empty() {
-            return self.send_page(client, (number, subject), asked.is_head);
+            return self.send_page(client, (number, &subject), asked.is_head);
         }
         let png = {
             let _one = self.drawing.lock().unwrap_or_else(PoisonError::into_inner);
@@ -289,6 +330,21 @@ impl Server<'_> {
         };
         client.head(200, "image/png", png.len() as u64)?;
         if asked.is_head { Ok(()) } else { Ok(client.write_all(&png)?) }
+    }
+
+    /// The model of an entry, open: as it was opened before, unless its file was changed since.
+    fn opened(&self, entry: &Entry) -> Result<Arc<Subject>, Refused> {
+        let subject = entry.open().map_err(|error| Refused::because(500, error))?;
+        let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
+        open.retain(|other| !Arc::ptr_eq(other, &subject));
+        if let Err(changed) = subject.check_unchanged() {
+            *self.page.lock().unwrap_or_else(PoisonError::into_inner) = None;
+            return Err(changed);
+        }
+        open.push(Arc::clone(&subject));
+        let before = open.len().saturating_sub(MAX_OPEN);
+        open.drain(..before);
+        Ok(subject)
     }
 
     fn send_page(&self, client: &mut Client, of: (usize, &Subject), is_head: bool) -> Result<(), Refused> {

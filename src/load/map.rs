@@ -4,6 +4,7 @@
 use std::fs::File;
 use std::io;
 use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{LoadError, LoadFault};
 use crate::platform;
@@ -21,10 +22,18 @@ enum Held {
     Read(Vec<u8>),
 }
 
-/// A mapping; in a process of others a file that is cut short must not end it.
+/// True where a file that is cut short must not end the process: in one of others, and in a server.
+static SURVIVES: AtomicBool = AtomicBool::new(cfg!(feature = "python"));
+
+/// Makes pages of zeros of what a mapped file loses, of mappings that are made from now on, and not the end of the
+/// process; [`FileIdentity::check`] tells afterwards.
+pub(crate) fn survive_torn_files() {
+    SURVIVES.store(true, Ordering::Relaxed);
+}
+
+/// A mapping.
 #[derive(Debug)]
 struct Mapped {
-    #[cfg(feature = "python")]
     _watched: Option<platform::Watched>,
     map: memmap2::Mmap,
 }
@@ -70,11 +79,10 @@ impl Mapping {
         // specification (SPEC 7) to do the same; if one does not, no reference with an invariant
         // beyond "any byte" is ever made from the mapping, [`FileIdentity::check`] reports it, and a
         // file cut short raises a bus error, as every mapping of a file does: the command ends with a
-        // sentence then, and Python's module goes on with zeros.
+        // sentence then, and Python's module and the server go on with zeros.
         let map = unsafe { memmap2::Mmap::map(file)? };
         Ok(Self(Held::Mapped(Mapped {
-            #[cfg(feature = "python")]
-            _watched: platform::Watched::new(&map),
+            _watched: SURVIVES.load(Ordering::Relaxed).then(|| platform::Watched::new(&map)).flatten(),
             map,
         })))
     }
@@ -100,5 +108,24 @@ impl AsRef<[u8]> for Mapping {
             Held::Mapped(mapped) => &mapped.map,
             Held::Read(bytes) => bytes,
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::budget::mapped_rss_bytes;
+
+    #[test]
+    fn pages_are_resident_once_they_are_read_and_until_they_are_given_back() {
+        let file = tempfile::tempfile().unwrap();
+        file.set_len(8 << 20).unwrap();
+        let mapping = Mapping::of(&file).unwrap();
+        assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
+        assert!(mapping.as_ref()[..3 << 20].iter().all(|byte| *byte == 0));
+        // The system maps some pages more than are asked for.
+        assert!((3 << 20..4 << 20).contains(&mapped_rss_bytes(mapping.as_ref()).unwrap()));
+        mapping.give_back();
+        assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
     }
 }

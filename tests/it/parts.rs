@@ -492,12 +492,44 @@ fn a_part_of_an_input_that_was_changed_is_refused_and_a_plan_without_skin_gives_
     let raw = File::options().write(true).open(job.path("v.raw")).unwrap();
     raw.set_modified(std::time::SystemTime::UNIX_EPOCH + Duration::from_secs(1)).unwrap();
     job.part(0, &[]).refused(3, &["plan.json", "oct plan"]);
-    // A plan that someone edits is another one.
+    // A plan that someone edits is none, whatever of it.
     job.plan(2);
     let plan = job.path("job/plan.json");
-    let edited = fs::read_to_string(&plan).unwrap().replace("\"200\"", "\"20\"");
-    fs::write(&plan, edited).unwrap();
-    job.part(0, &[]).refused(3, &["plan.json", "oct plan"]);
+    let whole = fs::read_to_string(&plan).unwrap();
+    for (what, other) in
+        [("\"200\"", "\"20\""), ("infobyte 0", "infobyte 1"), ("\"folder\": \"/", "\"folder\": \"/x")]
+    {
+        assert!(whole.contains(what), "{whole}");
+        fs::write(&plan, whole.replace(what, other)).unwrap();
+        job.part(0, &[]).refused(3, &["plan.json", "edited", "oct plan"]);
+        job.merge().refused(3, &["plan.json", "edited", "oct plan"]);
+    }
+    // What is no file is refused at once.
+    fs::write(&plan, whole).unwrap();
+    let name = PathBuf::from(job.part(0, &[]).json()["output"].as_str().unwrap());
+    fs::remove_file(&name).unwrap();
+    assert!(Command::new("mkfifo").arg(&name).status().unwrap().success());
+    job.part(0, &[]).refused(3, &[&text(&name), "not a regular file"]);
+    fs::remove_file(&name).unwrap();
+    fs::create_dir(&name).unwrap();
+    job.part(0, &[]).refused(3, &[&text(&name), "not a regular file"]);
+    fs::remove_file(&plan).unwrap();
+    assert!(Command::new("mkfifo").arg(&plan).status().unwrap().success());
+    job.part(0, &[]).refused(3, &["plan.json", "not a regular file"]);
+    job.merge().refused(3, &["plan.json", "not a regular file"]);
+}
+
+#[test]
+fn parts_of_a_synthetic_volume_join_into_the_file_of_one_build() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| text(&folder.path().join(name));
+    let input = ["synthetic:gyroid@40", "--iso", "0.5", "--surface", "cells"];
+    oct(&[&["build"], &input[..], &["-o", &at("one.oct"), "--json"]].concat()).json();
+    oct(&[&["plan"], &input[..], &["--parts", "2", "--out", &at("job"), "--json"]].concat()).json();
+    let plan = at("job/plan.json");
+    ["0", "1"].iter().for_each(|number| drop(oct(&["part", &plan, number, "--json"]).json()));
+    oct(&["merge", &plan, "-o", &at("all.oct"), "--json"]).json();
+    assert!(fs::read(at("one.oct")).unwrap() == fs::read(at("all.oct")).unwrap());
 }
 
 #[test]

@@ -6,6 +6,7 @@ use thiserror::Error;
 
 use super::stage::Stage;
 use crate::exit::ExitKind;
+use crate::platform::is_not_regular;
 use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, RANGE, STAGE, VISIBLE_FROM};
 
 /// Why a plan or a part is refused.
@@ -90,7 +91,7 @@ impl PartFault {
             Self::Unsupported(_) | Self::NotText | Self::NoSuchPart { .. } | Self::NoSuchStage { .. } => {
                 ExitKind::Usage
             }
-            Self::Unreadable(_) => ExitKind::Io,
+            Self::Unreadable(cause) if !is_not_regular(cause) => ExitKind::Io,
             _ => ExitKind::Input,
         }
     }

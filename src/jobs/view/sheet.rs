@@ -3,13 +3,13 @@
 use std::fs;
 use std::io;
 use std::path::{Path, PathBuf};
-use std::sync::OnceLock;
+use std::sync::{Arc, Mutex, PoisonError, Weak};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
 use sha2::{Digest, Sha256};
 
-use super::{Refused, Subject};
+use super::Subject;
 use crate::budget::Bytes;
 use crate::error::{Error, UsageError};
 use crate::load::{LoadError, LoadFault};
@@ -34,18 +34,27 @@ pub(super) struct Entry {
     name: PathBuf,
     path: PathBuf,
     bytes: u64,
-    opened: OnceLock<Result<Subject, String>>,
+    opened: Mutex<Weak<Subject>>,
 }
 
 impl Entry {
-    pub(super) fn opened(subject: Subject) -> Self {
-        Self { name: PathBuf::new(), path: PathBuf::new(), bytes: 0, opened: OnceLock::from(Ok(subject)) }
+    /// A file by itself.
+    pub(super) fn of(path: &Path) -> Self {
+        Self { name: PathBuf::new(), path: path.to_path_buf(), bytes: 0, opened: Mutex::default() }
     }
 
-    /// The model, if it can be used.
-    pub(super) fn subject(&self) -> Result<&Subject, Refused> {
-        let opened = self.opened.get_or_init(|| Subject::open(&self.path).map_err(|error| error.to_string()));
-        opened.as_ref().map_err(|why| Refused::because(500, why))
+    /// The model as it is open, or opened now.
+    ///
+    /// # Errors
+    /// It cannot be used.
+    pub(super) fn open(&self) -> Result<Arc<Subject>, Error> {
+        let mut opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(subject) = opened.upgrade() {
+            return Ok(subject);
+        }
+        let subject = Arc::new(Subject::open(&self.path)?);
+        *opened = Arc::downgrade(&subject);
+        Ok(subject)
     }
 }
 
@@ -78,7 +87,7 @@ fn walk(folder: &Path, within: &Path, depth: usize, found: &mut Vec<Entry>) -> i
             }
             let path = entry.path();
             let bytes = fs::metadata(&path).map_or(0, |metadata| metadata.len());
-            found.push(Entry { name, path, bytes, opened: OnceLock::new() });
+            found.push(Entry { name, bytes, ..Entry::of(&path) });
         }
     }
     Ok(())

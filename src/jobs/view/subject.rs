@@ -66,13 +66,15 @@ impl Subject {
     /// A picture of so many pixels a side, as a PNG.
     pub(super) fn still(&self, side: u32) -> Result<Vec<u8>, Refused> {
         let failed = |error: Error| Refused::because(500, error);
-        match &self.what {
+        let still = match &self.what {
             What::Model(model) => still(model, side, &Silent).map_err(failed),
             What::Scene(scene) => {
                 let request = RenderRequest { size: Some([side; 2]), threads: 1, ..RenderRequest::default() };
-                png(&scene.picture(&request).map_err(failed)?)
+                scene.picture(&request).map_err(failed).and_then(|image| png(&image))
             }
-        }
+        };
+        self.check_unchanged()?;
+        still
     }
 
     /// Writes its page.
@@ -97,7 +99,9 @@ impl Subject {
         self.check_unchanged()
     }
 
-    fn check_unchanged(&self) -> Result<(), Refused> {
+    /// # Errors
+    /// Its file is not what it was when it was opened.
+    pub(super) fn check_unchanged(&self) -> Result<(), Refused> {
         let changed = |error| Refused::because(410, Error::from(error));
         match &self.what {
             What::Model(model) => model.check_unchanged(&self.path).map_err(changed),

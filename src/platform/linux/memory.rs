@@ -1,5 +1,4 @@
 //! Memory that the operating system accounts to this process.
-#![cfg_attr(test, expect(unsafe_code, reason = "mappings to look at"))]
 
 use super::FileExt;
 
@@ -83,17 +82,5 @@ mod tests {
         );
         assert_eq!(own_rss_of("VmRSS:\t 9 kB\n"), 9 << 10);
         assert_eq!(own_rss_of(""), 0);
-    }
-
-    #[test]
-    fn pages_of_a_mapping_are_resident_once_they_are_read() {
-        let file = tempfile::tempfile().unwrap();
-        file.set_len(8 << 20).unwrap();
-        // SAFETY: the file has no name, and no one else writes it.
-        let map = unsafe { memmap2::Mmap::map(&file).unwrap() };
-        assert_eq!(mapped_rss_bytes(&map), Some(0));
-        assert!(map[..3 << 20].iter().all(|byte| *byte == 0));
-        // The system maps some pages more than are asked for.
-        assert!((3 << 20..4 << 20).contains(&mapped_rss_bytes(&map).unwrap()));
     }
 }

@@ -4,7 +4,6 @@ mod files;
 mod machine;
 mod memory;
 mod resident;
-#[cfg(feature = "python")]
 mod torn;
 
 pub(crate) use files::*;
@@ -13,5 +12,4 @@ pub use memory::*;
 pub(crate) use resident::MAPPED_FROM;
 pub(crate) use resident::give_back_pages;
 pub use resident::{give_back, map_large_buffers};
-#[cfg(feature = "python")]
 pub(crate) use torn::Watched;

@@ -262,6 +262,61 @@ fn hostile_requests_get_nothing_and_take_no_memory() {
     assert!(child.wait().unwrap().success());
 }
 
+/// More models than files may be open, connections that never ask, a model that is cut short and then put back.
+#[test]
+fn a_folder_is_served_whatever_becomes_of_its_models_and_clients() {
+    let folder = tempfile::tempdir().unwrap();
+    let models = folder.path().join("models");
+    fs::create_dir(&models).unwrap();
+    let (_, page) =
+        paged(folder.path(), "m", &["synthetic:gyroid@160", "--iso", "0.5", "--surface", "cells"]);
+    let model = fs::read(page.with_extension("oct")).unwrap();
+    assert!(model.len() > 1 << 20, "it has to be mapped");
+    for number in 0..40 {
+        fs::hard_link(page.with_extension("oct"), models.join(format!("{number:03}.oct"))).unwrap();
+    }
+    fs::write(models.join("999.oct"), &model).unwrap();
+    let script = "ulimit -Sn 45; exec \"$OCT\" view \"$1\" --no-open --idle 4";
+    let mut child = Command::new("sh")
+        .args(["-c", script, "sh", &text(&models)])
+        .env("OCT", binary())
+        .stdout(Stdio::piped())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut address = String::new();
+    BufReader::new(child.stdout.take().unwrap()).read_line(&mut address).unwrap();
+    let target = Target::of(address.trim());
+    let ask = |what: String| {
+        let request = format!("GET /{}{what} HTTP/1.1\r\nHost: {}\r\n\r\n", target.path, target.host);
+        answered(target.port, &request)
+    };
+    std::thread::scope(|scope| {
+        for first in 0..3 {
+            scope.spawn(move || {
+                for number in (first..40).step_by(3) {
+                    assert_eq!(ask(format!("{number}/still")).0, 200, "{number}");
+                }
+            });
+        }
+    });
+    let silent: Vec<_> = (0..200).map(|_| TcpStream::connect(("127.0.0.1", target.port)).unwrap()).collect();
+    assert_eq!(ask(format!("5/picture?{CAMERA}")).0, 200);
+    let last = silent.last().unwrap();
+    let mut refusal = String::new();
+    (&*last).read_to_string(&mut refusal).unwrap();
+    assert!(refusal.starts_with("HTTP/1.1 408"), "{refusal}");
+    let cut = models.join("999.oct");
+    assert_eq!(ask("40/".to_owned()).0, 200);
+    fs::OpenOptions::new().write(true).open(&cut).unwrap().set_len(5000).unwrap();
+    let (status, why) = ask("40/".to_owned());
+    assert!(status == 410 && String::from_utf8_lossy(&why).contains("999.oct"), "{status}");
+    assert_eq!((ask("40/still".to_owned()).0, ask("7/still".to_owned()).0), (500, 200));
+    fs::write(&cut, &model).unwrap();
+    assert_eq!(ask("40/still".to_owned()).0, 200);
+    assert!(child.wait().unwrap().success());
+}
+
 #[test]
 fn scenes_and_folders_are_served_as_pages() {
     let folder = tempfile::tempdir().unwrap();
