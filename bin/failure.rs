@@ -170,7 +170,7 @@ impl fmt::Display for Refusal {
             Self::NoForm { path } => {
                 return write!(
                     f,
-                    "{}: does not say what to write; name it .stl, .ply, .obj, .glb, .nrrd, .nii or .nii.gz, or choose with --as",
+                    "{}: does not say what to write; name it .stl, .ply, .obj, .glb, .3mf, .nrrd, .nii, .nii.gz or .html, or choose with --as",
                     shown(path)
                 );
             }

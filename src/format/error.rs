@@ -237,6 +237,10 @@ pub enum FormatError {
     RankApart,
     #[error("{DAMAGED}metadata is longer than 1 MiB{AGAIN}")]
     MetadataTooLong { bytes: u64 },
+    #[error(
+        "the table of its labels would take {bytes} bytes, and 1 MiB is all that there is; shorten their names"
+    )]
+    LabelNames { bytes: u64 },
     #[error("{DAMAGED}metadata cannot be written{AGAIN}")]
     MetadataUnwritable,
 }

@@ -88,7 +88,7 @@ pub(crate) fn table_to_bytes(labels: &[Label]) -> Result<Vec<u8>, FormatError> {
         bytes.extend(label.name.as_bytes());
     }
     if bytes.len() > METADATA_LIMIT {
-        return Err(FormatError::MetadataTooLong { bytes: bytes.len() as u64 });
+        return Err(FormatError::LabelNames { bytes: bytes.len() as u64 });
     }
     Ok(bytes)
 }

@@ -15,12 +15,15 @@ use serde_json::Value;
 
 use crate::error::{Error, UsageError};
 use crate::export::part_name;
+use crate::fault::usage;
 use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
+use crate::volume::SourceError;
 
-/// Longest table.
+/// Longest table, and longest name in it, in bytes.
 const MAX_BYTES: u64 = 4 << 20;
+const MAX_NAME_BYTES: usize = 1000;
 
 /// Reads a table of labels, of the kind that its content shows; label 0 is left out. Of a code and a name that was typed in,
 /// as JSON may have both, the code's meaning is taken, unless `typed` says so.
@@ -42,6 +45,11 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
         true => of_json(&text, typed).ok_or_else(|| wrong(0))?,
         false => of_rows(&text, blanks).map_err(wrong)?,
     };
+    if let Some(long) = names.iter().find(|label| label.name.len() > MAX_NAME_BYTES) {
+        let (number, bytes) = (long.number, long.name.len());
+        let fault = usage!("gives label {number} a name of {bytes} bytes; shorten it to {MAX_NAME_BYTES}");
+        return Err(SourceError::from(fault.at(path)).into());
+    }
     names.sort_by_key(|label| label.number);
     match names.windows(2).find(|pair| pair[0].number == pair[1].number) {
         Some([twice, _]) => {
@@ -238,6 +246,7 @@ mod tests {
             ("", "not a table"),
             ("{}", "not a table"),
             (r#"{"segmentAttributes": [[{"labelID": 70000}]]}"#, "not a table"),
+            (&format!("index\tname\n7\t{}\n", "a".repeat(1001)), "label 7 a name of 1001 bytes"),
         ];
         for (text, words) in wrong {
             let path = folder.path().join("w.txt");

@@ -30,7 +30,11 @@ pub(super) fn size(py: Python<'_>, text: &str) -> PyResult<u64> {
 
 /// Reads options; a sentence on what is wrong in them.
 pub(super) fn read<'a, T: Deserialize<'a>>(py: Python<'_>, json: &'a str) -> PyResult<T> {
-    serde_json::from_str(json).map_err(|error| usage(py, &format!("an option is wrong: {error}")))
+    serde_json::from_str(json).map_err(|error| {
+        // Where that is in the text is of no use to those who did not write it.
+        let said = error.to_string();
+        usage(py, &format!("an option is wrong: {}", said.split(" at line ").next().unwrap_or(&said)))
+    })
 }
 
 /// Options by name.

@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{BuildJob, BuildSummary, convert};
 use crate::atomic::{sweep, temporary_name};
 use crate::error::{Error, UsageError};
+use crate::jobs::batch::NewFolders;
 use crate::jobs::names::file_names;
 use crate::jobs::pack::split;
 use crate::source::{OpenOptions, SubjectKind};
@@ -68,7 +69,8 @@ pub(crate) fn build_each(
     build: impl FnOnce(&BuildJob<'_>) -> Result<BuildSummary, Error>,
 ) -> Result<BuildSummary, Error> {
     let EachLabel { folder, .. } = each;
-    fs::create_dir_all(folder).map_err(|cause| Error::Output { path: folder.to_path_buf(), cause })?;
+    let _new =
+        NewFolders::create(folder).map_err(|cause| Error::Output { path: folder.to_path_buf(), cause })?;
     sweep(folder);
     if each.keep_whole {
         let built = build(job)?;

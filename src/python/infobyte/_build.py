@@ -351,6 +351,8 @@ def _json(asked: dict[str, Any]) -> str:
 
 
 def _finite(name: str, value: float | None) -> float | None:
+    if isinstance(value, str):
+        raise TypeError(f"{name}={value!r} is text; give a number")
     if value is not None and not math.isfinite(float(value)):
         raise UsageError(f"{name}={value} is not a finite number")
     return None if value is None else float(value)
@@ -378,6 +380,8 @@ def _placement(spacing: Any, origin: Any, affine: Any, stated: Any, axes: str) -
         matrix = np.asarray(affine, float)
         if matrix.shape not in ((3, 4), (4, 4)) or not np.isfinite(matrix).all():
             raise UsageError("an affine has 3 x 4 or 4 x 4 finite numbers")
+        if np.linalg.matrix_rank(matrix[:3, :3]) < 3:
+            raise UsageError("the three columns of the affine lie in a plane; voxels need a volume")
         return matrix[:3]
     if stated is None:
         stated = np.eye(3, 4)

@@ -333,7 +333,7 @@ class Model:
             yield self.render(size, turned=360.0 * frame / frames, **options)
 
     def first_hits(self, origins: ArrayLike, directions: ArrayLike, *, threads: int | None = None) -> Hits:
-        """The first hits of rays, exactly: no ray slips between voxels that touch.
+        """The first hits of rays, exactly: no ray slips between voxels that share a face or an edge.
 
         `origins` and `directions`: ... x 3, x, y, z in LPS mm, broadcast against each other; directions of any length.
         `threads`: all cores by default; the hits do not depend on it.
@@ -475,6 +475,9 @@ def _rays(origins: ArrayLike, directions: ArrayLike) -> tuple[Any, Any, tuple[in
 def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int, int]]:
     """The request of a picture, and its sides."""
     width, height = (size, size) if isinstance(size, int) else size
+    for name, side in (("width", width), ("height", height)):
+        if not 1 <= int(side) <= 32768:
+            raise UsageError(f"{name} is {side}; it must be 1 to 32768")
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,
         "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,

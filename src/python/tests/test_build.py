@@ -350,3 +350,17 @@ def test_headerless_files(bumps):
     assert content(model.path) == content(built(bumps, "b.oct").path)
     with pytest.raises(infobyte.UsageError, match="dims and dtype"):
         infobyte.build("bumps.raw", "a.oct", iso=500, dims=(53, 41, 30), progress=False)
+
+
+@pytest.mark.parametrize(
+    ("options", "error", "said"),
+    [
+        ({"iso": "300"}, TypeError, "iso='300' is text"),
+        ({"iso": 1.0, "affine": np.zeros((3, 4))}, infobyte.UsageError, "lie in a plane"),
+        ({"iso": 1.0, "affine": np.diag([1.0, 0.0, 1.0, 1.0])}, infobyte.UsageError, "lie in a plane"),
+    ],
+)
+def test_options_that_make_no_sense_are_named(tmp_path, options, error, said):
+    with pytest.raises(error, match=said):
+        infobyte.build(np.ones((4, 4, 4), np.int16), tmp_path / "o.oct", **options)
+    assert not (tmp_path / "o.oct").exists()

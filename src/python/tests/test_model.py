@@ -82,6 +82,8 @@ def test_cameras_that_make_no_sense(model, options):
         model.render(**{"size": 16, **options})
     with pytest.raises(TypeError):
         model.png(16, colour="red")
+    with pytest.raises(infobyte.UsageError, match="width is -4; it must be 1 to 32768"):
+        model.render((-4, 8))
 
 
 def test_colours_and_magnification(model):
