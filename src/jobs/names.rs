@@ -15,10 +15,11 @@ use serde_json::Value;
 
 use crate::error::{Error, UsageError};
 use crate::export::part_name;
-use crate::fault::usage;
+use crate::fault::{bad, usage};
 use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
+use crate::text::mark_bytes;
 use crate::volume::SourceError;
 
 /// Longest table, and longest name in it, in bytes.
@@ -39,7 +40,8 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
     if bytes.len() as u64 > MAX_BYTES {
         return Err(wrong(0).into());
     }
-    let text = String::from_utf8_lossy(&bytes);
+    let mark = mark_bytes(&bytes).map_err(|wide| SourceError::from(bad!("{wide}").at(path)))?;
+    let text = String::from_utf8_lossy(bytes.get(mark..).unwrap_or_default());
     let blanks = path.extension().is_some_and(|suffix| suffix.eq_ignore_ascii_case("ctbl"));
     let mut names = match text.trim_start().starts_with(['{', '[']) {
         true => of_json(&text, typed).ok_or_else(|| wrong(0))?,
@@ -78,11 +80,10 @@ fn of_json(text: &str, typed: bool) -> Option<Vec<LabelName>> {
             let mut names = [coded.trim(), written[0], written[1]];
             names.rotate_left(usize::from(typed && !written.concat().is_empty()));
             let name = names.into_iter().find(|name| !name.is_empty()).unwrap_or_default().to_owned();
-            let color = segment.get("recommendedDisplayRGBValue").and_then(|color| {
-                let parts = color.as_array().filter(|parts| parts.len() == 3)?;
-                let part = |i: usize| u8::try_from(parts.get(i)?.as_u64()?).ok();
-                Some([part(0)?, part(1)?, part(2)?])
-            });
+            let color = match segment.get("recommendedDisplayRGBValue") {
+                Some(color) => Some(serde_json::from_value(color.clone()).ok()?),
+                None => None,
+            };
             all.push(LabelName { number, name, color });
         }
     }
@@ -95,7 +96,7 @@ fn of_rows(text: &str, blanks: bool) -> Result<Vec<LabelName>, usize> {
     let mut names = Vec::new();
     let mut header: Option<(char, Columns)> = None;
     for (line, row) in (1_usize..).zip(text.lines()) {
-        let row = row.trim().trim_start_matches('\u{feff}');
+        let row = row.trim();
         if row.is_empty() || row.starts_with('#') {
             continue;
         }
@@ -246,6 +247,11 @@ mod tests {
             ("", "not a table"),
             ("{}", "not a table"),
             (r#"{"segmentAttributes": [[{"labelID": 70000}]]}"#, "not a table"),
+            (
+                r#"{"segmentAttributes": [[{"labelID": 7, "recommendedDisplayRGBValue": [1, 2, 256]}]]}"#,
+                "not a table",
+            ),
+            ("i\0n\0d\0e\0x\0", "UTF-16"),
             (&format!("index\tname\n7\t{}\n", "a".repeat(1001)), "label 7 a name of 1001 bytes"),
         ];
         for (text, words) in wrong {
