@@ -2,12 +2,51 @@
 
 use std::collections::BTreeMap;
 
-use serde::Deserialize;
+use serde::de::{DeserializeOwned, Error};
+use serde::{Deserialize, Deserializer};
+
+/// A list of so many numbers, no more: TOML's reader leaves out those behind.
+fn exact<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
+    from: D,
+) -> Result<[T; N], D::Error> {
+    let given = Vec::<T>::deserialize(from)?;
+    let count = given.len();
+    given.try_into().map_err(|_| D::Error::custom(format!("{N} numbers belong here, not {count}")))
+}
+
+/// [`exact`] of a key that may be absent.
+fn some<'de, D: Deserializer<'de>, T: DeserializeOwned, const N: usize>(
+    from: D,
+) -> Result<Option<[T; N]>, D::Error> {
+    exact(from).map(Some)
+}
+
+/// A row of a list of lists.
+#[derive(Deserialize)]
+#[serde(transparent)]
+struct Row<const N: usize>(#[serde(deserialize_with = "exact")] [f64; N]);
+
+/// A list of lists of which each has so many numbers.
+fn rows<'de, D: Deserializer<'de>, const N: usize>(from: D) -> Result<Vec<[f64; N]>, D::Error> {
+    Ok(Vec::<Row<N>>::deserialize(from)?.into_iter().map(|row| row.0).collect())
+}
+
+/// [`rows`] of a key that may be absent, so many.
+fn some_rows<'de, D: Deserializer<'de>, const N: usize, const M: usize>(
+    from: D,
+) -> Result<Option<[[f64; N]; M]>, D::Error> {
+    let given = rows(from)?;
+    let count = given.len();
+    let rows =
+        given.try_into().map_err(|_| D::Error::custom(format!("{M} lists belong here, not {count}")))?;
+    Ok(Some(rows))
+}
 
 /// The whole text.
 #[derive(Clone, Debug, Default, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(super) struct Description {
+    #[serde(default, deserialize_with = "some")]
     pub(super) size: Option<[u32; 2]>,
     pub(super) background: Option<String>,
     pub(super) bounces: Option<u32>,
@@ -30,8 +69,11 @@ pub(super) struct Description {
 #[serde(deny_unknown_fields)]
 pub(super) struct CameraKeys {
     pub(super) view: Option<String>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) eye: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) look_at: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) up: Option<[f64; 3]>,
     pub(super) projection: Option<String>,
     pub(super) fov: Option<f64>,
@@ -51,8 +93,9 @@ pub(super) struct AmbientKeys {
 #[serde(deny_unknown_fields)]
 pub(super) struct ClipKeys {
     #[serde(rename = "box")]
+    #[serde(default, deserialize_with = "some_rows")]
     pub(super) within: Option<[[f64; 3]; 2]>,
-    #[serde(default)]
+    #[serde(default, deserialize_with = "rows")]
     pub(super) planes: Vec<[f64; 4]>,
     pub(super) cap: Option<String>,
 }
@@ -70,7 +113,9 @@ pub(super) enum LightName {
 #[serde(deny_unknown_fields)]
 pub(super) struct LightKeys {
     pub(super) kind: LightName,
+    #[serde(default, deserialize_with = "some")]
     pub(super) from: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) at: Option<[f64; 3]>,
     pub(super) color: Option<String>,
     pub(super) strength: Option<f64>,
@@ -82,7 +127,7 @@ pub(super) struct LightKeys {
 #[serde(untagged)]
 pub(super) enum PivotKey {
     Named(String),
-    Point([f64; 3]),
+    Point(#[serde(deserialize_with = "exact")] [f64; 3]),
 }
 
 /// One factor, or one for each axis.
@@ -90,7 +135,7 @@ pub(super) enum PivotKey {
 #[serde(untagged)]
 pub(super) enum ScaleKey {
     All(f64),
-    Each([f64; 3]),
+    Each(#[serde(deserialize_with = "exact")] [f64; 3]),
 }
 
 #[derive(Clone, Debug, Deserialize)]
@@ -99,11 +144,15 @@ pub(super) struct ModelKeys {
     pub(super) file: String,
     pub(super) material: Option<String>,
     pub(super) scale: Option<ScaleKey>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) turn: Option<[f64; 3]>,
     pub(super) pivot: Option<PivotKey>,
     #[serde(rename = "move")]
+    #[serde(default, deserialize_with = "some")]
     pub(super) moved: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "some")]
     pub(super) at: Option<[f64; 3]>,
+    #[serde(default, deserialize_with = "some_rows")]
     pub(super) place: Option<[[f64; 4]; 3]>,
     pub(super) framed: Option<bool>,
     #[serde(default)]
