@@ -124,7 +124,7 @@ pub(super) struct LightKeys {
 
 /// A point of a model that scaling and turning leave where it is.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a pivot is a name or three numbers")]
 pub(super) enum PivotKey {
     Named(String),
     Point(#[serde(deserialize_with = "exact")] [f64; 3]),
@@ -132,7 +132,7 @@ pub(super) enum PivotKey {
 
 /// One factor, or one for each axis.
 #[derive(Clone, Copy, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a scale is one number or three")]
 pub(super) enum ScaleKey {
     All(f64),
     Each(#[serde(deserialize_with = "exact")] [f64; 3]),
@@ -166,7 +166,7 @@ pub(super) struct ModelKeys {
 
 /// A label by its number or name, or a range.
 #[derive(Clone, Debug, Deserialize)]
-#[serde(untagged)]
+#[serde(untagged, expecting = "a label is a number or text")]
 pub(super) enum LabelKey {
     Number(u16),
     Text(String),
