@@ -58,6 +58,8 @@ pub(super) struct ScanTotals {
     pub(super) skin: u64,
     /// Boxes of the surface that are not kept because they cannot be seen.
     pub(super) hidden: u64,
+    /// True if a box of the surface is not at a side of the grid.
+    pub(super) amid: bool,
     pub(super) found: ScanSummary,
 }
 
@@ -66,9 +68,17 @@ impl ScanTotals {
         Self {
             skin: self.skin + other.skin,
             hidden: self.hidden + other.hidden,
+            amid: self.amid || other.amid,
             found: self.found.join(other.found),
         }
     }
+}
+
+/// True if a voxel of a slice of a brick is not at a side of the grid.
+fn is_amid([nx, ny, nz]: [u32; 3], [x, y, z]: [u32; 3], rows: &[u32; BRICK_ROWS]) -> bool {
+    let within = |at: u32, side: u32| at > 0 && at + 1 < side;
+    let columns = (0..BRICK).filter(|i| within(x + i, nx)).fold(0_u32, |bits, i| bits | 1 << i);
+    within(z, nz) && (y..).zip(rows).any(|(y, row)| within(y, ny) && row & columns != 0)
 }
 
 /// Skin bits of one brick that wait for the scratch file.
@@ -172,6 +182,7 @@ pub(super) struct ColumnWorker<'a> {
     writer: FragmentWriter<'a>,
     skin_voxels: u64,
     hidden: u64,
+    amid: bool,
 }
 
 /// Words of skin bits across a column.
@@ -200,6 +211,7 @@ impl<'a> ColumnWorker<'a> {
             writer: FragmentWriter::new(shared.scratch),
             skin_voxels: 0,
             hidden: 0,
+            amid: false,
         }
     }
 
@@ -284,7 +296,12 @@ impl<'a> ColumnWorker<'a> {
     /// Writes what is still gathered and returns the worker's figures.
     pub(super) fn finish(mut self) -> Result<ScanTotals, BuildError> {
         self.writer.flush()?;
-        Ok(ScanTotals { skin: self.skin_voxels, hidden: self.hidden, found: self.solid.found() })
+        Ok(ScanTotals {
+            skin: self.skin_voxels,
+            hidden: self.hidden,
+            amid: self.amid,
+            found: self.solid.found(),
+        })
     }
 
     /// Asks for the cover of a slab, box by box: the whole tile first, halves where it is mixed.
@@ -435,6 +452,8 @@ impl<'a> ColumnWorker<'a> {
         if skin.iter().fold(0, |any, row| any | row) == 0 {
             return Ok(());
         }
+        let corner = [column.x.start + brick as u32 * BRICK, column.y.start, z];
+        self.amid = self.amid || is_amid(self.dims, corner, &skin);
         let count = count_slice(&skin);
         let slice = (z % BRICK) as usize;
         let channels = self.shared.channels;
@@ -446,7 +465,7 @@ impl<'a> ColumnWorker<'a> {
         }
         if !channels.is_empty() {
             let slice = SkinSlice {
-                corner: [column.x.start + brick as u32 * BRICK, column.y.start, z],
+                corner,
                 rows: &skin,
                 count,
                 bits: BitRows { bits: &self.bits, none: &self.no_bits, words, z, nz: self.dims[2] },

@@ -106,7 +106,7 @@ fn notes(dims: Dims, surface: SurfaceKind, totals: &ScanTotals) -> Vec<BuildNote
     let count =
         |less: u32| dims.to_array().map(|side| u64::from(side.saturating_sub(less))).iter().product::<u64>();
     // All voxels are inside where the skin is that of the box. Cells lie between samples, and around them.
-    let all = totals.skin + totals.hidden == count(0) - count(2);
+    let all = !totals.amid && totals.skin + totals.hidden == count(0) - count(2);
     let voxels = count(u32::from(surface == SurfaceKind::Cells));
     let found = [
         (BuildNote::NotNumbers, totals.found.not_numbers),

@@ -250,7 +250,7 @@ impl ItemOpener<'_> {
         let names = list.select(0..list.len());
         let Some(format) = STACKS.get(at) else { return Ok(Vec::new()) };
         let mut found = Vec::new();
-        for Slices { files: used, volume } in (format.open)(list, &self.of.options) {
+        for Slices { files: used, volumes } in (format.open)(list, &self.of.options) {
             let mut files = InputFiles::default();
             for at in &used {
                 let (size, changed) = facts.get(*at).copied().unwrap_or_default();
@@ -267,14 +267,14 @@ impl ItemOpener<'_> {
                 used.iter().for_each(|at| each(&names.path(*at)));
                 stated.iter().for_each(|stated| each(stated.path()));
             });
-            let volume = match stated {
+            let volumes = match stated {
                 Some(stated) => {
                     stated.add_to(&mut files);
-                    volume.and_then(|v| stated.place(v))
+                    volumes.and_then(|all| all.into_iter().map(|v| stated.place(v)).collect())
                 }
-                None => volume,
+                None => volumes,
             };
-            found.extend(findings(&path, format.name, id, files, volume.map(|v| vec![v])));
+            found.extend(findings(&path, format.name, id, files, volumes));
         }
         Ok(found)
     }

@@ -1,9 +1,11 @@
 //! Builds, packing, checking and exports.
 
+use std::ffi::CString;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use numpy::PyReadonlyArray1;
+use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
 use serde::Serialize;
 
@@ -11,6 +13,7 @@ use super::failure::{raised, usage};
 use super::options::{BuildAsked, read};
 use super::samples::StoredSamples;
 use super::watch::watched;
+use crate::builder::BuildNote;
 use crate::error::Error;
 use crate::export::ExportForm;
 use crate::geom::Dims;
@@ -52,7 +55,18 @@ pub(super) fn build_files(
             None => convert(kind, &paths, &how, &job),
         }
     })?;
+    warn(py, &summary)?;
     json(py, &summary.json())
+}
+
+/// Warns of samples that are not numbers or infinite.
+fn warn(py: Python<'_>, summary: &BuildSummary) -> PyResult<()> {
+    let is_of_samples = |note: &&BuildNote| matches!(note, BuildNote::NotNumbers | BuildNote::Infinite);
+    for note in summary.report.notes.iter().filter(is_of_samples) {
+        let text = CString::new(note.to_string())?;
+        PyErr::warn(py, &py.get_type::<PyUserWarning>(), &text, 2)?;
+    }
+    Ok(())
 }
 
 /// Sides, and the type of the samples.
@@ -145,6 +159,7 @@ fn build_volume(
             None => build(&job),
         }
     })?;
+    warn(py, &summary)?;
     json(py, &summary.json())
 }
 

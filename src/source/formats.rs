@@ -44,12 +44,12 @@ pub(crate) struct StackFormat {
     pub(crate) open: fn(slices: FileList, options: &OpenOptions) -> Vec<Slices>,
 }
 
-/// A volume of some of the files of a folder, or why these make none.
+/// The volumes of some of the files of a folder, or why these make none.
 pub(crate) struct Slices {
     /// Which of the files.
     pub(crate) files: Vec<usize>,
-    /// The volume.
-    pub(crate) volume: Result<Box<dyn VolumeSource>>,
+    /// The volumes: one, or those of one file.
+    pub(crate) volumes: Volumes,
 }
 
 /// Formats of whole volumes.

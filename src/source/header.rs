@@ -3,6 +3,7 @@
 use std::fs::{self, File};
 use std::io::{self, BufRead, Read};
 use std::path::{Component, Path, PathBuf};
+use std::str::FromStr;
 
 use super::files::FileList;
 use super::stored::{Section, section};
@@ -23,14 +24,25 @@ const MAX_FILES: u64 = 1 << 16;
 
 /// The lines of a text header, one at a time.
 pub(super) struct Lines<'a> {
+    file: &'a File,
     reader: Section<'a>,
     /// Byte of the file at which the next line begins.
     pub(super) offset: u64,
+    /// Bytes that are skipped.
+    skipped: u64,
 }
 
 impl<'a> Lines<'a> {
     pub(super) fn new(file: &'a File) -> Self {
-        Self { reader: section(file, 0, MAX_HEADER), offset: 0 }
+        Self { file, reader: section(file, 0, MAX_HEADER), offset: 0, skipped: 0 }
+    }
+
+    /// Leaves out binary values among the lines.
+    pub(super) fn skip(&mut self, bytes: u64) {
+        self.offset = self.offset.saturating_add(bytes);
+        self.skipped = self.skipped.saturating_add(bytes);
+        let end = MAX_HEADER.saturating_add(self.skipped);
+        self.reader = section(self.file, self.offset, end.saturating_sub(self.offset));
     }
 
     /// The next line without its end; `None` at the end of the file.
@@ -43,7 +55,7 @@ impl<'a> Lines<'a> {
         let mut line = Vec::new();
         let read = self.reader.by_ref().take(MAX_LINE).read_until(b'\n', &mut line)?;
         self.offset += read as u64;
-        if read == 0 && self.offset >= MAX_HEADER {
+        if read == 0 && self.offset - self.skipped >= MAX_HEADER {
             return Err(bad!(
                 "its header does not end within {}; is it damaged, or full of comments?",
                 Bytes(MAX_HEADER)
@@ -85,20 +97,62 @@ impl Once {
     }
 }
 
+/// Reads as much as there is.
+pub(super) fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
+    let mut stream = stream;
+    let mut got = 0;
+    while let Some(rest) = out.get_mut(got..).filter(|rest| !rest.is_empty()) {
+        match stream.read(rest) {
+            Ok(0) | Err(_) => break,
+            Ok(n) => got += n,
+        }
+    }
+    got
+}
+
 /// A line as text; bytes outside UTF-8 become question marks.
 pub(super) fn text(line: &[u8]) -> String {
     String::from_utf8_lossy(line).trim().to_owned()
 }
 
-/// Numbers between white space, parentheses and commas; `None` where one cannot be parsed.
-pub(super) fn numbers(text: &str) -> Option<Vec<f64>> {
-    let parts = text.split(|c: char| c.is_whitespace() || "(),".contains(c)).filter(|part| !part.is_empty());
-    parts.map(|part| part.parse().ok()).collect()
+/// A number of a field.
+///
+/// # Errors
+/// The text is not a number of the type; the fault names both.
+pub(super) fn number<T: FromStr>(field: &str, text: &str) -> Result<T, Fault> {
+    let text = text.trim();
+    text.parse().map_err(|_| {
+        bad!(
+            "its header states `{}` for {}, which is not a number of the kind that belongs there{}",
+            text.escape_debug(),
+            field.escape_debug(),
+            if text.contains(',') { "; write decimals with a point" } else { "" }
+        )
+    })
 }
 
-/// Whole numbers between white space.
-pub(super) fn counts(text: &str) -> Option<Vec<u64>> {
-    text.split_whitespace().map(|part| part.parse().ok()).collect()
+/// The numbers of a field, between white space.
+///
+/// # Errors
+/// As [`number`].
+pub(super) fn numbers<T: FromStr>(field: &str, text: &str) -> Result<Vec<T>, Fault> {
+    text.split_whitespace().map(|part| number(field, part)).collect()
+}
+
+/// Exactly `N` numbers of a field.
+///
+/// # Errors
+/// As [`number`], or there are more or fewer.
+pub(super) fn exactly<const N: usize, T: FromStr>(field: &str, text: &str) -> Result<[T; N], Fault> {
+    let list = numbers(field, text)?;
+    let many = list.len();
+    list.try_into().map_err(|_| wrong_count(field, text, many, N))
+}
+
+/// The fault of a field with another number of numbers than belongs there.
+pub(super) fn wrong_count(field: &str, text: &str, many: usize, due: usize) -> Fault {
+    let (field, text) = (field.escape_debug(), text.trim().escape_debug());
+    bad!("its header states {many} numbers for {field}, where {due} belong: `{text}`")
 }
 
 /// Millimetres in a unit of length, by its usual names.
@@ -334,7 +388,23 @@ mod tests {
         assert_eq!(unit_mm("\"mm\""), Some(1.0));
         assert_eq!(unit_mm("micron"), Some(1e-3));
         assert_eq!(unit_mm("furlong"), None);
-        assert_eq!(numbers("(1, -2.5e1,3)"), Some(vec![1.0, -25.0, 3.0]));
-        assert_eq!(numbers("(1,x)"), None);
+    }
+
+    #[test]
+    fn a_field_that_is_not_a_number_is_named_with_its_text() {
+        assert_eq!(numbers::<f64>("spacing", " 1 -2.5e1\t.5 "), Ok(vec![1.0, -25.0, 0.5]));
+        assert_eq!(exactly::<3, u64>("size", "4 4 5"), Ok([4, 4, 5]));
+        for text in ["1,5", "n/a", "1.5.2", "0x10", "1e", "-", "1_000", "1\u{a0}000"] {
+            let fault = numbers::<f64>("spacing", &format!("1 {text} 1")).unwrap_err().text;
+            assert!(
+                fault.contains("spacing") && fault.contains(text.split('\u{a0}').next().unwrap()),
+                "{fault}"
+            );
+        }
+        for text in ["1 1", "1 1 1 1", ""] {
+            let fault = exactly::<3, f64>("spacing", text).unwrap_err().text;
+            assert!(fault.contains("where 3 belong"), "{fault}");
+        }
+        assert!(number::<u64>("size", "-4").is_err() && number::<u64>("size", "4.0").is_err());
     }
 }

@@ -9,8 +9,8 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::FileList;
 use super::header::{
-    Lines, Once, check_links, counts, files_beside, listed, not_a_field, numbered, numbers, sweep, text,
-    unit_mm, unreadable, unusable,
+    Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
+    unit_mm, unreadable, unusable, wrong_count,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::fault::{Fault, bad};
@@ -68,8 +68,12 @@ struct Header {
     origin: Vec<f64>,
     matrix: Vec<f64>,
     unit: String,
-    /// Do frames have fields of their own?
+    /// Kinds of the axes, in lower case; empty if they are not stated.
+    kinds: Vec<String>,
+    /// True if frames have fields of their own.
     is_sequence: bool,
+    /// True if frames have places of their own.
+    placed_one_by_one: bool,
     data: String,
     /// Files of a `LIST`.
     list: FileList,
@@ -95,7 +99,9 @@ impl Header {
             origin: Vec::new(),
             matrix: Vec::new(),
             unit: String::new(),
+            kinds: Vec::new(),
             is_sequence: false,
+            placed_one_by_one: false,
             data: String::new(),
             list: files_beside(path),
             end: 0,
@@ -124,44 +130,50 @@ impl Header {
                 return Ok(header);
             }
             once.check(&key).map_err(|fault| unusable(path, fault))?;
-            header
-                .field(&key, value)
-                .ok_or_else(|| unusable(path, bad!("its field `{}` makes no sense", line.escape_debug())))?;
+            header.field(&key, value).map_err(|fault| unusable(path, fault))?;
         }
         Err(unusable(path, bad!("its header ends without ElementDataFile, which names the samples")))
     }
 
-    /// Takes one field; `None` if it makes no sense.
-    fn field(&mut self, key: &str, value: &str) -> Option<()> {
+    /// Takes one field.
+    fn field(&mut self, key: &str, value: &str) -> Result<(), Fault> {
+        let wrong = || bad!("its field `{} = {}` makes no sense", key.escape_debug(), value.escape_debug());
         let truth = || match value.to_lowercase().as_str() {
-            "true" | "t" | "1" | "yes" => Some(true),
-            "false" | "f" | "0" | "no" => Some(false),
-            _ => None,
+            "true" | "t" | "1" | "yes" => Ok(true),
+            "false" | "f" | "0" | "no" => Ok(false),
+            _ => Err(wrong()),
         };
         match key {
-            "ndims" => self.axes = value.parse().ok()?,
-            "dimsize" => self.size = counts(value)?,
+            "ndims" => self.axes = number(key, value)?,
+            "dimsize" => self.size = numbers(key, value)?,
             "elementtype" => self.kind = value.to_uppercase(),
             "elementbyteordermsb" | "binarydatabyteordermsb" => self.big = truth()?,
             "binarydata" => self.binary = truth()?,
             "compresseddata" => self.compressed = truth()?,
-            "elementnumberofchannels" => self.channels = value.parse().ok()?,
-            "headersize" => self.header_size = value.parse().ok().filter(|n| *n >= -1)?,
-            "elementspacing" => self.spacing = numbers(value)?,
-            "elementsize" => self.element_size = numbers(value)?,
-            "offset" | "position" | "origin" => self.origin = numbers(value)?,
-            "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(value)?,
+            "elementnumberofchannels" => self.channels = number(key, value)?,
+            "headersize" => {
+                self.header_size = Some(number(key, value)?).filter(|n| *n >= -1).ok_or_else(wrong)?;
+            }
+            "elementspacing" => self.spacing = numbers(key, value)?,
+            "elementsize" => self.element_size = numbers(key, value)?,
+            "offset" | "position" | "origin" => self.origin = numbers(key, value)?,
+            "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(key, value)?,
             "distanceunits" => self.unit = value.to_owned(),
-            _ => self.is_sequence |= key.starts_with("seq_frame"),
+            "kinds" => self.kinds = value.split_whitespace().map(str::to_lowercase).collect(),
+            _ => {
+                let of_frame = key.starts_with("seq_frame");
+                self.is_sequence |= of_frame;
+                self.placed_one_by_one |= of_frame && key.ends_with("transform");
+            }
         }
-        Some(())
+        Ok(())
     }
 
     fn stored(mut self, path: &Path, follow: bool) -> Result<StoredLayout> {
         let refuse = |fault: Fault| unusable(path, fault);
         if !(2..=4).contains(&self.axes) || self.size.len() != self.axes {
             return Err(refuse(bad!(
-                "its header states NDims = {} and {} sizes; volumes of 2 to 4 dimensions are read",
+                "its header states NDims = {} and {} sizes (DimSize); volumes of 2 to 4 dimensions are read",
                 self.axes,
                 self.size.len()
             )));
@@ -172,10 +184,15 @@ impl Header {
                 self.channels
             )));
         }
-        // A list of volumes is read as volumes; a list of pictures is not. A kind of axes says neither: volumes that were
-        // reconstructed of pictures keep it.
+        // A list of volumes is read as volumes; a list of pictures is not.
         let pictures = self.axes == 3 || self.size.get(2) == Some(&1);
-        if pictures && self.is_sequence {
+        let sweeps = match self.kinds.get(2).map(String::as_str) {
+            Some("list") => self.is_sequence,
+            // A volume that was reconstructed of pictures keeps fields of its frames.
+            Some(_) => false,
+            None => self.placed_one_by_one,
+        };
+        if pictures && sweeps {
             return Err(unusable(path, sweep()));
         }
         let samples = samples(&self.kind)
@@ -183,9 +200,7 @@ impl Header {
         let at = |i: usize| self.size.get(i).copied().unwrap_or(1);
         let (size, volumes) = ([at(0), at(1), at(2)], at(3));
         let mut notes = Vec::new();
-        let affine = self.affine(&mut notes).ok_or_else(|| {
-            refuse(bad!("its spacing, offset or matrix has fewer numbers than the volume has dimensions"))
-        })?;
+        let affine = self.affine(&mut notes).map_err(refuse)?;
         let local = self.data.eq_ignore_ascii_case("local");
         let mut files = std::mem::take(&mut self.list);
         let mut skip = 0;
@@ -219,7 +234,7 @@ impl Header {
             endian: if self.big { Endian::Big } else { Endian::Little },
             encoding,
             skip,
-            skip_unpacked: 0,
+            skip_unpacked: Skip::Bytes(0),
             rescale: Rescale::IDENTITY,
             affine,
             notes,
@@ -234,8 +249,8 @@ impl Header {
             && pattern.contains('%')
             && (2..=3).contains(&range.len())
         {
-            let range: Option<Vec<i64>> = range.iter().map(|n| n.parse().ok()).collect();
-            if let Some([first, last, step @ ..]) = range.as_deref() {
+            let range: Vec<i64> = numbers("ElementDataFile", &range.join(" "))?;
+            if let [first, last, step @ ..] = range.as_slice() {
                 return numbered(files, pattern, [*first, *last, step.first().copied().unwrap_or(1)], slices);
             }
         }
@@ -243,8 +258,19 @@ impl Header {
     }
 
     /// Voxel index to LPS mm.
-    fn affine(&self, notes: &mut Vec<Note>) -> Option<Affine> {
+    fn affine(&self, notes: &mut Vec<Note>) -> Result<Affine, Fault> {
         let axes = self.axes;
+        for (field, list, due) in [
+            ("ElementSpacing", &self.spacing, axes),
+            ("ElementSize", &self.element_size, axes),
+            ("Offset", &self.origin, axes),
+            ("TransformMatrix", &self.matrix, axes * axes),
+        ] {
+            if !list.is_empty() && list.len() != due {
+                let text: Vec<String> = list.iter().map(f64::to_string).collect();
+                return Err(wrong_count(field, &text.join(" "), list.len(), due));
+            }
+        }
         let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
         if spacing.is_empty() {
             notes.push(Note::no_spacing("the header"));
@@ -258,16 +284,14 @@ impl Header {
                 }
             }
         }
-        let number = |list: &[f64], at: usize, default: f64| {
-            if list.is_empty() { Some(default) } else { list.get(at).copied() }
-        };
+        let number = |list: &[f64], at: usize, default: f64| list.get(at).copied().unwrap_or(default);
         let mut affine = Affine::from_spacing([1.0; 3]);
         for axis in 0..axes.min(3) {
-            let step = number(spacing, axis, 1.0)? * scale;
-            let origin = number(&self.origin, axis, 0.0)? * scale;
+            let step = number(spacing, axis, 1.0) * scale;
+            let origin = number(&self.origin, axis, 0.0) * scale;
             for world in 0..axes.min(3) {
                 let same = if world == axis { 1.0 } else { 0.0 };
-                let direction = number(&self.matrix, axis * axes + world, same)?;
+                let direction = number(&self.matrix, axis * axes + world, same);
                 if let Some(row) = affine.rows.get_mut(world) {
                     row[axis] = direction * step;
                 }
@@ -276,7 +300,7 @@ impl Header {
                 row[3] = origin;
             }
         }
-        Some(affine)
+        Ok(affine)
     }
 }
 

@@ -7,11 +7,10 @@
 mod geometry;
 
 use std::fs::File;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use super::OpenOptions;
-use super::header::{check_links, files_beside, unreadable, unusable};
+use super::header::{check_links, files_beside, unpacked, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
 use crate::platform::open_file;
@@ -64,19 +63,6 @@ pub(super) fn header_of_samples(path: &Path) -> Option<PathBuf> {
     ["hdr", "hdr.gz", "HDR"].iter().map(|e| bare.with_extension(e)).find(|p| p.is_file())
 }
 
-/// Reads as much as there is.
-fn unpacked(stream: impl Read, out: &mut [u8]) -> usize {
-    let mut stream = stream;
-    let mut got = 0;
-    while let Some(rest) = out.get_mut(got..).filter(|rest| !rest.is_empty()) {
-        match stream.read(rest) {
-            Ok(0) | Err(_) => break,
-            Ok(n) => got += n,
-        }
-    }
-    got
-}
-
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
@@ -122,7 +108,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         endian: header.endian,
         encoding,
         skip: Skip::Bytes(if raw { skip } else { 0 }),
-        skip_unpacked: if raw { 0 } else { skip },
+        skip_unpacked: Skip::Bytes(if raw { 0 } else { skip }),
         rescale,
         affine,
         notes,

@@ -79,7 +79,7 @@ pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSou
         endian,
         encoding: Encoding::Raw,
         skip: Skip::Bytes(header_at + header_bytes),
-        skip_unpacked: 0,
+        skip_unpacked: Skip::Bytes(0),
         rescale: Rescale::IDENTITY,
         affine: Affine::from_spacing([1.0; 3]),
         notes: vec![Note::no_spacing("an .npy file"), Note::no_directions("an .npy file")],

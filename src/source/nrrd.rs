@@ -16,8 +16,8 @@ use std::path::Path;
 use super::OpenOptions;
 use super::files::{FileList, base_name};
 use super::header::{
-    Lines, Once, check_links, counts, files_beside, listed, not_a_field, numbered, sweep, text, unreadable,
-    unusable,
+    Lines, Once, check_links, files_beside, listed, not_a_field, number, numbered, numbers, sweep, text,
+    unreadable, unusable,
 };
 use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::fault::{Fault, bad};
@@ -145,7 +145,9 @@ impl Header {
             };
             let (field, value) = (field.trim().to_lowercase(), value.trim());
             if let Some(value) = value.strip_prefix('=') {
-                header.segments.pair(&field, value.trim());
+                if let Err(fault) = header.segments.pair(&field, value.trim()) {
+                    wrong.get_or_insert(fault);
+                }
                 header.placed_one_by_one |= field.starts_with("seq_frame") && field.ends_with("transform");
                 continue;
             }
@@ -183,14 +185,15 @@ impl Header {
             "encoding" => self.encoding = value.to_lowercase(),
             "endian" => self.endian = value.to_lowercase(),
             "dimension" => {
-                self.dimension = value.parse().ok().filter(|n| (1..=MAX_AXES).contains(n)).ok_or_else(bad)?;
+                let axes = Some(number(field, value)?);
+                self.dimension = axes.filter(|n| (1..=MAX_AXES).contains(n)).ok_or_else(bad)?;
             }
-            "sizes" => self.sizes = counts(value).ok_or_else(bad)?,
-            "line skip" | "lineskip" => self.line_skip = value.parse().map_err(|_| bad())?,
+            "sizes" => self.sizes = numbers(field, value)?,
+            "line skip" | "lineskip" => self.line_skip = number(field, value)?,
             "byte skip" | "byteskip" => {
-                self.byte_skip = value.parse().ok().filter(|n| *n >= -1).ok_or_else(bad)?;
+                self.byte_skip = Some(number(field, value)?).filter(|n| *n >= -1).ok_or_else(bad)?;
             }
-            _ => self.geometry.field(field, value).ok_or_else(bad)?,
+            _ => self.geometry.field(field, value)?,
         }
         Ok(())
     }
@@ -306,15 +309,19 @@ impl Header {
             Encoding::Bzip2(_) => Encoding::bzip2(&files, skip),
             other => other,
         };
-        let mut skip_unpacked = 0;
+        let mut skip_unpacked = Skip::Bytes(0);
         let skip = match u64::try_from(self.byte_skip) {
             Ok(bytes) if matches!(encoding, Encoding::Gzip | Encoding::Bzip2(_)) => {
-                skip_unpacked = bytes;
+                skip_unpacked = Skip::Bytes(bytes);
                 Skip::Bytes(skip)
             }
             Ok(bytes) => Skip::Bytes(skip.saturating_add(bytes)),
             Err(_) if encoding == Encoding::Raw => Skip::AllButSamples,
-            Err(_) => return Err(bad!("a byte skip of -1 is for raw samples only").into()),
+            Err(_) if matches!(encoding, Encoding::Gzip | Encoding::Bzip2(_)) => {
+                skip_unpacked = Skip::AllButSamples;
+                Skip::Bytes(skip)
+            }
+            Err(_) => return Err(bad!("a byte skip of -1 is for raw or packed samples, not for text").into()),
         };
         let stored = StoredLayout {
             header: path.to_path_buf(),
@@ -356,13 +363,15 @@ fn files_of(data: Option<DataFiles>, path: &Path, slices: u64) -> Result<(FileLi
 /// A single file, or a pattern with its numbers.
 fn data_file(path: &Path, value: &str) -> Result<DataFiles, Fault> {
     let parts: Vec<&str> = value.split_whitespace().collect();
-    if let [pattern, first, last, step, ..] = parts.as_slice()
+    // A fifth word is the dimension of each file.
+    if let [pattern, range @ ..] = parts.as_slice()
         && pattern.contains('%')
+        && (3..=4).contains(&range.len())
     {
-        let number = |text: &str| {
-            text.parse::<i64>().map_err(|_| bad!("its data files `{}` make no sense", value.escape_debug()))
-        };
-        return Ok(DataFiles::Pattern((*pattern).into(), [number(first)?, number(last)?, number(step)?]));
+        let range: Vec<i64> = numbers("data file", &range.join(" "))?;
+        if let [first, last, step, ..] = range.as_slice() {
+            return Ok(DataFiles::Pattern((*pattern).into(), [*first, *last, *step]));
+        }
     }
     let mut list = files_beside(path);
     listed(&mut list, value)?;

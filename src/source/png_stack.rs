@@ -45,7 +45,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let files = (0..list.len()).collect();
     let order = judge(&list, options.gaps).map_err(|fault| unusable(&list.path(0), fault));
-    vec![Slices { files, volume: order.and_then(|order| Ok(order.apply(stack(list)?))) }]
+    vec![Slices { files, volumes: order.and_then(|order| Ok(vec![order.apply(stack(list)?)])) }]
 }
 
 fn stack(list: FileList) -> Result<Box<dyn VolumeSource>> {

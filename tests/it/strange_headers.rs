@@ -44,6 +44,13 @@ fn numbers_of_dicom_that_are_none_are_not_missing() {
         (0x0028_1052, "-inf", "Rescale Slope and Intercept"),
         (0x0018_0050, "NaN", "Slice Thickness (0018,0050)"),
         (0x0018_0088, "nan", "Spacing Between Slices (0018,0088)"),
+        (0x0028_1052, "n/a", "Rescale Slope and Intercept"),
+        (0x0028_1053, "one", "Rescale Slope and Intercept"),
+        (0x0028_1053, "1\\1", "Rescale Slope and Intercept"),
+        (0x0028_0030, "0.5", "Pixel Spacing (0028,0030)"),
+        (0x0020_0032, "0\\0\\1\\1", "Image Position (0020,0032)"),
+        (0x0020_0032, "1,0,0", "Image Position (0020,0032)"),
+        (0x0020_0013, "two", "Instance Number (0020,0013)"),
     ] {
         let one = series(|image| {
             image.set(tag, "DS", value);
@@ -396,4 +403,298 @@ fn a_byte_order_mark_changes_no_header_and_utf_16_is_named() {
     fs::write(folder.path().join("a.json"), wide(headers[3].1.as_bytes())).unwrap();
     let refused = open_unprepared(&[data], &OpenOptions::default()).err().unwrap().to_string();
     assert!(refused.contains("UTF-16"), "{refused}");
+}
+
+#[test]
+fn a_decimal_comma_of_dicom_is_a_point_and_what_a_screen_needs_refuses_nothing() {
+    let all = |edit: &dyn Fn(&mut Elements, i32)| {
+        let image = |at: i32| {
+            let mut image = Elements::ct(f64::from(at) * 2.5, at + 1, [1, 2, 3, 4]);
+            edit(&mut image, at);
+            image.bytes()
+        };
+        let folder = files(&(0..4).map(image).collect::<Vec<_>>());
+        open_unprepared(&[folder.path().to_path_buf()], &OpenOptions::default()).unwrap().info().clone()
+    };
+    let intercept = all(&|image, _| _ = image.set(0x0028_1052, "DS", "-1024,5"));
+    assert_eq!(intercept.rescale.intercept, -1024.5);
+    let spacing = all(&|image, _| _ = image.set(0x0028_0030, "DS", "0,75\\,5"));
+    assert_eq!(spacing.spacing_mm, [0.5, 0.75, 2.5]);
+    let position = all(&|image, at| _ = image.set(0x0020_0032, "DS", &format!("-10,5\\-20\\{at},25")));
+    assert_eq!([0, 1, 2].map(|row| position.affine.rows[row][3]), [-10.5, -20.0, 0.25]);
+    for info in [intercept, spacing, position] {
+        let notes = sentences(&info.notes).join("; ");
+        assert!(notes.contains("decimal commas of the"), "{notes}");
+    }
+    for window in ["n/a", "40,5", "1\\2\\3", "nan"] {
+        let info = all(&|image, _| _ = image.set(0x0028_1050, "DS", window).set(0x0028_1051, "DS", window));
+        assert!(info.notes.is_empty(), "{:?}", info.notes);
+    }
+}
+
+#[test]
+fn slices_of_several_formats_are_one_volume_each_as_its_header_says() {
+    let value = |volume: &dyn VolumeSource, z: u32| {
+        let mut bytes = [0; 16];
+        volume.read_rows(z, 0..2, 0..2, &mut bytes).unwrap();
+        bytes.as_chunks::<4>().0.iter().map(|b| f32::from_le_bytes(*b)).collect::<Vec<f32>>()
+    };
+    let signed = |image: &mut Elements| {
+        let values = [-3_i16, 2, 3, 4].iter().flat_map(|v| v.to_le_bytes()).collect::<Vec<u8>>();
+        image.us(0x0028_0103, 1).raw(0x7fe0_0010, "OW", &values);
+    };
+    let bytes = |image: &mut Elements| {
+        for (tag, bits) in [(0x0028_0100, 8), (0x0028_0101, 8), (0x0028_0102, 7)] {
+            image.us(tag, bits);
+        }
+        image.raw(0x7fe0_0010, "OB", &[250, 2, 3, 4]);
+    };
+    let inverse = |image: &mut Elements| _ = image.set(0x0028_0004, "CS", "MONOCHROME1");
+    let cases: [(&dyn Fn(&mut Elements), f32, bool); 3] =
+        [(&signed, -1027.0, true), (&bytes, -774.0, true), (&inverse, -1023.0, false)];
+    for (edit, first, differs) in cases {
+        let folder = series(edit);
+        let volume = open_unprepared(&[folder.path().to_path_buf()], &OpenOptions::default()).unwrap();
+        assert_eq!(volume.info().dims.to_array(), [2, 2, 4]);
+        if differs {
+            assert_eq!(value(&*volume, 2), [first, -1022.0, -1021.0, -1020.0]);
+            assert_eq!(value(&*volume, 1), [-1023.0, -1022.0, -1021.0, -1020.0]);
+            assert!(sentences(&volume.info().notes).join(";").contains("type of their samples"));
+        }
+    }
+}
+
+#[test]
+fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
+    let mhd = |field: &str, value: &str| {
+        let mut fields = vec![
+            ("ObjectType", "Image"),
+            ("NDims", "3"),
+            ("DimSize", "4 3 5"),
+            ("ElementType", "MET_UCHAR"),
+            ("ElementSpacing", "1 1 1"),
+            ("Offset", "0 0 0"),
+            ("TransformMatrix", "1 0 0 0 1 0 0 0 1"),
+        ];
+        fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
+        let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name} = {value}\n")).collect();
+        format!("{}ElementDataFile = LOCAL\n", lines.concat())
+    };
+    let nrrd = |field: &str, value: &str| {
+        let mut fields = vec![
+            ("type", "uchar"),
+            ("dimension", "3"),
+            ("sizes", "4 3 5"),
+            ("encoding", "raw"),
+            ("space", "LPS"),
+            ("space directions", "(1,0,0) (0,1,0) (0,0,1)"),
+            ("space origin", "(0,0,0)"),
+        ];
+        fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
+        let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name}: {value}\n")).collect();
+        format!("NRRD0004\n{}\n", lines.concat())
+    };
+    let vtk = |field: &str, value: &str| {
+        let mut fields = vec![
+            ("DIMENSIONS", "4 3 5"),
+            ("SPACING", "1 1 1"),
+            ("ORIGIN", "0 0 0"),
+            ("POINT_DATA", "60"),
+            ("SCALARS", "s unsigned_char 1"),
+        ];
+        fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
+        let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name} {value}\n")).collect();
+        format!(
+            "# vtk DataFile Version 3.0\nt\nBINARY\nDATASET STRUCTURED_POINTS\n{}LOOKUP_TABLE default\n",
+            lines.concat()
+        )
+    };
+    let amira = |field: &str, value: &str| {
+        let [mut size, mut bounds] = ["4 3 5", "0 3 0 2 0 4"];
+        *(if field == "Lattice" { &mut size } else { &mut bounds }) = value;
+        format!(
+            "# AmiraMesh BINARY 2.1\ndefine Lattice {size}\nParameters {{\n BoundingBox {bounds},\n CoordType \"uniform\"\n}}\nLattice {{ byte Data }} @1\n@1\n"
+        )
+    };
+    let read = |name: &str, head: &str| {
+        let (_folder, path) = header(name, head, 60);
+        open_unprepared(&[path], &OpenOptions::default()).map(|_| ()).map_err(|error| error.to_string())
+    };
+    let cases: [(&str, &dyn Fn(&str, &str) -> String, &[(&str, &str)]); 4] = [
+        (
+            "a.mha",
+            &mhd,
+            &[
+                ("DimSize", "4 3,0 5"),
+                ("DimSize", "4 3 5 1"),
+                ("ElementSpacing", "1,5 1 1"),
+                ("ElementSpacing", "1 1 1 1"),
+                ("ElementSpacing", "n/a 1 1"),
+                ("Offset", "0 0"),
+                ("Offset", "0, 0, 0"),
+                ("NDims", "3 3"),
+                ("TransformMatrix", "1 0 0 0 1 0 0 0 1 0"),
+                ("TransformMatrix", "1 0 0 0 1 0 0 0 one"),
+            ],
+        ),
+        (
+            "a.nrrd",
+            &nrrd,
+            &[
+                ("sizes", "4 3.0 5"),
+                ("dimension", "three"),
+                ("space directions", "(1,5,0,0) (0,1,0) (0,0,1)"),
+                ("space directions", "(1,0,0) (0,a,0) (0,0,1)"),
+                ("space origin", "(0,0,0,0)"),
+                ("space origin", "0 0 0"),
+            ],
+        ),
+        (
+            "a.vtk",
+            &vtk,
+            &[
+                ("DIMENSIONS", "4 3 5 1"),
+                ("SPACING", "1,5 1 1"),
+                ("ORIGIN", "0 0"),
+                ("SPACING", "1 1 one"),
+                ("POINT_DATA", "6o"),
+                ("POINT_DATA", "59"),
+            ],
+        ),
+        (
+            "a.am",
+            &amira,
+            &[
+                ("Lattice", "4 3,5 5"),
+                ("Lattice", "4 3 5 2"),
+                ("BoundingBox", "0 3 0 2,5 0 4"),
+                ("BoundingBox", "0 3 0 2 0 4 1"),
+                ("BoundingBox", "0 3 0 2 0"),
+            ],
+        ),
+    ];
+    for (name, write, wrong) in cases {
+        assert_eq!(read(name, &write("", "0 3 0 2 0 4")), Ok(()), "{name}");
+        for (field, value) in wrong {
+            let refused = read(name, &write(field, value)).expect_err(value).to_lowercase();
+            let named = refused.contains(&field.to_lowercase()) || refused.contains("a vector in space");
+            assert!(named, "{field} {value}: {refused}");
+        }
+    }
+}
+
+/// Sizes and notes of the volumes of a file, and whether the samples of the last volume are these.
+fn volumes_of(path: &Path, samples: &[u8]) -> Result<(Vec<[u32; 3]>, String), String> {
+    let options = OpenOptions::default();
+    let first = open_unprepared(&[path.to_path_buf()], &options).map_err(|error| error.to_string())?;
+    let notes = sentences(&first.info().notes).join("; ");
+    let (mut sizes, mut read) = (vec![first.info().dims.to_array()], Vec::new());
+    let mut number = 1;
+    let mut last = first;
+    while notes.contains("this is volume 1 of") {
+        number += 1;
+        let options = OpenOptions { volume: Some(number), ..OpenOptions::default() };
+        let Ok(next) = open_unprepared(&[path.to_path_buf()], &options) else { break };
+        sizes.push(next.info().dims.to_array());
+        last = next;
+    }
+    let scratch = tempfile::tempdir().unwrap();
+    let workspace = infobyte::volume::Workspace {
+        scratch: scratch.path(),
+        memory: infobyte::budget::Budget::new(64 << 20),
+        progress: &infobyte::progress::Silent,
+    };
+    last.prepare(&workspace).unwrap();
+    let [nx, ny, nz] = last.info().dims.to_array();
+    for z in 0..nz {
+        let mut slice = vec![0; (nx * ny) as usize * last.info().scalar.bytes()];
+        last.read_rows(z, 0..ny, 0..nx, &mut slice).unwrap();
+        read.extend(slice);
+    }
+    assert!(samples.is_empty() || read == samples, "{}: {read:?}", path.display());
+    Ok((sizes, notes))
+}
+
+#[test]
+fn what_other_programs_leave_out_or_add_is_read() {
+    let object = Object::new([4, 3, 5], ScalarType::U8, [1.0; 3]);
+    let whole = [[4, 3, 5]];
+    let folder = tempfile::tempdir().unwrap();
+    let read = |name: &str, bytes: &[u8], sizes: &[[u32; 3]], note: &str| {
+        let found = volumes_of(&file(folder.path(), name, bytes), &object.bytes);
+        assert!(
+            found.as_ref().is_ok_and(|(s, notes)| s == sizes && notes.contains(note)),
+            "{name}: {found:?}"
+        );
+    };
+    let marked = mrc(&object, false);
+    let mut unmarked = marked.clone();
+    unmarked[208..216].fill(0);
+    read("old.mrc", &unmarked, &whole, "no mark (MAP)");
+    read("a.map.gz", &gzip(&marked), &whole, "");
+    let text = String::from_utf8_lossy(&vtk(&object)).into_owned();
+    assert!(text.contains("POINT_DATA"));
+    let plain = vtk(&object);
+    let at = plain.windows(10).position(|w| w == b"DIMENSIONS").unwrap();
+    let field = [
+        b"FIELD FieldData 2\nTimeValue 1 1 double\n\x3f\xf8\0\0\0\0\0\0\nCycle 2 1 int\n".as_slice(),
+        &[10; 8],
+        b"\n",
+    ]
+    .concat();
+    read("field.vtk", &[&plain[..at], &field, &plain[at..]].concat(), &whole, "");
+    let head = "NRRD0004\ntype: uchar\ndimension: 3\nsizes: 4 3 5\nencoding: gzip\nspacings: 1 1 1\nbyte skip: -1\n\n";
+    let packed = gzip(&[&[7; 100], object.bytes.as_slice()].concat());
+    read("skip.nrrd", &[head.as_bytes(), &packed].concat(), &whole, "");
+    let plus = "ObjectType = Image\nNDims = 3\nDimSize = 4 3 5\nKinds = domain domain domain\nSeq_Frame0000_ImageStatus = OK\n\
+                Seq_Frame0000_ProbeToTrackerTransform = 1 0 0 0 0 1 0 0 0 0 1 0 0 0 0 1\nElementType = MET_UCHAR\nElementDataFile = LOCAL\n";
+    read("plus.mha", &[plus.as_bytes(), &object.bytes].concat(), &whole, "");
+    // Two volumes in one file; the second is the object.
+    let two =
+        Object { dims: [4, 3, 10], bytes: [vec![0; 60], object.bytes.clone()].concat(), ..object.clone() };
+    for (name, description) in [
+        ("shaped.tif", r#"{"shape": [2, 5, 3, 4]}"#.to_owned()),
+        ("frames.tif", "ImageJ=1.53\nimages=10\nslices=5\nframes=2\n".to_owned()),
+        ("ome.tif", "<?xml?><OME><Image><Pixels DimensionOrder=\"XYZCT\" SizeZ=\"5\" SizeC=\"2\" SizeT=\"1\" ></Pixels></Image></OME>".to_owned()),
+    ] {
+        for contiguous in [false, name == "frames.tif"] {
+            let bytes = Tiff { description: description.clone(), contiguous, ..Tiff::default() }.write(&two);
+            read(name, &bytes, &[[4, 3, 5], [4, 3, 5]], "this is volume 1 of 2");
+        }
+    }
+    for (description, words) in [
+        (r#"{"shape": [3, 5, 3, 4]}"#, "10 pages do not make"),
+        (r#"{"shape": [2, 5, 4, 4]}"#, "whose last sides are not those of a page"),
+        ("ImageJ=1.53\nimages=10\nslices=5\nframes=2,0\n", "`2,0` for frames"),
+    ] {
+        let bytes = Tiff { description: description.to_owned(), ..Tiff::default() }.write(&two);
+        let refused = volumes_of(&file(folder.path(), "wrong.tif", &bytes), &[]).unwrap_err();
+        assert!(refused.contains(words), "{refused}");
+    }
+    let metadata = r#"{"zarr_format": 2, "shape": [5, 3, 4], "chunks": [5, 3, 4], "dtype": "|u1", "compressor": null, "fill_value": 9, "order": "C", "filters": null}"#;
+    file(folder.path(), "a.zarr/.zarray", metadata.as_bytes());
+    let refused = volumes_of(&folder.path().join("a.zarr"), &[]).unwrap_err();
+    assert!(
+        refused.contains("none of its chunks is there under its name") && refused.contains("0.0.0"),
+        "{refused}"
+    );
+    file(folder.path(), "a.zarr/0/0/0", &object.bytes);
+    assert_eq!(volumes_of(&folder.path().join("a.zarr"), &object.bytes).unwrap().0, whole);
+}
+
+#[test]
+fn frames_with_one_position_are_slices_as_far_apart_as_they_are_thick() {
+    for (thickness, step, note) in
+        [(Some("2"), 2.0, "by the slice thickness"), (None, 1.0, "1 mm is assumed between them")]
+    {
+        let mut image = Elements::ct(0.0, 1, [0; 4]);
+        image.without(0x0018_0050).set(0x0028_0008, "IS", "4");
+        thickness.into_iter().for_each(|mm| _ = image.set(0x0018_0050, "DS", mm));
+        image.raw(0x7fe0_0010, "OW", &[1; 32]);
+        let folder = files(&[image.bytes()]);
+        let volume = open_unprepared(&[folder.path().to_path_buf()], &OpenOptions::default()).unwrap();
+        let info = volume.info();
+        assert_eq!((info.dims.to_array(), info.spacing_mm[2]), ([2, 2, 4], step));
+        assert!(sentences(&info.notes).join("; ").contains(note), "{:?}", info.notes);
+    }
 }

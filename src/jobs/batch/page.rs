@@ -47,9 +47,9 @@ table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 
 "#;
 
 const FILTER: &str = r#"<script>
-const q=document.getElementById("q"),f=document.getElementById("f"),all=[...document.querySelectorAll("article")];
+const q=document.getElementById("q"),f=document.getElementById("f"),none=document.getElementById("none"),all=[...document.querySelectorAll("article")];
 function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
-for(const a of all)a.style.display=a.hidden?"none":""}
+for(const a of all)a.style.display=a.hidden?"none":"";none.hidden=!w||all.some(a=>!a.hidden)}
 const s=document.getElementById("s"),cards=document.querySelector("main"),found=[...cards.children];
 const keys={name:a=>a.querySelector("h3").textContent,kind:a=>a.querySelector(".in").textContent,size:a=>-a.dataset.bytes};
 s.addEventListener("change",()=>{const k=keys[s.value],n=new Intl.Collator(undefined,{numeric:true}).compare;
@@ -86,7 +86,9 @@ pub(super) fn write(
          without one, <code>oct view</code> of this folder shows them.</p></header>\n\
          <div class=\"bar\"><input id=\"q\" type=\"search\" placeholder=\"Filter by name, kind, size …\" \
          aria-label=\"Filter\"><select id=\"s\" aria-label=\"Order\"><option value=\"\">as found\
-         <option>name<option>kind<option value=\"size\">largest first</select><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n",
+         <option>name<option>kind<option value=\"size\">largest first</select><label><input id=\"f\" type=\"checkbox\"> failed only</label></div>\n\
+         <p class=\"in\" id=\"none\" hidden>0 of {} found. Names of files and folders are left out of this page for privacy; \
+         report.csv has them.</p>\n",
         c.converted + c.skipped + c.failed,
         c.converted,
         c.skipped,
@@ -97,7 +99,8 @@ pub(super) fn write(
         Bytes(report.memory_budget_bytes),
         report.holds.models,
         Bytes(report.holds.bytes),
-        report.holds.thumbnails
+        report.holds.thumbnails,
+        c.converted + c.skipped + c.failed
     )?;
     for warning in &report.warnings {
         writeln!(w, "<p class=\"in\">{}</p>", html(warning))?;

@@ -304,6 +304,8 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
                 dtype = _sources.kept_type(part.dtype if dtype is None else dtype)
             if part.shape[1:] != side:
                 raise UsageError(f"slice {depth} is of {part.shape[1:]}, those before it of {side}")
+            if part.dtype.kind == "f" and dtype.kind != "f":
+                raise UsageError(f"slice {depth} holds floats or masked samples, those before it whole numbers; convert all of them")
             samples = np.ascontiguousarray(part, dtype)
             if file is None and used + samples.nbytes > len(room):
                 file = stack.enter_context(tempfile.TemporaryFile(dir=_folder(asked, target)))
@@ -331,7 +333,7 @@ def _build_slabs(source: Any, target: str, asked: dict[str, Any], axes: str, tol
 
 def _slices(source: Iterable[Any]) -> Iterator[np.ndarray]:
     for part in source:
-        array = np.asarray(part)
+        array = _sources.filled(part)
         if array.ndim not in (2, 3):
             raise UsageError(f"a slice has two dimensions, a slab three, not {array.ndim}")
         yield array[None] if array.ndim == 2 else array

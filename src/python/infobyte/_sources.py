@@ -173,7 +173,27 @@ def kept_type(dtype: np.dtype) -> np.dtype:
 
 def is_in_place(array: np.ndarray) -> bool:
     """Can the samples be read where they are?"""
-    return array.dtype.kind == "b" or kept_type(array.dtype) == array.dtype
+    return not is_masked(array) and (array.dtype.kind == "b" or kept_type(array.dtype) == array.dtype)
+
+
+def is_masked(array: Any) -> bool:
+    """Is any sample masked?"""
+    return isinstance(array, np.ma.MaskedArray) and bool(np.ma.is_masked(array))
+
+
+def filled_type(array: Any) -> np.dtype:
+    """The type in which samples are built; that of a masked array holds NaN."""
+    kept = kept_type(np.dtype(array.dtype))
+    if not isinstance(array, np.ma.MaskedArray) or kept.kind == "f":
+        return kept
+    return np.dtype("f4") if kept.itemsize <= 2 else np.dtype("f8")
+
+
+def filled(array: Any) -> np.ndarray:
+    """An array in which masked samples are NaN, and so outside."""
+    if not isinstance(array, np.ma.MaskedArray):
+        return np.asarray(array)
+    return array.astype(filled_type(array)).filled(np.nan)
 
 
 def flat(array: np.ndarray) -> tuple[np.ndarray, tuple[int, list[int]]]:
@@ -221,10 +241,10 @@ def slabs(source: Any, axes: str, most_bytes: int) -> tuple[tuple[int, int, int]
     shape = tuple(int(side) for side in source.shape)
     if len(shape) == 2:
         shape = (1, *shape) if axes == "zyx" else (*shape, 1)
-        return slabs_of([np.asarray(source[...])], shape, np.dtype(source.dtype), axes)
+        return slabs_of([filled(source[...])], shape, filled_type(source), axes)
     if len(shape) != 3:
         raise UsageError(f"an array of {len(shape)} dimensions is not a volume; it needs three")
-    dtype = np.dtype(source.dtype)
+    dtype = filled_type(source)
     along = 0 if axes == "zyx" else 2
     chunk = getattr(source, "chunks", None) or (1, 1, 1)
     height = chunk[along] if isinstance(chunk[along], int) else max(chunk[along])
@@ -234,7 +254,7 @@ def slabs(source: Any, axes: str, most_bytes: int) -> tuple[tuple[int, int, int]
     def parts() -> Iterator[np.ndarray]:
         for start in range(0, shape[along], height):
             part = slice(start, min(start + height, shape[along]))
-            yield np.asarray(source[part] if along == 0 else source[:, :, part])
+            yield filled(source[part] if along == 0 else source[:, :, part])
 
     return slabs_of(parts(), shape, dtype, axes)
 

@@ -364,3 +364,19 @@ def test_options_that_make_no_sense_are_named(tmp_path, options, error, said):
     with pytest.raises(error, match=said):
         infobyte.build(np.ones((4, 4, 4), np.int16), tmp_path / "o.oct", **options)
     assert not (tmp_path / "o.oct").exists()
+
+
+def test_masked_samples_are_outside_and_samples_that_are_no_numbers_are_warned_of(tmp_path):
+    full = np.full((4, 4, 4), 1000, "i2")
+    masked = np.ma.masked_array(full, mask=True)
+    masked.mask[1:3, 1:3, 1:3] = False
+    for source in (masked, masked.astype("f8"), list(masked), masked.transpose(2, 1, 0)):
+        with pytest.warns(UserWarning, match="NaN"):
+            model = infobyte.build(source, tmp_path / "m.oct", iso=500, surface="skin", progress=False)
+        assert model.report["skin_voxels"] == 8
+    bare = infobyte.build(np.ma.masked_array(full), tmp_path / "n.oct", iso=500, progress=False)
+    assert bare.shape == (4, 4, 4)
+    with pytest.warns(UserWarning, match="infinite"):
+        infobyte.build(np.where(masked.mask, 0, np.inf), tmp_path / "i.oct", iso=500, progress=False)
+    with pytest.raises(infobyte.UsageError, match="masked"):
+        infobyte.build([full[0], masked[1]], tmp_path / "x.oct", iso=500, progress=False)

@@ -7,7 +7,8 @@ use std::path::Path;
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
 use crate::platform::open_file;
 use crate::source::OpenOptions;
-use crate::source::header::{Lines, text, unreadable};
+use crate::source::header::{Lines, exactly, text, unreadable};
+use crate::source::stored::Encoding;
 use crate::volume::{Endian, Result, VolumeSource};
 
 const ELSE: &str = "save it as raw binary, NRRD or MetaImage";
@@ -29,8 +30,9 @@ pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dy
             return headed(&first, &words, at).map_err(refused(path))?.open(path, None);
         }
         if !line.starts_with('#') {
-            let parts = line.split(|c: char| c.is_whitespace() || "{},=".contains(c));
-            words.extend(parts.filter(|part| !part.is_empty()).map(str::to_owned));
+            let parts = line.split(|c: char| c.is_whitespace() || "{}=".contains(c));
+            let parts = parts.map(|part| part.trim_end_matches(',')).filter(|part| !part.is_empty());
+            words.extend(parts.map(str::to_owned));
         }
     }
     Err(refused(path)(missing("where its samples begin (@1)")))
@@ -43,19 +45,21 @@ fn behind<'a>(words: &'a [String], word: &str, fits: impl Fn(&str) -> bool) -> O
     words.get(at + 1..)
 }
 
+/// The words of a field up to the next name, which begins with a letter.
+fn number_words(words: &[String]) -> String {
+    let named = |word: &&String| !word.starts_with(|c: char| c.is_alphabetic() || "\"@".contains(c));
+    let first = words.first().into_iter().chain(words.iter().skip(1).take_while(named));
+    first.map(String::as_str).collect::<Vec<_>>().join(" ")
+}
+
 fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
     if first.contains("ASCII") {
         return Err(unread("text (ASCII)", ELSE));
     }
     let endian = if first.contains("BINARY-LITTLE-ENDIAN") { Endian::Little } else { Endian::Big };
     let is_number = |word: &str| word.starts_with(|c: char| c.is_ascii_digit());
-    let Some([x, y, z, ..]) = behind(words, "Lattice", is_number) else {
-        return Err(missing("a lattice of three axes"));
-    };
-    let mut size = [0; 3];
-    for (side, word) in size.iter_mut().zip([x, y, z]) {
-        *side = word.parse().map_err(|_| missing("define Lattice"))?;
-    }
+    let lattice = behind(words, "Lattice", is_number).ok_or_else(|| missing("a lattice of three axes"))?;
+    let size: [u64; 3] = exactly("define Lattice", &number_words(lattice))?;
     if let Some(kind) = behind(words, "CoordType", |kind| kind.trim_matches('"') != "uniform") {
         return Err(unread(
             format!("a lattice of the CoordType {}", kind[0].trim_matches('"')),
@@ -81,9 +85,8 @@ fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
         let what = format!("samples of the type `{kind}` at {mark}");
         return Err(unread(what, "save one value a voxel, alone"));
     };
-    let bounds = behind(words, "BoundingBox", |_| true).and_then(|bounds| bounds.get(..6));
-    let bounds: Option<Vec<f64>> = bounds.and_then(|all| all.iter().map(|n| n.parse().ok()).collect());
-    let bounds = bounds.ok_or_else(|| missing("BoundingBox"))?;
+    let bounds = behind(words, "BoundingBox", |_| true).ok_or_else(|| missing("BoundingBox"))?;
+    let bounds: [f64; 6] = exactly("BoundingBox", &number_words(bounds))?;
     let mut notes = Vec::new();
     let unit = behind(words, "Coordinates", |_| true).map(|unit| unit[0].as_str());
     #[expect(clippy::cast_precision_loss, reason = "far below 2^53")]
@@ -92,5 +95,15 @@ fn headed(first: &str, words: &[String], at: u64) -> Read<Headed> {
         if size[k] > 1 { length / (size[k] - 1) as f64 } else { length.max(1.0) }
     });
     let affine = upright(spacing, [0, 2, 4].map(|k| bounds[k]), scale(unit, &mut notes));
-    Ok(Headed { format: "amira", size, volumes: 1, samples, endian, at, affine, notes })
+    Ok(Headed {
+        format: "amira",
+        size,
+        volumes: 1,
+        samples,
+        endian,
+        at,
+        encoding: Encoding::Raw,
+        affine,
+        notes,
+    })
 }

@@ -30,8 +30,9 @@ struct Headed {
     volumes: u64,
     samples: Samples,
     endian: Endian,
-    /// Byte of each file at which samples begin.
+    /// Byte of each file, or of its stream, at which samples begin.
     at: u64,
+    encoding: Encoding,
     affine: Affine,
     notes: Vec<Note>,
 }
@@ -44,7 +45,8 @@ impl Headed {
             own.push(Path::new(path.file_name().unwrap_or_default()));
             own
         });
-        let Self { format, size, volumes, samples, endian, at, affine, mut notes } = self;
+        let Self { format, size, volumes, samples, endian, at, encoding, affine, mut notes } = self;
+        let (skip, skip_unpacked) = if encoding == Encoding::Raw { (at, 0) } else { (0, at) };
         notes.push(Note::no_directions("the header"));
         StoredLayout {
             header: path.to_path_buf(),
@@ -54,9 +56,9 @@ impl Headed {
             volumes,
             samples,
             endian,
-            encoding: Encoding::Raw,
-            skip: Skip::Bytes(at),
-            skip_unpacked: 0,
+            encoding,
+            skip: Skip::Bytes(skip),
+            skip_unpacked: Skip::Bytes(skip_unpacked),
             rescale: Rescale::IDENTITY,
             affine,
             notes,

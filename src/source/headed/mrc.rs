@@ -4,35 +4,68 @@
 //! Lengths are in ångströms. `MAPC`, `MAPR` and `MAPS` say along which axes of the cell columns, rows and sections run;
 //! cells need not be rectangular. The place is `ORIGIN`, or where that is 0 the first column, row and section.
 
+use std::io::Read as _;
 use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, unread};
 use crate::geom::Affine;
 use crate::platform::{FileExt, open_file};
 use crate::source::OpenOptions;
-use crate::source::header::unreadable;
-use crate::volume::{Endian, Note, Result, VolumeSource};
+use crate::source::header::{unpacked, unreadable};
+use crate::source::stored::{Encoding, Samples};
+use crate::volume::{Endian, Note, Result, ScalarType, VolumeSource};
 
 const HEADER: usize = 1024;
 const MM: f64 = 1e-7;
 /// IMOD's mark, and its flag for signed bytes.
 const IMOD: i32 = 1_146_047_817;
 
-pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {
+/// Gzipped or not.
+pub(in crate::source) fn recognise(head: &[u8], path: &Path) -> bool {
+    let mut plain = [0; HEADER];
+    if is_packed(head) {
+        let got = unpacked(flate2::bufread::GzDecoder::new(head), &mut plain);
+        return plain.get(..got).is_some_and(is_marked);
+    }
+    is_marked(head) || head.first_chunk().is_some_and(|head| is_as_long_as_stated(head, path))
+}
+
+fn is_packed(head: &[u8]) -> bool {
+    head.starts_with(b"\x1f\x8b")
+}
+
+/// True for the mark that files have had since 2000.
+fn is_marked(head: &[u8]) -> bool {
     head.get(208..211).is_some_and(|mark| mark == b"MAP")
+}
+
+/// True for an older file: its sizes and its mode make exactly the bytes that it has.
+fn is_as_long_as_stated(head: &[u8; HEADER], path: &Path) -> bool {
+    let stated = || {
+        let headed = header(head, Encoding::Raw).ok()?;
+        let [x, y, z] = headed.size;
+        let voxels = x.checked_mul(y)?.checked_mul(z)?.checked_mul(headed.volumes)?;
+        voxels.checked_mul(headed.samples.bytes() as u64)?.checked_add(headed.at).filter(|_| voxels > 0)
+    };
+    stated().is_some_and(|bytes| std::fs::metadata(path).is_ok_and(|meta| meta.len() == bytes))
 }
 
 pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
     let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let mut magic = [0; 2];
+    file.read_exact_at(&mut magic, 0).map_err(|cause| unreadable(path, cause))?;
+    let encoding = if is_packed(&magic) { Encoding::Gzip } else { Encoding::Raw };
     let mut head = [0; HEADER];
-    file.read_exact_at(&mut head, 0).map_err(|cause| unreadable(path, cause))?;
-    header(&head).map_err(refused(path))?.open(path, None)
+    let mut stream = encoding.open(&file, 0, Samples::Plain(ScalarType::U8));
+    stream.read_exact(&mut head).map_err(|cause| unreadable(path, cause))?;
+    header(&head, encoding).map_err(refused(path))?.open(path, None)
 }
 
-fn header(head: &[u8; HEADER]) -> Read<Headed> {
+fn header(head: &[u8; HEADER], encoding: Encoding) -> Read<Headed> {
+    let marked = is_marked(head);
     let endian = match head[212] {
-        0x44 => Endian::Little,
-        0x11 => Endian::Big,
+        0x44 if marked => Endian::Little,
+        0x11 if marked => Endian::Big,
         // Left out: of the two, the order in which the kind of samples makes sense.
         _ if i32::from_le_bytes([head[12], head[13], head[14], head[15]]) < 256 => Endian::Little,
         _ => Endian::Big,
@@ -69,6 +102,11 @@ fn header(head: &[u8; HEADER]) -> Read<Headed> {
     let is_stack = group >= 401 && sections > 0 && size[2].is_multiple_of(sections);
     let volumes = if is_stack { size[2] / sections } else { 1 };
     let mut notes = Vec::new();
+    if !marked {
+        notes.push(Note::new(
+            "the header has no mark (MAP); it is read as MRC because its sizes agree with those of the file",
+        ));
+    }
     let (intervals, cell) = (whole3(8), real3(11));
     let is_stated = (0..3).all(|k| intervals[k] > 0 && cell[k] > 0.0);
     let affine = if is_stated {
@@ -76,7 +114,8 @@ fn header(head: &[u8; HEADER]) -> Read<Headed> {
         let along = cell_axes(real3(14)).ok_or_else(|| missing("the angles of its cell"))?;
         let axes = if order == [-1; 3] { [0, 1, 2] } else { order };
         let mut affine = Affine::from_spacing([1.0; 3]);
-        let (origin, start) = (real3(50), whole3(5));
+        // Older files have other fields in the place of the origin.
+        let (origin, start) = (if marked { real3(50) } else { [0.0; 3] }, whole3(5));
         for axis in 0..3 {
             let k = usize::try_from(axes[axis])
                 .ok()
@@ -100,7 +139,7 @@ fn header(head: &[u8; HEADER]) -> Read<Headed> {
     let more = u64::try_from(whole(24)).map_err(|_| missing("NSYMBT"))?;
     let size = [size[0], size[1], size[2] / volumes.max(1)];
     let at = HEADER as u64 + more;
-    Ok(Headed { format: "mrc", size, volumes, samples, endian, at, affine, notes })
+    Ok(Headed { format: "mrc", size, volumes, samples, endian, at, encoding, affine, notes })
 }
 
 /// The axes of a cell of unit length: a along x, b in the plane of x and y. Angles of 0 were left out.

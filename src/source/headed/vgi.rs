@@ -9,7 +9,8 @@ use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright}
 use crate::platform::open_file;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
-use crate::source::header::{Lines, check_links, counts, files_beside, listed, numbers, text, unreadable};
+use crate::source::header::{Lines, check_links, exactly, files_beside, listed, number, text, unreadable};
+use crate::source::stored::Encoding;
 use crate::volume::{Endian, Note, Result, VolumeSource};
 
 pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {
@@ -43,11 +44,11 @@ struct Fields {
     section: String,
     /// Volumes begun.
     volumes: usize,
-    size: Vec<u64>,
+    size: Option<[u64; 3]>,
     kind: String,
     bits: u64,
     skip: u64,
-    resolution: Vec<f64>,
+    resolution: Option<[f64; 3]>,
     unit: Option<String>,
     files: FileList,
 }
@@ -70,17 +71,13 @@ impl Fields {
             return Ok(());
         }
         match (self.section.as_str(), key.as_str()) {
-            ("representation", "size") => self.size = counts(value).ok_or_else(|| missing("size"))?,
+            ("representation", "size") => self.size = Some(exactly("size", value)?),
             ("representation", "datatype") => self.kind = value.to_lowercase(),
-            ("representation", "bitsperelement") => {
-                self.bits = value.parse().map_err(|_| missing("bitsperelement"))?;
-            }
-            ("geometry", "resolution") => {
-                self.resolution = numbers(value).ok_or_else(|| missing("resolution"))?;
-            }
+            ("representation", "bitsperelement") => self.bits = number("bitsperelement", value)?,
+            ("geometry", "resolution") => self.resolution = Some(exactly("resolution", value)?),
             ("geometry", "unit") => self.unit = Some(value.to_owned()),
             (_, "name") if of_file => listed(&mut self.files, value)?,
-            (_, "skipheader") if of_file => self.skip = value.parse().map_err(|_| missing("SkipHeader"))?,
+            (_, "skipheader") if of_file => self.skip = number("SkipHeader", value)?,
             (_, "fileformat") if of_file && !value.eq_ignore_ascii_case("raw") => {
                 return Err(unread(format!("files of the format `{value}`"), "export it as raw"));
             }
@@ -90,7 +87,7 @@ impl Fields {
     }
 
     fn headed(self) -> Read<Headed> {
-        let size = self.size.try_into().map_err(|_| missing("size"))?;
+        let size = self.size.ok_or_else(|| missing("size"))?;
         let is_float = self.kind.contains("float");
         let signed =
             self.kind.contains("signed") && !self.kind.contains("unsigned") || self.kind == "integer";
@@ -98,12 +95,19 @@ impl Fields {
         let samples = samples.filter(|_| is_float || self.kind.contains("int"));
         let samples = samples.ok_or_else(|| missing("datatype and bitsperelement"))?;
         let mut notes = vec![Note::new("the header states no origin; the first voxel is used as the origin")];
-        let spacing = match self.resolution.as_slice() {
-            [x, y, z] => [*x, *y, *z],
-            _ => return Err(missing("resolution")),
-        };
+        let spacing = self.resolution.ok_or_else(|| missing("resolution"))?;
         let affine = upright(spacing, [0.0; 3], scale(self.unit.as_deref(), &mut notes));
         let (endian, at) = (Endian::Little, self.skip);
-        Ok(Headed { format: "vgi", size, volumes: 1, samples, endian, at, affine, notes })
+        Ok(Headed {
+            format: "vgi",
+            size,
+            volumes: 1,
+            samples,
+            endian,
+            at,
+            encoding: Encoding::Raw,
+            affine,
+            notes,
+        })
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
-use crate::source::header::{normal_of, numbers, unit_mm};
+use crate::source::header::{normal_of, number, numbers, unit_mm, wrong_count};
 use crate::volume::Note;
 
 /// Axis kinds that are directions in space; an unknown one is taken for one.
@@ -21,6 +21,7 @@ pub(super) struct Axis {
 #[derive(Debug, Default)]
 pub(super) struct Geometry {
     space: String,
+    dimension: Option<usize>,
     directions: Vec<Option<Vec<f64>>>,
     origin: Vec<f64>,
     space_units: Vec<String>,
@@ -33,23 +34,24 @@ pub(super) struct Geometry {
 }
 
 impl Geometry {
-    /// Takes a field if it is one of these; `None` if it makes no sense.
-    pub(super) fn field(&mut self, field: &str, value: &str) -> Option<()> {
+    /// Takes a field if it is one of these.
+    pub(super) fn field(&mut self, field: &str, value: &str) -> Result<(), Fault> {
         let words = || value.split_whitespace().map(str::to_lowercase).collect();
         match field {
             "space" => self.space = value.to_lowercase(),
-            "space directions" => self.directions = vectors(value)?,
-            "space origin" => self.origin = numbers(value)?,
+            "space dimension" | "spacedimension" => self.dimension = Some(number(field, value)?),
+            "space directions" => self.directions = vectors(field, value)?,
+            "space origin" => self.origin = vectors(field, value)?.pop().flatten().unwrap_or_default(),
             "space units" => self.space_units = quoted(value),
             "units" => self.units = quoted(value),
-            "spacings" => self.spacings = numbers(value)?,
-            "axis mins" | "axismins" => self.mins = numbers(value)?,
-            "axis maxs" | "axismaxs" => self.maxs = numbers(value)?,
+            "spacings" => self.spacings = numbers(field, value)?,
+            "axis mins" | "axismins" => self.mins = numbers(field, value)?,
+            "axis maxs" | "axismaxs" => self.maxs = numbers(field, value)?,
             "centers" | "centerings" => self.centers = words(),
             "kinds" => self.kinds = words(),
             _ => {}
         }
-        Some(())
+        Ok(())
     }
 
     /// The axes with their sizes; those without a direction where others have one are not in space.
@@ -58,9 +60,19 @@ impl Geometry {
             ("space directions", self.directions.len()),
             ("kinds", self.kinds.len()),
             ("spacings", self.spacings.len()),
+            ("axis mins", self.mins.len()),
+            ("axis maxs", self.maxs.len()),
         ] {
             if entries != 0 && entries != sizes.len() {
                 return Err(bad!("its header has {entries} {field} for {} axes", sizes.len()));
+            }
+        }
+        let vectors = self.directions.iter().flatten().chain(Some(&self.origin).filter(|o| !o.is_empty()));
+        for vector in vectors {
+            let due = self.dimensions().unwrap_or(vector.len());
+            if vector.len() != due {
+                let text: Vec<String> = vector.iter().map(f64::to_string).collect();
+                return Err(wrong_count("a vector in space", &text.join(","), vector.len(), due));
             }
         }
         let axis = |(index, size): (usize, &u64)| {
@@ -70,6 +82,13 @@ impl Geometry {
             Axis { size: *size, spatial: named && directed, kind }
         };
         Ok(sizes.iter().enumerate().map(axis).collect())
+    }
+
+    /// Dimensions of the space, by its name, by their number, or by the first direction.
+    fn dimensions(&self) -> Option<usize> {
+        let named = (signs(&self.space).1)
+            .then(|| if self.space.ends_with('t') || self.space.ends_with("-time") { 4 } else { 3 });
+        named.or(self.dimension).or_else(|| self.directions.iter().flatten().next().map(Vec::len))
     }
 
     /// Voxel index to LPS mm, for the axes that became x, y and z.
@@ -152,7 +171,12 @@ impl Geometry {
                 _ => missing |= spacing.is_none(),
             }
             let spacing = spacing.unwrap_or(1.0);
-            let scale = self.units.get(*index).and_then(|name| unit_mm(name)).unwrap_or(1.0);
+            let unit = self.units.get(*index).filter(|unit| !unit.is_empty());
+            let scale = unit.map_or(Some(1.0), |unit| unit_mm(unit)).unwrap_or_else(|| {
+                let unit = unit.map_or("", String::as_str).escape_debug();
+                notes.push(Note::new(format!("the unit `{unit}` is taken for mm")));
+                1.0
+            });
             let start = min.map_or(0.0, |min| if cells { min + spacing / 2.0 } else { min });
             if let Some(row) = affine.rows.get_mut(column) {
                 row[column] = spacing * scale;
@@ -178,7 +202,8 @@ fn signs(space: &str) -> ([f64; 3], bool) {
 }
 
 /// `(1,0,0) none (0,1,0)`: one vector for each axis; a word in place of numbers means no vector.
-fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
+fn vectors(field: &str, text: &str) -> Result<Vec<Option<Vec<f64>>>, Fault> {
+    let wrong = || bad!("its field `{field}: {}` is not a list of vectors", text.escape_debug());
     let mut found = Vec::new();
     let mut rest = text.trim();
     while !rest.is_empty() {
@@ -187,12 +212,12 @@ fn vectors(text: &str) -> Option<Vec<Option<Vec<f64>>>> {
             rest = after.trim_start();
             continue;
         }
-        let (inside, after) = rest.strip_prefix('(')?.split_once(')')?;
-        let vector = numbers(inside)?;
+        let (inside, after) = rest.strip_prefix('(').and_then(|r| r.split_once(')')).ok_or_else(wrong)?;
+        let vector: Vec<f64> = inside.split(',').map(|part| number(field, part)).collect::<Result<_, _>>()?;
         found.push((!vector.iter().all(|v| v.is_nan())).then_some(vector));
         rest = after.trim_start();
     }
-    Some(found)
+    Ok(found)
 }
 
 /// Words in quotation marks; without any, words between spaces.

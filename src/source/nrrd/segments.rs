@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use crate::fault::Fault;
+use crate::source::header::{exactly, number};
 use crate::volume::StatedLabel;
 
 /// Most segments that are taken: as many as there are numbers of labels.
@@ -32,26 +34,30 @@ pub(super) type Layered = (u64, u16, u16);
 
 impl Segments {
     /// Takes a pair, its key in lower case; pairs that say nothing of a segment are passed over.
-    pub(super) fn pair(&mut self, key: &str, value: &str) {
+    ///
+    /// # Errors
+    /// A number is not one.
+    pub(super) fn pair(&mut self, key: &str, value: &str) -> Result<(), Fault> {
         self.is_stated |= key.starts_with("segmentation_");
         let Some((place, what)) = key.strip_prefix("segment").and_then(|rest| rest.split_once('_')) else {
-            return;
+            return Ok(());
         };
-        let Ok(place) = place.parse() else { return };
+        let Ok(place) = place.parse() else { return Ok(()) };
         if !matches!(what, "name" | "color" | "labelvalue" | "layer" | "tags")
             || self.by_place.len() >= MAX_SEGMENTS && !self.by_place.contains_key(&place)
         {
-            return;
+            return Ok(());
         }
         self.is_stated = true;
         let segment = self.by_place.entry(place).or_default();
         match what {
             "name" => value.clone_into(&mut segment.name),
             "tags" => segment.coded = meaning(value).unwrap_or_default(),
-            "color" => segment.color = color(value),
-            "layer" => segment.layer = value.parse().unwrap_or(0),
-            _ => segment.number = value.parse().ok().filter(|number| *number > 0),
+            "color" => segment.color = color(exactly(key, value)?),
+            "layer" => segment.layer = number(key, value)?,
+            _ => segment.number = Some(number(key, value)?).filter(|number| *number > 0),
         }
+        Ok(())
     }
 
     /// Is this the header of a segmentation?
@@ -111,15 +117,11 @@ fn meaning(tags: &str) -> Option<String> {
     (!own.is_empty()).then(|| format!("{modifier} {own}").trim().to_owned())
 }
 
-/// Three parts from 0 to 1.
-fn color(value: &str) -> Option<[u8; 3]> {
-    let mut parts = value.split_whitespace().map(|part| {
-        let part: f64 = part.parse().ok()?;
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
-        (0.0..=1.0).contains(&part).then(|| (part * 255.0).round() as u8)
-    });
-    let color = [parts.next()??, parts.next()??, parts.next()??];
-    parts.next().is_none().then_some(color)
+/// The colour of three parts from 0 to 1.
+fn color(parts: [f64; 3]) -> Option<[u8; 3]> {
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+    let byte = |part: f64| (part * 255.0).round() as u8;
+    parts.iter().all(|part| (0.0..=1.0).contains(part)).then(|| parts.map(byte))
 }
 
 #[cfg(test)]
@@ -128,7 +130,7 @@ mod tests {
 
     fn segments(pairs: &[(&str, &str)]) -> Segments {
         let mut segments = Segments::default();
-        pairs.iter().for_each(|(key, value)| segments.pair(key, value));
+        pairs.iter().for_each(|(key, value)| segments.pair(key, value).unwrap());
         segments
     }
 
@@ -151,6 +153,12 @@ mod tests {
             ("segmentation_masterrepresentation", "Binary labelmap"),
             ("segmentx_name", "no"),
         ]);
+        for (key, value) in
+            [("segment1_labelvalue", "1,5"), ("segment1_color", "1 0"), ("segment1_layer", "first")]
+        {
+            let fault = Segments::default().pair(key, value).unwrap_err();
+            assert!(fault.text.contains(key) && fault.text.contains(value), "{fault}");
+        }
         assert!(found.is_stated() && !segments(&[("segmentx_name", "no")]).is_stated());
         assert_eq!(
             found.labels(),

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section};
 use super::text::{Hex, Numbers};
-use super::{INPUT_BYTES, Samples, Target, Unroll, regular};
+use super::{INPUT_BYTES, Samples, Skip, Target, Unroll, regular};
 use crate::fault::{Fault, bad};
 use crate::platform::{FileExt, open_file};
 use crate::source::files::{FileList, FileSet};
@@ -113,12 +113,22 @@ pub(in crate::source) struct Linear {
     /// Bytes of a file before its stream.
     pub(in crate::source) skip: u64,
     /// Unpacked bytes before the first sample of each stream.
-    pub(in crate::source) skip_unpacked: u64,
+    pub(in crate::source) skip_unpacked: Skip,
 }
 
 impl Linear {
     fn fail(&self, file: usize, fault: Fault) -> SourceError {
         unusable(&self.files.list().path(file), fault)
+    }
+
+    /// Bytes of the stream of a file, as far as it can be read.
+    fn length(&self, file: &File, buffer: &mut [u8]) -> u64 {
+        let mut stream = self.encoding.open(file, self.skip, self.samples);
+        let mut length = 0;
+        while let Ok(read @ 1..) = read_some(&mut *stream, buffer) {
+            length += read as u64;
+        }
+        length
     }
 
     /// Unrolls `count` slices of file `index` from slice `within` on, as slices from `z` on.
@@ -131,10 +141,16 @@ impl Linear {
         target: &Target<'_>,
         buffer: &mut [u8],
     ) -> Result<Option<Note>> {
-        let mut stream = self.encoding.open(file, self.skip, self.samples);
         let packing = self.encoding.packing();
-        let before = within.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
-        let promised = self.slices_per_file.saturating_mul(slice_bytes).saturating_add(self.skip_unpacked);
+        let share = self.slices_per_file.saturating_mul(slice_bytes);
+        let skipped = match self.skip_unpacked {
+            Skip::Bytes(bytes) => bytes,
+            // A damaged stream shows when it is read again.
+            Skip::AllButSamples => self.length(file, buffer).saturating_sub(share),
+        };
+        let mut stream = self.encoding.open(file, self.skip, self.samples);
+        let before = within.saturating_mul(slice_bytes).saturating_add(skipped);
+        let promised = share.saturating_add(skipped);
         let short = |got: u64| {
             bad!(
                 "the header promises {promised} bytes, the {packing} stream ends after {got}; the file was cut short, copy it again"

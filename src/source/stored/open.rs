@@ -48,7 +48,7 @@ pub(in crate::source) struct StoredLayout {
     /// Where they begin.
     pub(in crate::source) skip: Skip,
     /// Unpacked bytes before the first sample of a stream.
-    pub(in crate::source) skip_unpacked: u64,
+    pub(in crate::source) skip_unpacked: Skip,
     /// Samples to physical values.
     pub(in crate::source) rescale: Rescale,
     /// Voxel index to LPS mm.
@@ -185,7 +185,8 @@ impl StoredLayout {
                 longer += u64::from(there > share);
                 continue;
             }
-            let promised = share.saturating_add(self.skip_unpacked);
+            let before = if let Skip::Bytes(before) = self.skip_unpacked { before } else { 0 };
+            let promised = share.saturating_add(before);
             if self.encoding.most(there, self.samples) < promised {
                 let packing = self.encoding.packing();
                 return wrong(bad!(

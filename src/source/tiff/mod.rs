@@ -27,8 +27,9 @@ use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, 
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
 use crate::platform::open_file;
+use crate::text::Short;
 use crate::volume::{
-    Endian, Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource,
+    Endian, InfoOverride, Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource,
 };
 use directory::{Directory, Tiff, damaged};
 use notes::Notes;
@@ -74,14 +75,14 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     let mut unclear = Vec::new();
     for index in 0..list.len() {
         let path = list.path(index);
-        let own = |volume| Slices { files: vec![index], volume };
+        let own = |volumes| Slices { files: vec![index], volumes };
         let mut pages = Stack::default();
         let added = pages.add(&path, 0);
         let several = if added.is_ok() { Some(pages.pages.len() > 1) } else { several_pages(&path) };
         match (added, several) {
             (Ok(()), Some(true)) => {
                 let one = list.select(std::iter::once(index));
-                whole.push(own(pages.volume(one, base_name(&path))));
+                whole.push(own(pages.volumes(one, base_name(&path))));
             }
             (Ok(()), _) => {
                 let number = u32::try_from(files.len()).unwrap_or(u32::MAX);
@@ -102,7 +103,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     // They are what most of the others are: a slice must not be missed, nor a volume take others along.
     for (index, error) in unclear {
         if whole.len() > files.len() {
-            whole.push(Slices { files: vec![index], volume: Err(error) });
+            whole.push(Slices { files: vec![index], volumes: Err(error) });
         } else {
             files.push(index);
             refused.get_or_insert(error);
@@ -113,7 +114,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
     if files.is_empty() {
         return whole;
     }
-    let volume = match refused {
+    let volumes = match refused {
         Some(error) => Err(error),
         None => {
             let chosen = list.select(files.iter().copied());
@@ -121,10 +122,10 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
             let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
             let name = base_name(if chosen.len() == 1 { &path } else { folder });
             let order = judge(&chosen, options.gaps).map_err(|fault| unusable(&path, fault));
-            order.and_then(|order| Ok(order.apply(stack.volume(chosen, name)?)))
+            order.and_then(|order| Ok(vec![order.apply(stack.volume(chosen, name)?)]))
         }
     };
-    whole.insert(0, Slices { files, volume });
+    whole.insert(0, Slices { files, volumes });
     whole
 }
 
@@ -176,7 +177,7 @@ struct Page {
 }
 
 /// Slices found so far.
-#[derive(Debug, Default)]
+#[derive(Clone, Debug, Default)]
 struct Stack {
     pages: Vec<Page>,
     shape: Option<Shape>,
@@ -189,6 +190,10 @@ struct Stack {
     thumbnails: usize,
     /// Were the pages of an ImageJ stack behind one directory?
     contiguous: bool,
+    /// True if only the distance of slices is not stated.
+    lacks_depth: bool,
+    /// The pages of each volume, where one file holds several.
+    several: Option<Vec<Vec<usize>>>,
 }
 
 impl Stack {
@@ -222,17 +227,20 @@ impl Stack {
                 self.thumbnails += 1;
                 continue;
             }
+            self.page(&tiff, &directory, here, file)?;
             if notes.is_none() {
                 notes = Some(read_notes(&tiff, &directory)?);
             }
-            self.page(&tiff, &directory, here, file)?;
         }
         let notes = notes.ok_or_else(|| damaged(bad!("it has no page")))?;
-        if let Some(fault) = notes.refused {
-            return Err(damaged(fault));
-        }
         self.spacing_mm = self.spacing_mm.or(notes.spacing_mm);
-        self.contiguous(&tiff, notes.images)
+        self.lacks_depth |= notes.lacks_depth;
+        self.contiguous(&tiff, notes.images)?;
+        // One page of several files says nothing of the others.
+        if self.pages.len() > 1 {
+            self.several = notes.volumes(self.pages.len()).map_err(damaged)?;
+        }
+        Ok(())
     }
 
     fn page(&mut self, tiff: &Tiff<'_>, directory: &Directory, offset: u64, file: u32) -> io::Result<()> {
@@ -316,7 +324,24 @@ impl Stack {
         self.file_bytes = self.file_bytes.saturating_add(other.file_bytes);
         self.inverted |= other.inverted;
         self.thumbnails += other.thumbnails;
+        self.lacks_depth |= other.lacks_depth;
         Ok(())
+    }
+
+    /// The volumes of one file.
+    fn volumes(mut self, list: FileList, name: String) -> Result<Vec<Box<dyn VolumeSource>>> {
+        let Some(several) = self.several.take() else { return Ok(vec![self.volume(list, name)?]) };
+        let (of, all) = (several.len(), std::mem::take(&mut self.pages));
+        let volume = |(at, pages): (usize, Vec<usize>)| {
+            let pages = pages.iter().filter_map(|page| all.get(*page).copied()).collect();
+            let own = Self { pages, ..self.clone() };
+            let volume = own.volume(list.select(0..list.len()), name.clone())?;
+            Ok(InfoOverride::with_note(
+                volume,
+                Note::new(format!("this is volume {} of {of} in the file", at + 1)),
+            ))
+        };
+        several.into_iter().enumerate().map(volume).collect()
     }
 
     fn volume(self, list: FileList, name: String) -> Result<Box<dyn VolumeSource>> {
@@ -337,6 +362,11 @@ impl Stack {
         let mut notes = Vec::new();
         if self.spacing_mm.is_none() {
             notes.push(Note::no_spacing("this TIFF"));
+        } else if self.lacks_depth {
+            notes.push(Note::spacing(format!(
+                "the description states no distance of slices; {} mm are assumed",
+                Short(spacing_mm[2])
+            )));
         }
         notes.push(Note::no_directions("TIFF"));
         if self.inverted {
@@ -407,7 +437,9 @@ fn backwards(orientation: u64) -> Result<[bool; 2], Fault> {
 fn read_notes(tiff: &Tiff<'_>, directory: &Directory) -> io::Result<Notes> {
     let text = tiff.text(directory, DESCRIPTION, MAX_DESCRIPTION)?;
     let resolution = [tiff.ratio(directory, X_RESOLUTION)?, tiff.ratio(directory, Y_RESOLUTION)?];
-    Ok(Notes::read(&text, resolution))
+    let size =
+        [tiff.value(directory, raster::tag::WIDTH, 0)?, tiff.value(directory, raster::tag::HEIGHT, 0)?];
+    Notes::read(&text, resolution, size).map_err(damaged)
 }
 
 /// The recipe of pages that are packed, in tiles, or scattered: a few rows at a time.

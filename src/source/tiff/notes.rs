@@ -1,74 +1,237 @@
-//! Fields that ImageJ and OME write into the description of a TIFF file.
+//! Fields that ImageJ, OME and tifffile write into the description of a TIFF file.
+
+use serde_json::Value;
 
 use crate::fault::{Fault, bad};
-use crate::source::header::unit_mm;
+use crate::source::header::{number, unit_mm};
+
+/// Most volumes of one file.
+const MAX_VOLUMES: usize = 2048;
 
 /// The fields of a description.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(super) struct Notes {
-    /// Pictures that ImageJ wrote side by side behind one directory.
+    /// Pictures that are written side by side behind one directory.
     pub(super) images: u64,
     /// Distance in mm of neighbours along x, y, z.
     pub(super) spacing_mm: Option<[f64; 3]>,
-    /// Why the pictures do not form a volume.
-    pub(super) refused: Option<Fault>,
+    /// True if only the distance of slices is not stated.
+    pub(super) lacks_depth: bool,
+    /// Name and length of each axis that pages follow each other along, the slowest first; empty where pages are slices.
+    pub(super) axes: Vec<(char, u64)>,
+    /// True if more pages may follow, of other images.
+    pub(super) more_images: bool,
 }
 
 impl Notes {
-    /// Reads a description; `resolution` is pixels per unit along x and y.
-    pub(super) fn read(description: &str, resolution: [Option<f64>; 2]) -> Self {
+    /// Reads a description; `resolution` is pixels per unit along x and y, `size` the columns and rows of a page.
+    ///
+    /// # Errors
+    /// It states what is not a number where one belongs, or more than a volume has.
+    pub(super) fn read(
+        description: &str,
+        resolution: [Option<f64>; 2],
+        size: [u64; 2],
+    ) -> Result<Self, Fault> {
         if description.starts_with("ImageJ=") {
             return Self::image_j(description, resolution);
         }
+        if description.starts_with('{')
+            && let Ok(shaped) = serde_json::from_str::<Value>(description)
+            && let Some(shape) = shaped.get("shape")
+        {
+            return Self::shaped(shape, &shaped, size);
+        }
         match description.split_once("<Pixels").and_then(|(_, rest)| rest.split_once('>')) {
-            Some((pixels, _)) if description.contains("<OME") => Self::ome(pixels),
-            _ => Self { images: 1, ..Self::default() },
+            Some((pixels, rest)) if description.contains("<OME") => Self::ome(pixels, rest),
+            _ => Ok(Self { images: 1, ..Self::default() }),
         }
     }
 
     /// Lines of `key=value`.
-    fn image_j(description: &str, resolution: [Option<f64>; 2]) -> Self {
+    fn image_j(description: &str, resolution: [Option<f64>; 2]) -> Result<Self, Fault> {
         let value = |key: &str| {
             let mut lines = description.lines().filter_map(|line| line.split_once('='));
             lines.find(|(k, _)| *k == key).map(|(_, v)| v.trim())
         };
-        let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
-        let several = ["channels", "frames"].into_iter().map(|of| (of, count(of))).find(|(_, n)| *n > 1);
-        let refused = several.map(|(of, count)| {
-            bad!("is an ImageJ hyperstack of {count} {of}; save one of them as a stack of its own")
-        });
+        let count = |key: &str| value(key).map_or(Ok(1), |v| number::<u64>(key, v));
+        let images = count("images")?;
+        let [channels, frames] = [count("channels")?, count("frames")?];
+        let several = channels.saturating_mul(frames);
+        let mut axes = Vec::new();
+        if several > 1 {
+            let slices = count("slices")?;
+            if slices == 1 {
+                let (of, count) = if frames > 1 { ("frames", frames) } else { ("channels", channels) };
+                return Err(bad!(
+                    "is an ImageJ hyperstack of {count} {of} without slices; save one of them as a stack of its own"
+                ));
+            }
+            axes = vec![('T', frames), ('Z', slices), ('C', channels)];
+        }
+        let depth = value("spacing").map(|v| number::<f64>("spacing", v)).transpose()?;
         let spacing = |mm: f64| {
-            let depth = value("spacing").and_then(|v| v.parse::<f64>().ok()).map_or(1.0, f64::abs);
             let across = resolution[0].or(resolution[1])?;
             let down = resolution[1].unwrap_or(across);
-            sound([mm / across, mm / down, mm * depth])
+            sound([mm / across, mm / down, mm * depth.map_or(1.0, f64::abs)])
         };
         let spacing_mm = value("unit").and_then(unit_mm).and_then(spacing);
-        Self { images: count("images"), spacing_mm, refused }
+        let lacks_depth = spacing_mm.is_some() && depth.is_none();
+        Ok(Self { images, spacing_mm, lacks_depth, axes, more_images: false })
     }
 
-    /// Attributes of the first `Pixels` element.
-    fn ome(pixels: &str) -> Self {
-        let value = |key: &str| {
-            let (_, rest) = pixels.split_once(&format!(" {key}=\""))?;
-            rest.split_once('"').map(|(value, _)| value)
-        };
-        let count = |key: &str| value(key).and_then(|v| v.parse::<u64>().ok()).unwrap_or(1);
-        let several =
-            [("SizeC", "channels"), ("SizeT", "time points")].into_iter().find(|(k, _)| count(k) > 1);
-        let refused = several.map(|(key, of)| {
-            bad!("is an OME file of {} {of}; save one of them as a stack of its own", count(key))
-        });
+    /// The shape of an array, as tifffile and napari write it: the last two sides are those of a page.
+    fn shaped(shape: &Value, all: &Value, [columns, rows]: [u64; 2]) -> Result<Self, Fault> {
+        let wrong =
+            || bad!("its description states the shape {shape}, whose last sides are not those of a page");
+        let sides = shape.as_array().ok_or_else(wrong)?;
+        let sides: Option<Vec<u64>> = sides.iter().map(Value::as_u64).collect();
+        let mut sides = sides.ok_or_else(wrong)?;
+        let mut names: Vec<char> = all.get("axes").and_then(Value::as_str).unwrap_or("").chars().collect();
+        if names.len() != sides.len() {
+            names = vec!['?'; sides.len()];
+        }
+        // Grey values may have an axis of their own.
+        if sides.len() > 2 && sides.last() == Some(&1) && !sides.ends_with(&[rows, columns]) {
+            sides.pop();
+        }
+        let pages = sides.strip_suffix(&[rows, columns]).ok_or_else(wrong)?;
+        let mut axes: Vec<(char, u64)> =
+            names.iter().copied().zip(pages.iter().copied()).filter(|(_, side)| *side != 1).collect();
+        let images = axes.iter().fold(1_u64, |all, (_, side)| all.saturating_mul(*side));
+        let truncated = all.get("truncated").and_then(Value::as_bool) == Some(true);
+        // The slowest but for z are volumes; unnamed, z is the fastest.
+        if !axes.iter().any(|(name, _)| *name == 'Z')
+            && let Some(last) = axes.last_mut()
+        {
+            last.0 = 'Z';
+        }
+        Ok(Self { images: if truncated { images } else { 1 }, axes, more_images: true, ..Self::default() })
+    }
+
+    /// Attributes of the first `Pixels` element, and the text after it.
+    fn ome(pixels: &str, rest: &str) -> Result<Self, Fault> {
+        let value = |key: &str| attribute(pixels, key);
+        let count = |key: &str| value(key).map_or(Ok(1), |v| number::<u64>(key, v));
+        let [z, c, t] = [count("SizeZ")?, count("SizeC")?, count("SizeT")?];
+        let more_images = rest.contains("<Pixels");
+        let mut axes = Vec::new();
+        if c.saturating_mul(t) > 1 || more_images {
+            let order = value("DimensionOrder").unwrap_or("XYZCT");
+            let faster = order.strip_prefix("XY").unwrap_or("ZCT").chars().rev();
+            axes = faster
+                .map(|name| {
+                    (
+                        name,
+                        match name {
+                            'Z' => z,
+                            'C' => c,
+                            _ => t,
+                        },
+                    )
+                })
+                .collect();
+            if c.saturating_mul(t) > 1 && z == 1 {
+                return Err(bad!(
+                    "is an OME file of {c} channels and {t} time points without slices; save one of them as a stack of its own"
+                ));
+            }
+            if !in_order(rest.split("<Pixels").next().unwrap_or(rest), &axes)? {
+                return Err(bad!(
+                    "is an OME file whose pages follow each other in another order than it states (TiffData); save it again"
+                ));
+            }
+        }
         let length = |axis: &str| {
-            let size: f64 = value(&format!("PhysicalSize{axis}"))?.parse().ok()?;
+            let key = format!("PhysicalSize{axis}");
+            let Some(size) = value(&key).map(|v| number::<f64>(&key, v)).transpose()? else {
+                return Ok(None);
+            };
             let unit = value(&format!("PhysicalSize{axis}Unit"));
             // The schema's own default is the micrometre.
-            Some(size * unit.map_or(Some(1e-3), unit_mm)?)
+            Ok::<_, Fault>(unit.map_or(Some(1e-3), unit_mm).map(|mm| size * mm))
         };
-        let (x, y) = (length("X"), length("Y"));
-        let spacing_mm = x.zip(y).and_then(|(x, y)| sound([x, y, length("Z").unwrap_or(x)]));
-        Self { images: 1, spacing_mm, refused }
+        let (x, y, depth) = (length("X")?, length("Y")?, length("Z")?);
+        let spacing_mm = x.zip(y).and_then(|(x, y)| sound([x, y, depth.unwrap_or(x)]));
+        let lacks_depth = spacing_mm.is_some() && depth.is_none();
+        Ok(Self { images: 1, spacing_mm, lacks_depth, axes, more_images })
     }
+
+    /// The pages of each volume, of so many pages in the file; `None` where all of them are the slices of one.
+    ///
+    /// # Errors
+    /// The axes make another number of pages.
+    pub(super) fn volumes(&self, pages: usize) -> Result<Option<Vec<Vec<usize>>>, Fault> {
+        let all = self
+            .axes
+            .iter()
+            .try_fold(1_usize, |all, (_, side)| all.checked_mul(usize::try_from(*side).ok()?));
+        let images = match all.filter(|all| *all > 0) {
+            Some(1) if self.more_images => return Ok(None),
+            _ if self.axes.is_empty() => return Ok(None),
+            Some(all) if all == pages || self.more_images && pages.is_multiple_of(all) => pages / all,
+            _ => {
+                let axes: Vec<String> =
+                    self.axes.iter().map(|(name, side)| format!("{name} {side}")).collect();
+                return Err(bad!(
+                    "its description states axes that its {pages} pages do not make: {}; save it again",
+                    axes.join(", ")
+                ));
+            }
+        };
+        let (mut step, mut depth) = (1_usize, (1, 1));
+        let mut steps = Vec::new();
+        for (name, side) in self.axes.iter().rev() {
+            let side = usize::try_from(*side).unwrap_or(usize::MAX);
+            if *name == 'Z' {
+                depth = (side, step)
+            } else {
+                steps.push((side, step))
+            }
+            step = step.saturating_mul(side);
+        }
+        // The first page of each volume, then all pages of it.
+        let mut firsts: Vec<usize> = (0..images).map(|image| image * (pages / images)).collect();
+        for (side, step) in steps.into_iter().rev() {
+            firsts =
+                firsts.into_iter().flat_map(|first| (0..side).map(move |at| first + at * step)).collect();
+        }
+        if firsts.len() < 2 && pages == depth.0 {
+            return Ok(None);
+        }
+        if firsts.len() > MAX_VOLUMES {
+            return Err(bad!(
+                "holds {} volumes, and 1 to {MAX_VOLUMES} are read; split the file",
+                firsts.len()
+            ));
+        }
+        Ok(Some(
+            firsts.into_iter().map(|first| (0..depth.0).map(|z| first + z * depth.1).collect()).collect(),
+        ))
+    }
+}
+
+/// The value of an attribute of XML.
+fn attribute<'a>(element: &'a str, key: &str) -> Option<&'a str> {
+    let (_, rest) = element.split_once(&format!(" {key}=\""))?;
+    rest.split_once('"').map(|(value, _)| value)
+}
+
+/// True if the elements `TiffData` give pages in the order of the axes, as far as they give places.
+fn in_order(text: &str, axes: &[(char, u64)]) -> Result<bool, Fault> {
+    for element in text.split("<TiffData").skip(1).filter_map(|rest| rest.split_once('>')).map(|(own, _)| own)
+    {
+        let at = |key: &str| attribute(element, key).map(|v| number::<u64>(key, v)).transpose();
+        let Some(page) = at("IFD")? else { continue };
+        let mut place = 0_u64;
+        for (name, side) in axes {
+            place = place.saturating_mul(*side).saturating_add(at(&format!("First{name}"))?.unwrap_or(0));
+        }
+        if place != page {
+            return Ok(false);
+        }
+    }
+    Ok(true)
 }
 
 fn sound(spacing: [f64; 3]) -> Option<[f64; 3]> {
@@ -79,34 +242,90 @@ fn sound(spacing: [f64; 3]) -> Option<[f64; 3]> {
 mod tests {
     use super::*;
 
+    fn read(text: &str, resolution: [Option<f64>; 2]) -> Notes {
+        Notes::read(text, resolution, [8, 6]).unwrap()
+    }
+
     #[test]
     fn image_j_tells_spacing_in_its_unit() {
         let text = "ImageJ=1.53t\nimages=40\nslices=40\nunit=micron\nspacing=-2.5\nloop=false\n";
-        let notes = Notes::read(text, [Some(2.0), Some(4.0)]);
-        assert_eq!((notes.images, &notes.refused), (40, &None));
+        let notes = read(text, [Some(2.0), Some(4.0)]);
+        assert_eq!((notes.images, notes.lacks_depth, notes.volumes(40)), (40, false, Ok(None)));
         let spacing = notes.spacing_mm.unwrap();
         for (got, want) in spacing.into_iter().zip([0.0005, 0.00025, 0.0025]) {
             assert!((got - want).abs() < 1e-15, "{spacing:?}");
         }
-        assert_eq!(Notes::read("ImageJ=1\nunit=pixel\n", [Some(1.0); 2]).spacing_mm, None);
-        assert_eq!(Notes::read("ImageJ=1\nunit=mm\n", [None; 2]).spacing_mm, None);
-        for text in ["ImageJ=1\nimages=6\nchannels=2\nslices=3\n", "ImageJ=1\nimages=6\nframes=6\n"] {
-            let refused = Notes::read(text, [None; 2]).refused.unwrap();
-            assert!(refused.text.contains("hyperstack"), "{refused}");
+        assert!(read("ImageJ=1\nunit=micron\n", [Some(2.0); 2]).lacks_depth);
+        assert_eq!(read("ImageJ=1\nunit=pixel\n", [Some(1.0); 2]).spacing_mm, None);
+        assert_eq!(read("ImageJ=1\nunit=mm\n", [None; 2]).spacing_mm, None);
+        for (text, words) in [
+            ("ImageJ=1\nimages=6\nframes=6\n", "hyperstack"),
+            ("ImageJ=1\nunit=mm\nspacing=2,5\n", "`2,5` for spacing"),
+            ("ImageJ=1\nimages=6\nchannels=two\n", "`two` for channels"),
+        ] {
+            let refused = Notes::read(text, [None; 2], [8, 6]).unwrap_err();
+            assert!(refused.text.contains(words), "{refused}");
         }
     }
 
     #[test]
-    fn ome_tells_spacing_and_what_is_no_volume() {
+    fn ome_tells_spacing_and_numbers_that_are_none() {
         let text = "<?xml?><OME><Image><Pixels BigEndian=\"false\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.25\" PhysicalSizeYUnit=\"mm\" PhysicalSizeZ=\"3\" SizeC=\"1\" SizeZ=\"9\"><TiffData/></Pixels></Image></OME>";
-        assert_eq!(Notes::read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
-        let channels = text.replace("SizeC=\"1\"", "SizeC=\"3\"");
-        let fault = bad!("is an OME file of {} channels; save one of them as a stack of its own", 3);
-        assert_eq!(Notes::read(&channels, [None; 2]).refused, Some(fault));
+        assert_eq!(read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
+        assert!(read(&text.replace("PhysicalSizeZ", "x"), [None; 2]).lacks_depth);
+        for (from, to, field) in
+            [("\"0.25\"", "\"0,25\"", "PhysicalSizeY"), ("SizeC=\"1\"", "SizeC=\"one\"", "SizeC")]
+        {
+            let refused = Notes::read(&text.replace(from, to), [None; 2], [8, 6]).unwrap_err();
+            assert!(refused.text.contains(field), "{refused}");
+        }
         assert_eq!(
-            Notes::read("<OME><Pixels PhysicalSizeX=\"nan\" PhysicalSizeY=\"1\">", [None; 2]).spacing_mm,
+            read("<OME><Pixels PhysicalSizeX=\"nan\" PhysicalSizeY=\"1\">", [None; 2]).spacing_mm,
             None
         );
-        assert_eq!(Notes::read("a photograph", [Some(72.0); 2]), Notes { images: 1, ..Notes::default() });
+        assert_eq!(read("a photograph", [Some(72.0); 2]), Notes { images: 1, ..Notes::default() });
+    }
+
+    #[test]
+    fn pages_of_several_axes_are_volumes_along_z() {
+        let ome = |order: &str, more: &str| {
+            format!(
+                "<OME><Image><Pixels DimensionOrder=\"{order}\" SizeZ=\"3\" SizeC=\"2\" SizeT=\"1\" >{more}</Pixels></Image></OME>"
+            )
+        };
+        let cases: [(&str, usize, &[&[usize]]); 9] = [
+            (r#"{"shape": [2, 3, 6, 8]}"#, 6, &[&[0, 1, 2], &[3, 4, 5]]),
+            (r#"{"shape": [3, 2, 6, 8], "axes": "ZCYX"}"#, 6, &[&[0, 2, 4], &[1, 3, 5]]),
+            (r#"{"shape": [1, 3, 6, 8, 1]}"#, 3, &[]),
+            (r#"{"shape": [6, 8]}"#, 5, &[]),
+            (r#"{"shape": [2, 6, 8]}"#, 4, &[&[0, 1], &[2, 3]]),
+            (
+                "ImageJ=1\nimages=8\nchannels=2\nslices=2\nframes=2\n",
+                8,
+                &[&[0, 2], &[1, 3], &[4, 6], &[5, 7]],
+            ),
+            (&ome("XYZCT", ""), 6, &[&[0, 1, 2], &[3, 4, 5]]),
+            (&ome("XYCZT", "<TiffData FirstZ=\"1\" FirstC=\"1\" IFD=\"3\"/>"), 6, &[&[0, 2, 4], &[1, 3, 5]]),
+            ("ImageJ=1\nimages=4\nslices=4\n", 4, &[]),
+        ];
+        for (text, pages, due) in cases {
+            let due: Vec<Vec<usize>> = due.iter().map(|pages| pages.to_vec()).collect();
+            let found = read(text, [None; 2]).volumes(pages);
+            assert_eq!(found, Ok(Some(due).filter(|due| !due.is_empty())), "{text}");
+        }
+        for (text, pages) in [
+            (r#"{"shape": [2, 3, 6, 8]}"#, 7),
+            ("ImageJ=1\nimages=8\nchannels=2\nslices=2\nframes=2\n", 7),
+            (&ome("XYZCT", ""), 5),
+        ] {
+            assert!(read(text, [None; 2]).volumes(pages).is_err(), "{text}");
+        }
+        for text in [
+            r#"{"shape": [2, 3, 7, 8]}"#,
+            r#"{"shape": [2, "3", 6, 8]}"#,
+            &ome("XYZCT", "<TiffData FirstC=\"1\" IFD=\"1\"/>"),
+        ] {
+            assert!(Notes::read(text, [None; 2], [8, 6]).is_err(), "{text}");
+        }
     }
 }

@@ -20,9 +20,9 @@ const TIFF_DECODER: u64 = 160 << 10;
 /// The machine's own byte order.
 const NATIVE: Endian = if cfg!(target_endian = "little") { Endian::Little } else { Endian::Big };
 
-mod tag {
-    pub(super) const WIDTH: u16 = 256;
-    pub(super) const HEIGHT: u16 = 257;
+pub(super) mod tag {
+    pub(in crate::source::tiff) const WIDTH: u16 = 256;
+    pub(in crate::source::tiff) const HEIGHT: u16 = 257;
     pub(super) const BITS: u16 = 258;
     pub(super) const COMPRESSION: u16 = 259;
     pub(super) const PHOTOMETRIC: u16 = 262;

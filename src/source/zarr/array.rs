@@ -1,6 +1,7 @@
 //! The metadata of an array, of Zarr 2 and 3.
 
 use std::fs::File;
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use serde_json::Value;
@@ -16,6 +17,9 @@ use crate::volume::{Endian, ScalarType};
 
 /// Most chunks of a volume.
 const MAX_CHUNKS: u64 = 1 << 30;
+
+/// Most entries of a folder that are looked at for a chunk.
+const LOOKED_AT: usize = 1 << 10;
 
 /// Longest index of a shard whose checksum is looked at for each of its chunks.
 const SHORT_INDEX: u64 = 16 << 10;
@@ -85,6 +89,18 @@ fn sides(list: Option<&Value>, field: &'static str) -> Read<Vec<u64>> {
     list.filter(|sides: &Vec<u64>| !sides.contains(&0)).ok_or_else(|| missing(field))
 }
 
+/// True if the first chunk that is found lies in a folder, by its name a number.
+fn are_nested(folder: &Path) -> bool {
+    let entries = std::fs::read_dir(folder).into_iter().flatten().flatten();
+    let first = |entry: std::fs::DirEntry| {
+        let name = entry.file_name();
+        let is_numbers = |c: &u8| c.is_ascii_digit() || *c == b'.';
+        name.as_encoded_bytes().iter().all(is_numbers).then(|| entry.path().is_dir())
+    };
+    let mut found = entries.take(LOOKED_AT).filter_map(first);
+    found.next().unwrap_or(false)
+}
+
 impl Array {
     /// Reads the metadata of the array in `folder`.
     pub(super) fn read(folder: &Path, what: &Value) -> Read<Self> {
@@ -120,10 +136,12 @@ impl Array {
                 Packing::default().then(text(codec, "id").ok_or_else(|| missing("compressor"))?)?
             }
         };
-        let separator = match text(what, "dimension_separator").unwrap_or(".") {
-            "." => '.',
-            "/" => '/',
-            _ => return Err(missing("dimension_separator")),
+        let separator = match text(what, "dimension_separator") {
+            // Some writers nest chunks and do not say so.
+            None if are_nested(folder) => '/',
+            None | Some(".") => '.',
+            Some("/") => '/',
+            Some(_) => return Err(missing("dimension_separator")),
         };
         let keys = Keys { prefix: false, separator };
         let (shape, chunk) = (sides(what.get("shape"), "shape")?, sides(what.get("chunks"), "chunks")?);
@@ -301,6 +319,23 @@ impl Array {
                 steps(2).for_each(|x| each([z, y, x]));
             }
         }
+    }
+
+    /// The name of the first chunk where none of these volumes has one, as far as a few thousand of them tell.
+    pub(super) fn lost(&self, volumes: Range<u64>) -> Option<String> {
+        const LOOKED_FOR: u64 = 4096;
+        let [nz, ny, nx] = self.chunks();
+        let each = nz.saturating_mul(ny).saturating_mul(nx);
+        let all = each.saturating_mul(volumes.end - volumes.start);
+        let step = usize::try_from(all.div_ceil(LOOKED_FOR)).unwrap_or(usize::MAX).max(1);
+        let path = |at: u64| {
+            let (volume, at) = (volumes.start + at / each, at % each);
+            self.path(volume, [at / (ny * nx), at / nx % ny, at % nx])
+        };
+        let is_there = (0..all).step_by(step).any(|at| path(at).symlink_metadata().is_ok());
+        let first = path(0);
+        let name = first.strip_prefix(&self.folder).unwrap_or(&first);
+        (!is_there).then(|| name.to_string_lossy().into_owned())
     }
 
     /// Places of a chunk on all axes of the array.

@@ -32,6 +32,12 @@ impl Image {
         multiscales(what).is_some()
     }
 
+    /// True if metadata describes an image with a level of this path.
+    pub(super) fn has_level(what: &Value, level: &str) -> bool {
+        let sets = multiscales(what).and_then(|list| list.get(0)?.get("datasets")?.as_array());
+        sets.is_some_and(|sets| sets.iter().any(|set| set.get("path").and_then(Value::as_str) == Some(level)))
+    }
+
     /// Reads the first image: its level of this path, or the finest one; with the path of the level.
     pub(super) fn read(what: &Value, level: Option<&str>) -> Read<(Self, String)> {
         let image = multiscales(what).and_then(|list| list.get(0)).ok_or_else(|| missing("multiscales"))?;

@@ -110,7 +110,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         }
         (Some(image), inside, base_name(folder))
     } else {
-        (of_level(folder), folder.to_path_buf(), base_name(folder))
+        (of_level(folder)?, folder.to_path_buf(), base_name(folder))
     };
     let head = HEADS[..2].iter().map(|name| array_folder.join(name)).find(|path| path.is_file());
     let head = head.unwrap_or_else(|| array_folder.join(HEADS[0]));
@@ -176,12 +176,21 @@ fn chosen(axes: &[(String, u64)], index: &[(String, u64)]) -> Option<u64> {
     axes.iter().try_fold(0, join).filter(|_| are_known && !axes.is_empty())
 }
 
-/// What an image in the folder above states of this level.
-fn of_level(folder: &Path) -> Option<Image> {
-    let (above, level) = (folder.parent()?, folder.file_name()?.to_str()?);
+/// What an image in the folder above states of this level, if it is one of its levels.
+fn of_level(folder: &Path) -> Result<Option<Image>> {
+    let (Some(above), Some(level)) = (folder.parent(), folder.file_name().and_then(|name| name.to_str()))
+    else {
+        return Ok(None);
+    };
     let heads = [HEADS[0], HEADS[2]].map(|name| above.join(name));
-    let what = metadata(heads.iter().find(|path| path.is_file())?).ok()??;
-    Image::is_there(&what).then(|| Image::read(&what, Some(level)).ok()).flatten().map(|(image, _)| image)
+    let Some(head) = heads.iter().find(|path| path.is_file()) else { return Ok(None) };
+    match metadata(head)? {
+        Some(what) if Image::has_level(&what, level) => {
+            let read = Image::read(&what, Some(level));
+            read.map(|(image, _)| Some(image)).map_err(|fault| unusable(head, fault))
+        }
+        _ => Ok(None),
+    }
 }
 
 /// The volumes of these numbers.
@@ -208,6 +217,12 @@ fn volumes(
         None => notes.push(Note::no_spacing("a Zarr array")),
     }
     notes.push(Note::no_directions("a Zarr array"));
+    if let Some(name) = array.lost(numbers.clone()) {
+        return Err(refused(bad!(
+            "none of its chunks is there under its name, the first of which is `{}`; were they copied, and does the metadata state how they are named?",
+            name.escape_debug()
+        )));
+    }
     notes.extend(array.samples.note());
     let scalar = array.samples.delivered();
     let array = Arc::new(array);

@@ -75,7 +75,7 @@ pub fn unroll<R: ReadAt + ?Sized>(
             Storage::Plain | Storage::Bits => plain(&[input], input, header, image, memory, sink),
         }
     };
-    walked.map_err(|failure| failure.at(path, image.frames))
+    walked.map_err(|failure| failure.at(path, image))
 }
 
 impl Image {
@@ -157,8 +157,8 @@ impl From<io::Error> for Failure {
 }
 
 impl Failure {
-    fn at(self, path: &Path, frames: u32) -> SourceError {
-        let path = path.to_path_buf();
+    fn at(self, path: &Path, image: &Image) -> SourceError {
+        let (path, frames) = (path.to_path_buf(), image.frames);
         let fault = match self {
             Self::Sink(error) => return error,
             Self::Scan(ScanError::Io(fault)) => {
@@ -171,8 +171,13 @@ impl Failure {
                     None => return SourceError::from(SourceFault::ReadFailed { path, slice, cause }),
                 }
             }
-            Self::Codec(_, CodecError::Memory { needed_bytes, allowed_bytes })
-            | Self::Memory { needed_bytes, allowed_bytes } => {
+            // A decoder meets what it needs part by part, and stops at the first one that is too much.
+            Self::Codec(_, CodecError::Memory { needed_bytes, allowed_bytes }) => {
+                let whole = needed_bytes.max(image.unroll_bytes());
+                let needed_bytes = whole.saturating_add(whole / 16);
+                return SourceError::from(SourceFault::Memory { path, needed_bytes, allowed_bytes });
+            }
+            Self::Memory { needed_bytes, allowed_bytes } => {
                 return SourceError::from(SourceFault::Memory { path, needed_bytes, allowed_bytes });
             }
             Self::Codec(frame, error) => {

@@ -3,9 +3,10 @@
 use super::Result;
 use super::deflated::InflateReader;
 use super::element::{Element, ItemReader, Parser, damaged};
-use super::header::{DicomHeader, Encoding, decimal};
+use super::header::{DicomHeader, Encoding, numeric};
 use super::value::{
-    Tag, are_not_finite, double, is_not_finite, long_of, number, numbers, text, time_of, word_of,
+    Judgement, Stated, Tag, WrongNumbers, double, long_of, number, numbers, raw_double, text, time_of,
+    word_of,
 };
 use super::window::ReadAt;
 use crate::source::dicom::attribute::Attribute;
@@ -26,6 +27,10 @@ pub enum Origin {
     Grid,
     /// From the file's position, Spacing Between Slices and the order of frames.
     Stepped,
+    /// As [`Origin::Stepped`], by Slice Thickness.
+    StackedByThickness,
+    /// As [`Origin::Stepped`], 1 mm apart, as no distance is stated.
+    StackedBlindly,
 }
 
 /// Attributes of one frame: from its own functional groups, else the shared ones, else the file's own
@@ -81,8 +86,11 @@ pub struct FrameGeometry {
     /// Numbers of the frame in the vectors of nuclear medicine, other than its slice, in the order of
     /// [`super::header::ElementOffsets::frame_vectors`]; 0 where they are absent.
     pub vectors: [u16; 8],
-    /// The first attribute that places the frame, or scales its values, and is infinite or not a number.
-    pub not_finite: Option<Attribute>,
+    /// The first attribute that places the frame, scales its values or tells it apart, and is not the numbers that
+    /// belong there.
+    pub wrong: Option<WrongNumbers>,
+    /// The first such attribute with a decimal comma.
+    pub comma: Option<Attribute>,
 }
 
 /// Calls `each` for every frame of a file, in the order of the file, in constant memory and in one pass
@@ -134,17 +142,25 @@ fn walk<R: ReadAt + ?Sized>(
         visited = of_grid(&mut parser, at, header.encoding, frames, &base, each)?;
     }
     let numbers = if visited == 0 { Numbers::of(&mut parser, header, frames)? } else { Numbers::default() };
-    // Slices of nuclear medicine may state no more than how thick they are.
-    let thickness = base.slice_thickness.filter(|_| numbers.slices.is_some());
-    let step = base.spacing_between.or(thickness).filter(|mm| *mm != 0.0 && visited == 0 && frames > 1);
+    // Slices may state no more than how thick they are, or nothing; frames of a film are no slices.
+    let is_film = header.is_film() && numbers.slices.is_none();
+    let steps = [
+        (base.spacing_between, Origin::Stepped),
+        (base.slice_thickness.filter(|_| !is_film), Origin::StackedByThickness),
+        (Some(1.0).filter(|_| !is_film && numbers.slices.is_none()), Origin::StackedBlindly),
+    ];
+    let step = steps.into_iter().find_map(|(mm, origin)| mm.filter(|mm| *mm != 0.0).map(|mm| (mm, origin)));
+    let step = step.filter(|_| visited == 0 && frames > 1);
     let along = step.zip(base.position).zip(base.normal());
     for index in visited..frames {
         base.index = index;
         let steps = numbers.read(&mut parser, &mut base)?;
-        if let Some(((step, position), normal)) = along
+        if let Some((((step, origin), position), normal)) = along
             && header.offsets.frame_groups.is_none()
         {
-            base.origin = Origin::Stepped;
+            // Nuclear medicine states thickness for the distance.
+            let is_numbered = numbers.slices.is_some();
+            base.origin = if is_numbered { Origin::Stepped } else { origin };
             base.position = Some([0, 1, 2].map(|i| position[i] + steps * step * normal[i]));
         }
         if !each(&base) {
@@ -385,7 +401,8 @@ impl FrameGeometry {
             trigger_time: header.trigger_time,
             gradient: header.gradient,
             acquisition_time: header.acquisition_time,
-            not_finite: header.not_finite,
+            wrong: header.wrong.clone(),
+            comma: header.comma,
             ..Self::default()
         }
     }
@@ -431,12 +448,19 @@ impl FrameGeometry {
 
     /// Takes over one element of a functional group.
     fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        let wrong = match tag {
-            0x0020_9301 if are_not_finite(value, endian) => Some(Attribute::Position),
-            0x0020_9302 if are_not_finite(value, endian) => Some(Attribute::Orientation),
-            _ => decimal(tag).filter(|_| is_not_finite(value)),
+        let doubles_of = |attribute, count| {
+            Stated { attribute, count: Some(count), whole: false }.judge_doubles(value, endian)
         };
-        self.not_finite = self.not_finite.or(wrong);
+        let judgement = match tag {
+            0x0020_9301 => doubles_of(Attribute::Position, 3),
+            0x0020_9302 => doubles_of(Attribute::Orientation, 6),
+            _ => numeric(tag).map_or(Judgement::Sound, |numbers| numbers.judge(value)),
+        };
+        match judgement {
+            Judgement::Sound => {}
+            Judgement::Comma(attribute) => self.comma = self.comma.or(Some(attribute)),
+            Judgement::Wrong(wrong) => _ = self.wrong.get_or_insert(wrong),
+        }
         let word = || word_of(value, endian);
         let long = || long_of(value, endian);
         match tag {
@@ -467,11 +491,11 @@ impl FrameGeometry {
             0x0028_1053 => self.slope = number(value),
             0x0040_9224 => {
                 let slope = self.mapping.map_or(1.0, |(slope, _)| slope);
-                self.mapping = double(value, endian).map(|intercept| (slope, intercept));
+                self.mapping = raw_double(value, endian).map(|intercept| (slope, intercept));
             }
             0x0040_9225 => {
                 let intercept = self.mapping.map_or(0.0, |(_, intercept)| intercept);
-                self.mapping = double(value, endian).map(|slope| (slope, intercept));
+                self.mapping = raw_double(value, endian).map(|slope| (slope, intercept));
             }
             0x0062_000b => self.segment = word().map(u32::from),
             _ => {}

@@ -2,8 +2,8 @@
 
 use super::private::Private;
 use super::value::{
-    Tag, double, doubles, integer, is_not_finite, long_of, number, numbers, raw_double, raw_single, single,
-    text, time_of, word_of,
+    Judgement, Stated, Tag, WrongNumbers, double, doubles, integer, long_of, number, numbers, raw_double,
+    raw_single, single, text, time_of, word_of,
 };
 use crate::source::dicom::attribute::Attribute;
 use crate::source::dicom::parse::syntax::TransferSyntax;
@@ -235,8 +235,11 @@ pub struct DicomHeader {
     pub converted: bool,
     /// Is there a Modality LUT Sequence? Then values are not linear.
     pub modality_lut: bool,
-    /// The first attribute that places the image, or scales its values, and is infinite or not a number.
-    pub not_finite: Option<Attribute>,
+    /// The first attribute that places the image, scales its values or tells it apart, and is not the numbers that
+    /// belong there.
+    pub wrong: Option<WrongNumbers>,
+    /// The first such attribute with a decimal comma.
+    pub comma: Option<Attribute>,
     /// Does Segmentation Type say FRACTIONAL: are its values parts, not labels?
     pub fractional: bool,
     /// Does Dimension Organization Type say that frames are tiles?
@@ -344,8 +347,10 @@ impl DicomHeader {
     /// Takes over one element of the main dataset, if it is one that matters; `value` may be cut at
     /// [`MAX_VALUE_BYTES`]. An illegible value leaves `None`.
     pub(crate) fn keep(&mut self, tag: Tag, value: &[u8], endian: Endian) {
-        if let Some(attribute) = decimal(tag).filter(|_| is_not_finite(value)) {
-            self.not_finite.get_or_insert(attribute);
+        match numeric(tag).map_or(Judgement::Sound, |numbers| numbers.judge(value)) {
+            Judgement::Sound => {}
+            Judgement::Comma(attribute) => self.comma = self.comma.or(Some(attribute)),
+            Judgement::Wrong(wrong) => _ = self.wrong.get_or_insert(wrong),
         }
         if !keep_known(self, tag, value, endian) {
             self.private.keep(tag, value, endian);
@@ -402,8 +407,8 @@ elements! { |header, value, endian|
     0x0020_0100 => header.temporal_position = integer(value),
     0x0020_000d => header.study_uid = text(value),
     0x0020_000e => header.series_uid = text(value),
-    0x0020_0012 => header.acquisition = text(value).parse().ok(),
-    0x0020_0013 => header.instance = text(value).parse().ok(),
+    0x0020_0012 => header.acquisition = integer(value),
+    0x0020_0013 => header.instance = integer(value),
     0x0020_0032 => header.position = numbers(value),
     0x0020_0037 => header.orientation = numbers(value),
     0x0028_0002 => header.samples = word_of(value, endian),
@@ -441,18 +446,29 @@ elements! { |header, value, endian|
     0x0048_0007 => header.total_matrix[1] = long_of(value, endian),
 }
 
-/// Attribute that a decimal string states, if it matters for position or values.
-pub(super) fn decimal(tag: Tag) -> Option<Attribute> {
-    Some(match tag {
-        0x0018_0050 => Attribute::SliceThickness,
-        0x0018_0088 => Attribute::SliceSpacing,
-        0x0020_0032 => Attribute::Position,
-        0x0020_0037 => Attribute::Orientation,
-        0x0028_0030 => Attribute::PixelSpacing,
-        0x0028_1052 | 0x0028_1053 => Attribute::Rescale,
-        0x3004_000e => Attribute::DoseScaling,
-        _ => return None,
-    })
+/// Stated that an element states as text, if they place an image, scale its values or tell it apart.
+pub(super) fn numeric(tag: Tag) -> Option<Stated> {
+    let of = |attribute, count, whole| Some(Stated { attribute, count, whole });
+    let decimals = |attribute, count| of(attribute, Some(count), false);
+    match tag {
+        0x0018_0050 => decimals(Attribute::SliceThickness, 1),
+        0x0018_0081 => decimals(Attribute::EchoTime, 1),
+        0x0018_0082 => decimals(Attribute::InversionTime, 1),
+        0x0018_0086 => of(Attribute::EchoNumber, None, true),
+        0x0018_0088 => decimals(Attribute::SliceSpacing, 1),
+        0x0018_1060 => decimals(Attribute::TriggerTime, 1),
+        0x0018_1314 => decimals(Attribute::FlipAngle, 1),
+        0x0020_0012 => of(Attribute::AcquisitionNumber, Some(1), true),
+        0x0020_0013 => of(Attribute::InstanceNumber, Some(1), true),
+        0x0020_0032 => decimals(Attribute::Position, 3),
+        0x0020_0037 => decimals(Attribute::Orientation, 6),
+        0x0020_0100 => of(Attribute::TemporalPosition, Some(1), true),
+        0x0028_0030 => decimals(Attribute::PixelSpacing, 2),
+        0x0028_1052 | 0x0028_1053 => decimals(Attribute::Rescale, 1),
+        0x0054_1300 => decimals(Attribute::FrameReferenceTime, 1),
+        0x3004_000e => decimals(Attribute::DoseScaling, 1),
+        _ => None,
+    }
 }
 
 #[cfg(test)]

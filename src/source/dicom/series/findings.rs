@@ -13,7 +13,6 @@ use crate::fault::{Fault, FaultKind, bad, unfit};
 use crate::source::dicom::attribute::{Attribute, List};
 use crate::source::dicom::image::describe::Obstacle;
 use crate::source::dicom::series::gaps::ImageName;
-use crate::source::dicom::series::survey::not_finite;
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
@@ -166,9 +165,8 @@ fn open(series: &Series, group: &Group, part: &Part, path: &Path, options: &Open
         };
     }
     // Another image of the series may be one of these: without it the volume would silently lack a slice.
-    if let Some((file, attribute)) = series.not_finite {
-        let fault = bad!("{}{WITHOUT_IT}", not_finite(attribute));
-        return refuse(&series.files.path(file as usize), fault);
+    if let Some((file, wrong)) = &series.wrong {
+        return refuse(&series.files.path(*file as usize), bad!("{wrong}{WITHOUT_IT}"));
     }
     let frames = slices.iter().any(|s| s.frame > 0);
     let name = |s: &Slice| ImageName {

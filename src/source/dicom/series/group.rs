@@ -45,6 +45,7 @@ pub(crate) enum Key {
     /// Index in [`NUMBERS`].
     Number(usize),
     Rescale,
+    PixelFormat,
 }
 
 /// For each [`Key::Number`]: the word before a value, the attribute, and whether its values mean nothing to people.
@@ -88,7 +89,7 @@ impl Key {
 
     /// Every key, the preferred ones first.
     pub(crate) fn all() -> impl Iterator<Item = Self> {
-        let last = [Self::Rescale].into_iter();
+        let last = [Self::Rescale, Self::PixelFormat].into_iter();
         [Self::ImageType].into_iter().chain((0..Self::NUMBERS).map(Self::Number)).chain(last)
     }
 
@@ -102,6 +103,7 @@ impl Key {
         match self {
             Self::ImageType => Attribute::ImageType,
             Self::Rescale => Attribute::Rescale,
+            Self::PixelFormat => Attribute::PixelFormat,
             Self::Number(at) => NUMBERS.get(at).map_or(Attribute::DimensionIndex, |(_, own, _)| *own),
         }
     }
@@ -111,6 +113,7 @@ impl Key {
         match self {
             Self::ImageType => ("", false),
             Self::Rescale => ("rescale", true),
+            Self::PixelFormat => ("format", true),
             Self::Number(at) => NUMBERS.get(at).map_or(("", false), |(word, _, ranked)| (word, *ranked)),
         }
     }
@@ -133,6 +136,7 @@ impl Key {
         match self {
             Self::ImageType => [slice.image_type.into(), 0],
             Self::Number(at) => [slice.number(at).map_or(0, bits), 0],
+            Self::PixelFormat => [slice.format.into(), 0],
             Self::Rescale => {
                 slice.rescale().map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
             }
@@ -168,6 +172,8 @@ pub(crate) struct Slice {
     pub(crate) rescales: bool,
     /// Stored values that mean "no pixel".
     pub(crate) padding: PaddingAttributes,
+    /// Hash of the format of its pixels.
+    pub(crate) format: u32,
     /// Numbers that distinguish images at one position; NaN where not stated.
     pub(crate) keys: [f32; Key::KEPT],
     /// The first Dimension Index Values; 0 where absent.
@@ -308,9 +314,9 @@ pub(crate) struct Series {
     pub(crate) obstacles: Vec<Obstacle>,
     /// Images that were dropped, because they are in the series twice: the numbers of their files.
     pub(crate) duplicates: Vec<u32>,
-    /// The first file with an image that cannot be placed or scaled, as its header states values that are not finite:
-    /// which of the others it belongs to is not known, either.
-    pub(crate) not_finite: Option<(u32, Attribute)>,
+    /// The first file with an image that cannot be placed, scaled or told apart, as its header states wrong numbers, and
+    /// these: which of the others it belongs to is not known, either.
+    pub(crate) wrong: Option<(u32, String)>,
     /// Files that were images when they were found, and are not any more.
     pub(crate) lost: Option<(PathBuf, ScanError)>,
     /// The segments of a segmentation, by number.
@@ -331,7 +337,7 @@ impl Series {
             image_types: Vec::new(),
             obstacles: Vec::new(),
             duplicates: Vec::new(),
-            not_finite: None,
+            wrong: None,
             lost: None,
             segments: Vec::new(),
             directions: Vec::new(),

@@ -10,7 +10,6 @@ use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
 use crate::platform::open_file;
-use crate::source::dicom::attribute::Attribute;
 use crate::source::dicom::image::describe::{Access, Image, Obstacle, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
 use crate::source::dicom::image::pixels::PaddingAttributes;
@@ -81,20 +80,31 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     series
 }
 
-pub(super) fn not_finite(attribute: Attribute) -> Obstacle {
-    Obstacle::new(format!(
-        "its {attribute} is infinite or not a number, so that neither place nor values are known; correct the header"
-    ))
+/// Why a frame cannot be placed, scaled or told apart.
+fn illegible(header: &DicomHeader, frame: &FrameGeometry) -> Option<Obstacle> {
+    let unmapped = |(slope, intercept): (f64, f64)| !(slope.is_finite() && intercept.is_finite());
+    let wrong = frame.wrong.as_ref().map(|wrong| Obstacle::new(wrong.to_string()));
+    wrong.or_else(|| {
+        frame.mapping.filter(|mapping| header.is_parametric_map() && unmapped(*mapping)).map(|_| {
+            Obstacle::new("its Real World Value Slope (0040,9225) or Intercept (0040,9224) is infinite or not a number; correct the header")
+        })
+    })
 }
 
 /// Adds every frame of a file.
 fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
-    if header.is_segmentation() {
-        series.add_segments(segments(input, header).unwrap_or_default());
-    }
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().cloned();
+    if header.is_segmentation() {
+        match segments(input, header) {
+            Ok(found) => series.add_segments(found),
+            Err(error) => {
+                let fault = Obstacle::new(format!("its segments (0062,0002) cannot be read: {error}"));
+                obstacle = obstacle.or(Some(fault));
+            }
+        }
+    }
     if header.is_tiled() {
         obstacle = obstacle.or(Some(Obstacle::new("its frames are tiles of a larger picture (a whole slide, or what was found on one), not slices, so they form no volume")));
     }
@@ -108,7 +118,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     let plain =
         frames == 1 && header.offsets.frame_groups.is_none() && header.offsets.shared_groups.is_none();
     if plain {
-        obstacle = obstacle.or(header.not_finite.map(not_finite));
+        obstacle = obstacle.or(illegible(header, &FrameGeometry::of_file(header)));
     }
     let image = image.ok().filter(|_| obstacle.is_none());
     let note = image.as_ref().and_then(|image| end_note(input, header, image));
@@ -134,7 +144,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
     }
     let mut seen = 0;
     let visited = visit(input, header, &mut |frame| {
-        let fault = frame.not_finite.map(not_finite);
+        let fault = illegible(header, frame);
         let image = image.as_ref().filter(|_| fault.is_none());
         add_frame(series, file, header, image, None, frame, fault.as_ref()).note(note.clone());
         seen += 1;
@@ -185,8 +195,8 @@ fn add_frame<'s>(
     obstacle: Option<&Obstacle>,
 ) -> &'s mut Shared {
     let file = u32::try_from(file).unwrap_or(u32::MAX);
-    if let Some(attribute) = frame.not_finite {
-        series.not_finite.get_or_insert((file, attribute));
+    if let Some(wrong) = &frame.wrong {
+        series.wrong.get_or_insert_with(|| (file, wrong.to_string()));
     }
     let rescale = if header.is_dose() {
         header.dose_scaling.map(|scaling| (scaling, 0.0))
@@ -224,6 +234,7 @@ fn add_frame<'s>(
         linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
         padding: PaddingAttributes::of(header),
+        format: format_of(header),
         keys: keys_of(series, header, frame),
         dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
     };
@@ -247,8 +258,19 @@ fn add_frame<'s>(
         }
         Origin::Stated => None,
         Origin::Grid => Some(Note::new("positions of frames are taken from the grid frame offset vector")),
+        Origin::StackedByThickness => Some(Note::new(
+            "frames state one position and no distance; they are placed in their order by the slice thickness",
+        )),
+        Origin::StackedBlindly => Some(Note::spacing(
+            "frames state one position and no distance; they are placed in their order, and 1 mm is assumed between them",
+        )),
         Origin::Stepped => Some(Note::new("frames state no positions of their own; they are placed in their order by the stated spacing between slices")),
     });
+    group.shared.note(
+        frame
+            .comma
+            .map(|attribute| Note::new(format!("decimal commas of the {attribute} are read as points"))),
+    );
     group.slices.push(slice);
     &mut group.shared
 }
@@ -259,9 +281,6 @@ fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
     for number in [
         header.rows.map_or(0, u64::from),
         header.columns.map_or(0, u64::from),
-        header.bits_allocated.map_or(0, u64::from),
-        header.pixel_representation.map_or(0, u64::from),
-        header.samples.map_or(1, u64::from),
         kind_of(&frame.frame_type) as u64,
         frame.position.is_some().into(),
         frame.orientation.is_some().into(),
@@ -279,8 +298,21 @@ fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
         let numbers = orientation.chain(spacing).chain([&mosaic.distance_mm]);
         key = numbers.fold(key, |key, number| key.number((number + 0.0).to_bits()));
     }
+    // Formats of pixels may differ within a volume, but not where nothing says that the images belong together.
+    if frame.position.is_none() || mosaic.is_some() { key.number(format_of(header).into()) } else { key }
+        .finish()
+}
+
+/// Hash of how the pixels are to be read.
+fn format_of(header: &DicomHeader) -> u32 {
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
-    key.part(photometric.as_bytes()).finish()
+    let hash = StableHash::new()
+        .number(header.bits_allocated.map_or(0, u64::from))
+        .number(header.pixel_representation.map_or(0, u64::from))
+        .number(header.samples.map_or(1, u64::from))
+        .part(photometric.as_bytes())
+        .finish();
+    u32::try_from(hash >> 32).unwrap_or(0)
 }
 
 /// The numbers that tell the volumes of a series apart; NaN where one is not stated.

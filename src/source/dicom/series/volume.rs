@@ -59,8 +59,10 @@ pub(crate) struct DicomVolume {
     layers: Vec<Layer>,
     /// Is the last tile of a mosaic the first slice?
     backwards: bool,
-    /// Deliver physical `f32`s?
+    /// True if values are delivered as physical `f32`s.
     physical: bool,
+    /// True if slices differ in the type of their samples, so that the spool holds physical `f32`s, too.
+    mixed: bool,
     /// Slices that have to be decoded first.
     coded: u32,
     unroll_bytes: u64,
@@ -123,14 +125,24 @@ impl DicomVolume {
             return Err(unfit!("the rescale slope is 0, so every pixel would have the same value"));
         }
         let common = slices.first().map_or((1.0, 0.0), |s| rescale_of(s));
-        let physical = slices.iter().any(|s| rescale_of(s) != common);
-        if physical {
+        let layout = *layout_of(series, slices.first().ok_or(unfit!("no image"))?)?;
+        let mut mixed = false;
+        for slice in &slices {
+            mixed |= layout_of(series, slice)?.scalar() != layout.scalar();
+        }
+        let rescaled_apart = slices.iter().any(|s| rescale_of(s) != common);
+        let physical = mixed || rescaled_apart;
+        if rescaled_apart {
             notes.push(Note::new("slices differ in rescale; values are converted to single precision"));
+        }
+        if mixed {
+            notes.push(Note::new(
+                "slices differ in the type of their samples; each is converted as its header says, to single precision",
+            ));
         }
         if stated == 0 && rescaled > 0 && shared.modality == "CT" {
             notes.push(Note::new("the images state no rescale; values may not be HU"));
         }
-        let layout = *layout_of(series, slices.first().ok_or(unfit!("no image"))?)?;
         let background = if shared.modality == "CT" { CT_BACKGROUND } else { 0.0 };
         let mut files: Vec<u32> = slices.iter().map(|s| s.file).collect();
         files.sort_unstable();
@@ -177,6 +189,7 @@ impl DicomVolume {
             // A functional study has a thousand mosaics of sixty slices.
             layers: if layout.across() > 1 { Vec::new() } else { layers },
             physical,
+            mixed,
             coded,
             unroll_bytes: shared.unroll_bytes,
             spool: None,
@@ -198,7 +211,8 @@ impl DicomVolume {
     fn spool_dims(&self) -> Option<(Dims, ScalarType)> {
         let first = self.places.first()?;
         let layout = self.layouts.get(first.layout as usize)?;
-        Some((layout.dims(self.coded as usize)?, layout.scalar()))
+        let scalar = if self.mixed { ScalarType::F32 } else { layout.scalar() };
+        Some((layout.dims(self.coded as usize)?, scalar))
     }
 
     /// Rows of an image, or of a tile of one, as they are delivered.
@@ -213,9 +227,10 @@ impl DicomVolume {
         let place = self.places.get(index).ok_or(io::ErrorKind::InvalidInput)?;
         let layout = self.layouts.get(place.layout as usize).ok_or(io::ErrorKind::InvalidInput)?;
         let padding = self.paddings.get(place.padding as usize).copied().flatten();
+        let grows = self.physical && !(self.mixed && matches!(place.at, At::Spool(_)));
         let width = layout.scalar().bytes();
         // Stored values wait in the tail of `out` when they have to grow to `f32`.
-        let tail = if self.physical { out.len() - out.len() / 4 * width } else { 0 };
+        let tail = if grows { out.len() - out.len() / 4 * width } else { 0 };
         let stored = out.get_mut(tail..).unwrap_or(&mut []);
         match place.at {
             At::File(offset) => {
@@ -237,7 +252,7 @@ impl DicomVolume {
                 None => return Err(io::Error::other("compressed images are read before they are unrolled")),
             },
         }
-        if self.physical {
+        if grows {
             layout.widen(out, place.slope, place.intercept);
         }
         Ok(())
@@ -285,13 +300,9 @@ fn place_images(
     let mut paddings: Vec<Option<Padding>> = Vec::new();
     let mut places = Vec::with_capacity(slices.len());
     let mut coded = 0;
-    let mut scalar = None;
     for slice in slices {
         let (slope, intercept) = rescale_of(slice);
         let own = layout_of(series, slice)?;
-        if *scalar.get_or_insert(own.scalar()) != own.scalar() {
-            return Err(unfit!("its images have different sample types"));
-        }
         let padding = own.padding(slice.padding, background, slope, intercept);
         let padding = padding.filter(|p| p.matters() && (slice.rescales || own.stored().is_float()));
         let at = paddings.iter().position(|p| *p == padding).unwrap_or_else(|| {
@@ -348,18 +359,20 @@ fn number_images(layers: Vec<Layer>) -> (Vec<usize>, Vec<Layer>) {
 struct ToSpool<'a> {
     spool: &'a Spool,
     paddings: &'a [Option<Padding>],
-    /// Frame, slice of the spool, padding; sorted by frame.
-    wanted: Vec<(u32, u32, u32)>,
+    /// The images of the file, in the order of their frames.
+    wanted: Vec<ImageSource>,
     /// Size of a slice, and how many lie in a row of a picture.
     layout: PixelLayout,
     /// Slices in a picture.
     tiles: u32,
+    /// A row of physical values, where the spool holds these.
+    physical: Option<Vec<u8>>,
     progress: &'a dyn Progress,
 }
 
 impl ToSpool<'_> {
-    fn find(&self, frame: u32) -> Option<(u32, u32, u32)> {
-        let at = self.wanted.binary_search_by_key(&frame, |w| w.0).ok()?;
+    fn find(&self, frame: u32) -> Option<ImageSource> {
+        let at = self.wanted.binary_search_by_key(&frame, |w| w.frame).ok()?;
         self.wanted.get(at).copied()
     }
 }
@@ -370,12 +383,24 @@ impl FrameSink for ToSpool<'_> {
     }
 
     fn padding(&mut self, frame: u32) -> Option<Padding> {
-        let (.., padding) = self.find(frame)?;
-        self.paddings.get(padding as usize).copied().flatten()
+        self.paddings.get(self.find(frame)?.padding as usize).copied().flatten()
     }
 
     fn row(&mut self, frame: u32, row: u32, samples: &[u8]) -> Result {
-        let Some((_, slice, _)) = self.find(frame) else { return Ok(()) };
+        let Some(ImageSource { at: At::Spool(slice), slope, intercept, .. }) = self.find(frame) else {
+            return Ok(());
+        };
+        if let Some(values) = &mut self.physical {
+            values.resize(4 * samples.len() / self.layout.scalar().bytes(), 0);
+            let tail = values.len() - samples.len();
+            values.get_mut(tail..).unwrap_or_default().copy_from_slice(samples);
+            self.layout.widen(values, slope, intercept);
+            self.spool.write(values, self.spool.offset(row, slice))?;
+            if row + 1 == self.layout.rows {
+                self.progress.step(1)?;
+            }
+            return Ok(());
+        }
         let (rows, across) = (self.layout.rows, self.layout.across());
         let (down, row) = (row / rows, row % rows);
         let bytes = (self.layout.columns as usize * self.layout.scalar().bytes()).max(1);
@@ -421,37 +446,38 @@ impl VolumeSource for DicomVolume {
         else {
             return Ok(());
         };
-        let first = self.places.first().and_then(|p| self.layouts.get(p.layout as usize));
-        let Some(layout) = first.copied() else { return Ok(()) };
-        let tiles = if layout.across() > 1 { self.coded } else { 1 };
+        let layout_of = |place: &ImageSource| self.layouts.get(place.layout as usize).copied();
+        let tiles = match self.places.first().and_then(layout_of) {
+            Some(layout) if layout.across() > 1 => self.coded,
+            _ => 1,
+        };
         let spool = Spool::create(workspace.scratch, dims, scalar)?;
         workspace.progress.stage("decode", self.coded.into());
-        let mut wanted: Vec<(u32, u32, u32, u32)> = Vec::with_capacity(self.coded as usize);
-        for place in &self.places {
-            if let At::Spool(slice) = place.at {
-                wanted.push((place.file, place.frame, slice, place.padding));
-            }
-        }
-        wanted.sort_unstable();
-        for of_file in wanted.chunk_by(|a, b| a.0 == b.0) {
-            let Some((file, ..)) = of_file.first() else { continue };
-            let path = self.files.list().path(*file as usize);
+        let coded = |place: &&ImageSource| matches!(place.at, At::Spool(_));
+        let mut wanted: Vec<ImageSource> = self.places.iter().filter(coded).copied().collect();
+        wanted.sort_unstable_by_key(|place| (place.file, place.frame));
+        for of_file in wanted.chunk_by(|a, b| a.file == b.file) {
+            let Some((first, layout)) = of_file.first().and_then(|p| Some((p, layout_of(p)?))) else {
+                continue;
+            };
+            let path = self.files.list().path(first.file as usize);
             let unusable = |fault: Fault| SourceError::from(fault.at(&path));
             let input = open_file(&path)
                 .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause }))?;
             let header = scan(&input).map_err(|error| unusable(bad!("{error}")))?;
             let image = Image::of(&header).map_err(|obstacle| unusable(of_image(&obstacle)))?;
             if (image.layout.columns, image.layout.rows, image.layout.scalar())
-                != (layout.pitch(), layout.rows * layout.across(), scalar)
+                != (layout.pitch(), layout.rows * layout.across(), layout.scalar())
             {
                 return Err(unusable(bad!("was changed since it was found; start again")));
             }
             let mut sink = ToSpool {
                 spool: &spool,
                 paddings: &self.paddings,
-                wanted: of_file.iter().map(|(_, frame, slice, padding)| (*frame, *slice, *padding)).collect(),
+                wanted: of_file.to_vec(),
                 layout,
                 tiles,
+                physical: self.mixed.then(Vec::new),
                 progress: workspace.progress,
             };
             unroll(&input, &path, &header, &image, &workspace.memory, &mut sink)?;
