@@ -5,19 +5,19 @@ use super::histogram::{Bins, Kind, Split, Tally};
 use super::parallel::Share;
 use super::range::highest_below;
 use super::report::BuildNote;
-use super::ring::{FileRange, file_range};
+use super::ring::{FileRange, MaskRange, file_range};
 use super::{Progress, Threshold, histogram};
 use crate::budget::costs::{MIN_WORKER, WORKER_OVERHEAD};
 use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::builder::BuildFault;
 use crate::fault::usage;
 use crate::format::{Selection, SelectionKind};
-use crate::volume::{VolumeInfo, VolumeSource};
+use crate::volume::{Rescale, VolumeInfo, VolumeSource};
 
 /// Chooses what is inside, as [`super::build_volume`] does, and notes what is odd about the volume;
 /// [`Threshold::Chosen`] hands the result on to it.
 ///
-/// Passes over the volume: none, but for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
+/// Passes over the volume: none but a slice, or some of a map of labels; for Otsu one (wide types: two). Memory: 0.5 MiB and 0.5 MiB a worker,
 /// fewer workers where the cap is small.
 ///
 /// # Errors
@@ -42,6 +42,11 @@ pub(super) struct Chosen {
     pub(super) range: Box<dyn FileRange>,
     /// What is odd about the volume.
     pub(super) note: Option<BuildNote>,
+}
+
+/// True if samples are values. Numbers that are scaled are measured.
+fn is_unscaled(rescale: Rescale) -> bool {
+    rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0
 }
 
 /// A volume, and the means to look at its values.
@@ -83,9 +88,18 @@ impl Chooser<'_> {
             .into());
         }
         match file_range(scalar, &selection, rescale) {
+            // Between labels the surface is that of a mask, not of their numbers.
+            Some(range) if selection.kind != SelectionKind::Otsu && self.is_map()? => {
+                Ok(Chosen { selection, range: Box::new(MaskRange(range)), note })
+            }
             Some(range) => Ok(Chosen { selection, range, note }),
             None => Err(self.empty(Criterion::Within(selection))),
         }
+    }
+
+    /// True if the samples are labels, by some slices: the same for every part of a model, and at little cost for others.
+    fn is_map(&self) -> Result<bool, BuildError> {
+        Ok(is_unscaled(self.source.info().rescale) && histogram::is_map(self.source)?)
     }
 
     /// What a histogram says, in physical units.
@@ -98,8 +112,7 @@ impl Chooser<'_> {
         let selected = |kind, lo| Selection { kind, lo, hi: f64::INFINITY };
         let by_otsu = selected(SelectionKind::Otsu, rescale.apply(lowest));
         match split.kind {
-            // Numbers that are scaled are measured.
-            Kind::Labels { count, first } if rescale.apply(0.0) == 0.0 && rescale.apply(1.0) == 1.0 => {
+            Kind::Labels { count, first } if is_unscaled(rescale) => {
                 (selected(SelectionKind::Iso, first), Some(BuildNote::Labels { count }))
             }
             Kind::Padded { value } => (by_otsu, Some(BuildNote::Padding { value: rescale.apply(value) })),

@@ -4,6 +4,7 @@
 //! padded outside the circle that it reconstructs, and maps of labels. Counts of the same pass recognise them
 //! ([`Evidence`]).
 
+use std::collections::BTreeSet;
 use std::ops::Range;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicU64, Ordering};
@@ -13,7 +14,7 @@ use super::parallel::{Blocks, Share, run_workers};
 use super::range::Ordered;
 use crate::budget::costs::{MAPPED_FROM, MIN_WORKER};
 use crate::geom::Dims;
-use crate::progress::Progress;
+use crate::progress::{Progress, Silent};
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
 
 /// Bins of a histogram: one for every value of the 16-bit types.
@@ -26,7 +27,7 @@ const READ_BYTES: usize = 256 << 10;
 const EXTREMES_READ_BYTES: usize = 64 << 10;
 const _: () = assert!(EXTREMES_READ_BYTES < MAPPED_FROM);
 /// Memory of one worker, and of the shared sum.
-pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS) as u64;
+pub(super) const WORKER_BYTES: u64 = (READ_BYTES + 4 * BINS + MAX_PAIRS * size_of::<Pair>()) as u64;
 pub(super) const SHARED_BYTES: u64 = 8 * BINS as u64;
 // The smallest plan is enough for a threshold that is still to be found, too.
 const _: () = assert!(SHARED_BYTES + WORKER_BYTES <= MIN_WORKER);
@@ -147,6 +148,56 @@ pub(super) fn otsu(
     Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins))
 }
 
+/// Slices by which a map of labels is recognised, at most.
+const LOOKED: u32 = 32;
+
+/// True if some slices hold labels, of which the middle one alone is read where it does not look like it.
+///
+/// Memory: 64 KiB and the pairs.
+pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
+    let VolumeInfo { dims, scalar, .. } = *source.info();
+    if !may_be_map(source) {
+        return Ok(false);
+    }
+    let edges = by_type!(scalar, T => add_looked::<T> as fn(&mut Evidence, Dims, &Part, &[u8]));
+    let evidence = Mutex::new(Evidence::new(true, 0));
+    let look = |z: u32| {
+        let blocks = Blocks::new(dims, EXTREMES_READ_BYTES / scalar.bytes()).of_slices(z..z + 1);
+        for_each_block(
+            source,
+            blocks,
+            1,
+            &Silent,
+            &|| Evidence::new(true, 0),
+            &|own, part, samples| {
+                edges(own, dims, part, samples);
+            },
+            &|own| evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner).join(&own),
+        )
+    };
+    let middle = dims.nz() / 2;
+    look(middle)?;
+    let seen = || evidence.lock().unwrap_or_else(std::sync::PoisonError::into_inner);
+    let is_flat = |seen: &Evidence| part(seen.alike, seen.alike + seen.differ) >= 0.5 || seen.differ == 0;
+    if !(seen().may_be_map && is_flat(&seen())) {
+        return Ok(false);
+    }
+    let step = dims.nz().div_ceil(LOOKED);
+    for z in (0..dims.nz()).step_by(step as usize).filter(|z| *z != middle) {
+        look(z)?;
+    }
+    let seen = seen();
+    let values = if seen.is_crowded { MAX_LABELS } else { seen.values().len() };
+    Ok(seen.labels(values).is_some())
+}
+
+/// Adds samples to what tells maps of labels.
+fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &Part, samples: &[u8]) {
+    let samples: &[T] = bytemuck::cast_slice(samples);
+    evidence.add_edges(samples, &[]);
+    evidence.add_rows(dims, part, samples);
+}
+
 /// The samples of a share of a volume, counted. Tallies of all shares add up to that of the whole, whatever the shares.
 #[derive(Debug)]
 pub(crate) struct Tally {
@@ -172,16 +223,14 @@ impl Tally {
         };
         let VolumeInfo { dims, scalar, .. } = *source.info();
         let count = by_type!(scalar, T => count::<T> as fn(&mut Counter, &Part, &[u8]));
-        // A picture that a device has taken holds no labels, however few its greys are.
-        let may_be_map = source.modality().is_none_or(|modality| modality == "SEG");
-        let start = Evidence::new(may_be_map, outside_samples(dims));
-        let evidence = Mutex::new(start);
+        let start = Evidence::new(may_be_map(source), outside_samples(dims));
+        let evidence = Mutex::new(start.clone());
         for_each_part(
             source,
             share,
             (threads, READ_BYTES),
             progress,
-            &|| Counter { counts: vec![0; BINS], low, width, dims, evidence: start, seen: 0 },
+            &|| Counter { counts: vec![0; BINS], low, width, dims, evidence: start.clone(), seen: 0 },
             &|counter, part, samples| {
                 counter.seen += (samples.len() / scalar.bytes()) as u64;
                 if counter.seen > u64::from(u32::MAX) {
@@ -224,7 +273,8 @@ impl Tally {
         };
         let value = |bin: usize| low + bin as f64 * width;
         let mut kind = Kind::Values;
-        if let Some(count) = self.evidence.labels(&self.counts) {
+        let values = self.counts.iter().filter(|n| **n > 0).count();
+        if let Some(count) = self.evidence.labels(values) {
             kind = Kind::Labels { count, first: self.evidence.first };
         } else if let Some(bin) = self.evidence.padding(&self.counts, &value) {
             kind = Kind::Padded { value: value(bin) };
@@ -236,16 +286,29 @@ impl Tally {
     /// As words for a file: the evidence, then bin and count of every bin that is not empty.
     pub(crate) fn words(&self) -> impl Iterator<Item = u64> {
         let counted = (0_u64..).zip(&self.counts).filter(|(_, n)| **n > 0).flat_map(|(bin, n)| [bin, *n]);
-        self.evidence.words().into_iter().chain(counted)
+        let Evidence { pairs, is_crowded, .. } = &self.evidence;
+        let pairs = [u64::from(*is_crowded), pairs.len() as u64]
+            .into_iter()
+            .chain(pairs.iter().flat_map(Pair::words));
+        self.evidence.words().into_iter().chain(pairs).chain(counted)
     }
 
     /// The tally of such words, if they are one.
     pub(crate) fn parse(words: &mut dyn Iterator<Item = u64>) -> Option<Self> {
-        let mut evidence = [0; 13];
+        let mut evidence = [0; EVIDENCE_WORDS];
         for word in &mut evidence {
             *word = words.next()?;
         }
         let mut tally = Self { evidence: Evidence::parse(&evidence), ..Self::default() };
+        tally.evidence.is_crowded = words.next()? != 0;
+        for _ in 0..words.next().filter(|pairs| *pairs <= MAX_PAIRS as u64)? {
+            let mut pair = [0; 5];
+            for word in &mut pair {
+                *word = words.next()?;
+            }
+            let [low, high, count, clean, spikes] = pair;
+            tally.evidence.add_pair(Pair { values: [low, high], count, clean, spikes });
+        }
         while let Some(bin) = words.next() {
             *tally.counts.get_mut(usize::try_from(bin).ok()?)? = words.next()?;
         }
@@ -275,6 +338,7 @@ fn count<T: Ordered>(counter: &mut Counter, part: &Part, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
     let Counter { counts, low, width, dims, evidence, .. } = counter;
     evidence.add_edges(samples, counts);
+    evidence.add_rows(*dims, part, samples);
     evidence.add_outside(*dims, part, samples);
     let (low, width) = (*low, *width);
     let counts: &mut [u32] = counts;
@@ -308,7 +372,7 @@ impl End {
 }
 
 /// Counts of a pass that tell paddings and labels from a mixture. What has become impossible is not counted any more.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 struct Evidence {
     /// May there still be labels, and padding?
     may_be_map: bool,
@@ -329,7 +393,39 @@ struct Evidence {
     /// Of those that differ, the ones of 0 and another value than the smallest that has 0 for a neighbour.
     jumps: u64,
     nearest: End,
+    /// Samples at the ends of rows of the volume, and those of them that are 0.
+    rim: u64,
+    rim_zeros: u64,
+    /// Pairs of values that are neighbours, in order.
+    pairs: Vec<Pair>,
+    /// True if there are more of them than [`MAX_PAIRS`].
+    is_crowded: bool,
 }
+
+/// Words of the evidence in a file, without its pairs.
+const EVIDENCE_WORDS: usize = 15;
+
+/// Two values that are neighbours in a row, the lower one first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Pair {
+    values: [u64; 2],
+    /// Places where they are, of the first [`PAIRS_OF_PART`] of each part; and those where the sample next to either has
+    /// its value, too.
+    count: u64,
+    clean: u64,
+    /// Single samples of one of them between two of the other.
+    spikes: u64,
+}
+
+impl Pair {
+    fn words(&self) -> [u64; 5] {
+        [self.values[0], self.values[1], self.count, self.clean, self.spikes]
+    }
+}
+
+/// Pairs of values that are told apart, and places of a part that are looked at.
+const MAX_PAIRS: usize = 1024;
+const PAIRS_OF_PART: usize = 2048;
 
 /// A part of outside samples that are padding, at least; a part of those within that are, at most.
 const OUTSIDE: f64 = 0.95;
@@ -350,6 +446,31 @@ const MAX_LABELS: usize = 1024;
 /// the other.
 const FLAT: f64 = 0.6;
 const JUMPS: f64 = 0.2;
+/// Flat part of maps whose labels lie in each other in any order, and the part of the differences that skip values between
+/// them with more than a sample on either side: a picture's edges pass through these greys.
+const NESTED_FLAT: f64 = 0.5;
+const SKIPS: f64 = 0.1;
+/// The same where labels lie in each other in order: hardly any skips; the flat part where the steps between the values
+/// are even, as those of greys; the part of the ends of rows that are 0; and labels, at most.
+const NO_SKIPS: f64 = 0.05;
+const EVEN_FLAT: f64 = 0.73;
+const RIM: f64 = 0.9;
+const ORDERED: usize = 16;
+/// Greys of a display in even steps reach this far.
+const DISPLAY: u64 = 250;
+/// Part of the differences that are next to single samples unlike both neighbours, as in noise, at most where little is
+/// flat; two values that meet in this way alone, and their part of the differences, at most.
+const SPIKES: f64 = 0.25;
+const ROUGH_FLAT: f64 = 0.75;
+const ALL_SPIKES: f64 = 0.8;
+const NOISE: f64 = 0.05;
+
+/// May the samples of a source be labels? A picture that a device has taken holds none, however few its greys are, and
+/// parts of voxels are not labels.
+pub(super) fn may_be_map(source: &dyn VolumeSource) -> bool {
+    let is_fractional = source.info().description.kind.is_fractional();
+    !is_fractional && source.modality().is_none_or(|modality| modality == "SEG")
+}
 
 /// Are all samples whole numbers, and none below 0?
 fn are_whole<T: Ordered>(samples: &[T]) -> bool {
@@ -399,6 +520,10 @@ impl Evidence {
             differ: 0,
             jumps: 0,
             nearest: least,
+            rim: 0,
+            rim_zeros: 0,
+            pairs: Vec::new(),
+            is_crowded: false,
         }
     }
 
@@ -413,24 +538,45 @@ impl Evidence {
         self.differ += other.differ;
         self.jumps += other.jumps;
         self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
+        self.rim += other.rim;
+        self.rim_zeros += other.rim_zeros;
+        self.is_crowded |= other.is_crowded;
+        other.pairs.iter().for_each(|pair| self.add_pair(*pair));
     }
 
-    fn words(&self) -> [u64; 13] {
+    /// Adds a pair, or places of one; what is crowded has none.
+    fn add_pair(&mut self, pair: Pair) {
+        match self.pairs.binary_search_by_key(&pair.values, |pair| pair.values) {
+            Ok(at) => {
+                self.pairs[at].count += pair.count;
+                self.pairs[at].clean += pair.clean;
+                self.pairs[at].spikes += pair.spikes;
+            }
+            Err(_) if self.pairs.len() == MAX_PAIRS => self.is_crowded = true,
+            Err(at) => self.pairs.insert(at, pair),
+        }
+        if self.is_crowded {
+            self.pairs.clear();
+        }
+    }
+
+    fn words(&self) -> [u64; EVIDENCE_WORDS] {
         let Self { least, most, nearest, .. } = *self;
         let [least_count, most_count, nearest_count] = [least, most, nearest].map(|end| end.count);
         let [least, most, nearest] = [least, most, nearest].map(|end| end.value.to_bits());
         let ends = [least, least_count, most, most_count, nearest, nearest_count];
         let may_be = [u64::from(self.may_be_map), u64::from(self.may_be_padded)];
         let counts = [self.outside, self.first.to_bits(), self.alike, self.differ, self.jumps];
-        let mut words = [0; 13];
+        let counts = counts.into_iter().chain([self.rim, self.rim_zeros]);
+        let mut words = [0; EVIDENCE_WORDS];
         words.iter_mut().zip(may_be.into_iter().chain(ends).chain(counts)).for_each(|(word, of)| *word = of);
         words
     }
 
-    fn parse(words: &[u64; 13]) -> Self {
+    fn parse(words: &[u64; EVIDENCE_WORDS]) -> Self {
         let [map, padded, rest @ ..] = *words;
         let [least, least_count, most, most_count, nearest, nearest_count, counts @ ..] = rest;
-        let [outside, first, alike, differ, jumps] = counts;
+        let [outside, first, alike, differ, jumps, rim, rim_zeros] = counts;
         let end = |value, count| End { value: f64::from_bits(value), count };
         Self {
             may_be_map: map != 0,
@@ -443,6 +589,8 @@ impl Evidence {
             alike,
             differ,
             jumps,
+            rim,
+            rim_zeros,
             ..Self::new(true, 0)
         }
     }
@@ -478,6 +626,41 @@ impl Evidence {
                 let other = a.to_f64().max(b.to_f64());
                 self.nearest.add(End { value: other, count: 1 }, other < self.nearest.value);
             }
+        }
+    }
+
+    /// The pairs of values in the rows of a part, and the ends of rows of the volume.
+    fn add_rows<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
+        let (Range { start, end }, mut left) = (part.columns.clone(), PAIRS_OF_PART);
+        if !self.may_be_map {
+            return;
+        }
+        for row in samples.chunks(part.columns.len().max(1)) {
+            let first = row.first().filter(|_| start == 0);
+            for sample in first.into_iter().chain(row.last().filter(|_| end == dims.nx())) {
+                self.rim += 1;
+                self.rim_zeros += u64::from(*sample == T::zeroed());
+            }
+            if !self.is_crowded {
+                self.add_pairs(row, &mut left);
+            }
+        }
+    }
+
+    /// The pairs of a row of whole numbers, `left` of them at most.
+    fn add_pairs<T: Ordered>(&mut self, row: &[T], left: &mut usize) {
+        for (at, w) in row.windows(2).enumerate().filter(|(_, w)| w[0] != w[1]).take(*left) {
+            let before = at.checked_sub(1).map(|at| row[at]);
+            let is_wide = before == Some(w[0]) && row.get(at + 2) == Some(&w[1]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "whole, and not below 0"
+            )]
+            let [a, b] = [w[0], w[1]].map(|sample| sample.to_f64() as u64);
+            let (clean, spikes) = (u64::from(is_wide), u64::from(before == Some(w[1])));
+            self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes });
+            *left -= 1;
         }
     }
 
@@ -521,16 +704,49 @@ impl Evidence {
         self.most.add(most, most.value > self.most.value);
     }
 
-    /// The number of labels, if these are some.
-    fn labels(&self, counts: &[u64]) -> Option<usize> {
-        let values = counts.iter().filter(|n| **n > 0).count();
-        let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
-        let is_map = self.may_be_map
-            // Two values are told apart by any threshold between them.
-            && (3..=MAX_LABELS + 1).contains(&values)
-            && part(self.alike, self.alike + self.differ) >= FLAT
-            && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+    /// The number of labels, if these are some; `values` are as many as there are different samples.
+    fn labels(&self, values: usize) -> Option<usize> {
+        // Two values are told apart by any threshold between them.
+        if !self.may_be_map || !(3..=MAX_LABELS + 1).contains(&values) {
+            return None;
+        }
+        let flat = part(self.alike, self.alike + self.differ);
+        let sum = |of: fn(&Pair) -> u64| self.pairs.iter().map(of).sum();
+        let (all, spikes) = (sum(|pair| pair.count), sum(|pair| pair.spikes));
+        let is_rough = part(spikes, all) > SPIKES && flat < ROUGH_FLAT;
+        let touch_none = flat >= FLAT && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+        let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
         is_map.then_some(values - 1)
+    }
+
+    /// True if the values lie in each other as labels do, in any order or in that of their numbers.
+    fn are_nested(&self, flat: f64, all: u64) -> bool {
+        let values: Vec<u64> = self.values().into_iter().collect();
+        let rank = |value: &u64| values.partition_point(|other| other < value);
+        let [mut skips, mut clean, mut noise] = [0; 3];
+        for Pair { values: [low, high], count, clean: wide, spikes } in &self.pairs {
+            if rank(high) > rank(low) + 1 {
+                skips += count;
+                clean += wide;
+            }
+            noise += if part(2 * spikes, *count) > ALL_SPIKES { *count } else { 0 };
+        }
+        let steps = || values.windows(2).map(|w| w[1] - w[0]);
+        let (least, most) = (steps().min().unwrap_or(0), steps().max().unwrap_or(0));
+        let is_even = most < 2 * least;
+        let is_display = is_even && least > 1 && values.last().is_some_and(|last| last + most >= DISPLAY);
+        let is_ordered = part(skips, all) <= NO_SKIPS
+            && flat >= if is_even { EVEN_FLAT } else { FLAT }
+            && values.len() <= ORDERED + 1
+            && part(self.rim_zeros, self.rim) >= RIM
+            && !(is_display && values.len() > 3);
+        let is_unordered = part(clean, all) >= SKIPS && flat >= NESTED_FLAT;
+        part(noise, all) <= NOISE && (is_unordered || is_ordered)
+    }
+
+    /// The values of the pairs.
+    fn values(&self) -> BTreeSet<u64> {
+        self.pairs.iter().flat_map(|pair| pair.values).collect()
     }
 
     /// The bin of a value that pads what lies outside the circle.
@@ -541,7 +757,6 @@ impl Evidence {
         if !self.may_be_padded || counts.iter().filter(|n| **n > 0).count() <= FEW {
             return None;
         }
-        let part = |of: u64, all: u64| of as f64 / (all.max(1) as f64);
         [(first, self.least), (last, self.most)].into_iter().find_map(|(bin, end)| {
             let is_outside = (value(bin) - end.value).abs() <= (value(1) - value(0)).abs()
                 && part(end.count, self.outside) >= OUTSIDE
@@ -560,6 +775,11 @@ impl Evidence {
             (is_outside && is_apart).then_some(bin)
         })
     }
+}
+
+/// One number as a part of another.
+fn part(of: u64, all: u64) -> f64 {
+    of as f64 / (all.max(1) as f64)
 }
 
 /// Where samples that a worker is given lie.
@@ -592,8 +812,7 @@ fn best_split(counts: &[u64]) -> Option<usize> {
     (best > 0.0).then(|| first + (last - first).div_ceil(2))
 }
 
-/// Feeds every sample of a share of the volume, as bytes, to workers, some rows at a time; each worker's state is joined
-/// last.
+/// Feeds every sample of a share of the volume to workers, as [`for_each_block`].
 fn for_each_part<L>(
     source: &dyn VolumeSource,
     share: Share,
@@ -603,8 +822,22 @@ fn for_each_part<L>(
     work: &(dyn Fn(&mut L, &Part, &[u8]) + Sync),
     join: &(dyn Fn(L) + Sync),
 ) -> Result<(), BuildError> {
+    let VolumeInfo { dims, scalar, .. } = *source.info();
+    let blocks = Blocks::new(dims, read_bytes / scalar.bytes()).of(share);
+    for_each_block(source, blocks, threads, progress, start, work, join)
+}
+
+/// Feeds every sample of blocks, as bytes, to workers, some rows at a time; each worker's state is joined last.
+fn for_each_block<L>(
+    source: &dyn VolumeSource,
+    blocks: Blocks,
+    threads: usize,
+    progress: &dyn Progress,
+    start: &(dyn Fn() -> L + Sync),
+    work: &(dyn Fn(&mut L, &Part, &[u8]) + Sync),
+    join: &(dyn Fn(L) + Sync),
+) -> Result<(), BuildError> {
     let sample_bytes = source.info().scalar.bytes();
-    let blocks = Blocks::new(source.info().dims, read_bytes / sample_bytes).of(share);
     run_workers(threads, progress, &|stop| {
         let mut local = start();
         // Words, so that the samples are aligned for every type.
@@ -678,25 +911,30 @@ mod tests {
         let mut counts = vec![0_u64; BINS];
         samples.iter().for_each(|s| counts[(s.to_f64() - low) as usize] += 1);
         let value = |bin: usize| low + bin as f64;
-        let of = |evidence: &Evidence| (evidence.labels(&counts), evidence.padding(&counts, &value));
+        let values = counts.iter().filter(|n| **n > 0).count();
+        let of = |evidence: &Evidence| (evidence.labels(values), evidence.padding(&counts, &value));
         let start = || Evidence::new(true, outside_samples(dims));
         let mut slow = start();
         slow_evidence(samples, dims, &mut slow);
+        let may_be_map = std::mem::replace(&mut slow.may_be_map, true);
         let (mut whole, mut local) = (start(), vec![0_u32; BINS]);
         let [nx, ny, _] = dims.to_array().map(|n| n as usize);
         for slice in samples.chunks(nx * ny) {
             let part = Part { columns: 0..dims.nx(), lines: 0..dims.ny() };
             let mut own = start();
             own.add_edges(slice, &local);
+            own.add_rows(dims, &part, slice);
             own.add_outside(dims, &part, slice);
             whole.join(&own);
+            slow.add_rows(dims, &part, slice);
             slice.iter().for_each(|s| local[(s.to_f64() - low) as usize] += 1);
         }
+        slow.may_be_map = may_be_map;
         assert_eq!(of(&whole), of(&slow));
         if whole.may_be_map && slow.may_be_map {
             assert_eq!((whole.alike, whole.differ, whole.jumps), (slow.alike, slow.differ, slow.jumps));
             assert_eq!((whole.nearest.value, whole.nearest.count), (slow.nearest.value, slow.nearest.count));
-            assert_eq!(whole.first, slow.first);
+            assert_eq!((whole.first, &whole.pairs), (slow.first, &slow.pairs));
         }
         of(&whole)
     }

@@ -45,6 +45,10 @@ impl RingForm {
         }
     }
 
+    /// The form of samples that are inside or not, whatever their values: depths 0 and -1.
+    const MASK: Self =
+        Self { in_place: false, scalar: ScalarType::F32, unit: 1.0, lo: 0.0, hi: 0.0, is_open_above: false };
+
     /// True if a single value is inside, as in a map of labels.
     pub(super) fn is_label(&self) -> bool {
         self.lo == self.hi
@@ -69,7 +73,7 @@ impl RingForm {
         if self.in_place {
             return single(bound.map_or(self.lo, |bound| bound.clamp(self.lo - unit, self.lo)));
         }
-        let level = match bound {
+        let level = match bound.filter(|_| !self.is_label()) {
             Some(bound) if self.is_open_above => bound - self.lo,
             Some(bound) => self.hi - bound,
             // Half way between neighbouring integers at either end.
@@ -132,6 +136,39 @@ pub(super) fn file_range(
     by_type!(scalar, T => Some(Box::new(SampleRange::<T>::of_selection(selection, rescale)?)))
 }
 
+/// A range of a map of labels: how far a label's number is from the range says nothing.
+pub(super) struct MaskRange(pub(super) Box<dyn FileRange>);
+
+impl FileRange for MaskRange {
+    fn form(&self) -> RingForm {
+        RingForm::MASK
+    }
+
+    fn classify(&self, row: &[u8], own: Range<usize>, words: &mut [u64]) {
+        self.0.classify(row, own, words);
+    }
+
+    fn look(&self, samples: &[u8], odd: &mut OddSamples) {
+        self.0.look(samples, odd);
+    }
+
+    fn depths(&self, row: &[u8], to: &mut [f32]) {
+        self.0.depths(row, to);
+        to.iter_mut().for_each(|depth| *depth = if *depth >= 0.0 { 0.0 } else { -1.0 });
+    }
+
+    fn push_values(
+        &self,
+        samples: &[u8],
+        first: usize,
+        chosen: u32,
+        values: &mut Vec<u8>,
+        extent: &mut (f32, f32),
+    ) {
+        self.0.push_values(samples, first, chosen, values, extent);
+    }
+}
+
 impl<T: Ordered> FileRange for SampleRange<T> {
     fn form(&self) -> RingForm {
         RingForm::new(*self)
@@ -184,7 +221,9 @@ impl<T: Ordered> Kernel for DepthKernel<'_, T> {
     #[inline(always)]
     fn run(self, _: impl Lanes) {
         for (to, from) in self.to.iter_mut().zip(self.from) {
-            *to = self.range.depth(*from);
+            let (depth, value) = (self.range.depth(*from), from.to_f64());
+            // Samples that are not finite stay so.
+            *to = if value.is_finite() { depth } else { depth * f32::INFINITY };
         }
     }
 }

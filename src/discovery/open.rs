@@ -13,7 +13,7 @@ use crate::fault::{Fault, FaultKind, bad, unfit, usage};
 use crate::mesh;
 use crate::platform::open_file;
 use crate::progress::Silent;
-use crate::source::dicom::{FRACTIONAL, Recognition, SEGMENTATION, recognise};
+use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
 use crate::source::{
     HEAD_BYTES, Known, RawVolume, Subject, SubjectKind, header_of_samples, known, known_folder,
 };
@@ -217,8 +217,8 @@ fn with_names(
     typed: bool,
 ) -> Result<Box<dyn VolumeSource>> {
     let description = &volume.info().description;
-    if let ImageKind::Series { object, .. } = &description.kind {
-        if object == FRACTIONAL {
+    if let ImageKind::Series { .. } = &description.kind {
+        if description.kind.is_fractional() {
             let path = PathBuf::from(&description.name);
             return Err(usage!("is a FRACTIONAL segmentation: its values are parts of voxels, not labels; choose a part with {ISO} V or {RANGE} LO..HI").at(path).into());
         }

@@ -58,6 +58,16 @@ pub enum ImageKind {
     Synthetic(&'static str),
 }
 
+/// The kind of image whose values are parts of voxels.
+pub(crate) const FRACTIONAL: &str = "fractional segmentation";
+
+impl ImageKind {
+    /// True if the values are parts of voxels.
+    pub(crate) fn is_fractional(&self) -> bool {
+        matches!(self, Self::Series { object, .. } if object == FRACTIONAL)
+    }
+}
+
 impl fmt::Display for ImageKind {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {

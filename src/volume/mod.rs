@@ -33,6 +33,7 @@ mod wrapper;
 pub(crate) use blend::{blend_rows, neighbour_bytes};
 pub(crate) use block::{check_request, not_unrolled, read_block};
 pub use crop::Crop;
+pub(crate) use description::FRACTIONAL;
 pub use description::{ImageKind, SourceDescription, StatedLabel, Treatment};
 pub use downsample::Downsample;
 pub use error::SourceError;

@@ -291,10 +291,14 @@ fn padding_and_labels_are_recognised_by_all_parts_together() {
     let wave =
         |x, y, z| i16::try_from((x * 7 + y * 3 + z) % 400).unwrap() + if x / 20 == 1 { 900 } else { 0 };
     let padded = of(&|x, y, z| if round(x, y) { wave(x, y, z) } else { -3024 });
-    // Of labels in boxes, some of which only one part sees.
+    // Labels in boxes, some of which only one part sees.
     let labels = of(&|x, y, z| {
         if (x / 9 + y / 11) % 2 == 0 { i16::try_from((x / 9 + z / 50) % 7).unwrap() } else { 0 }
     });
+    // A threshold between labels is that of a mask in every part.
+    let job = Job::new(dims, ScalarType::I16, &["--surface", "cells", "--range", "2..4"]);
+    fs::write(job.path("v.raw"), &labels).unwrap();
+    assert!(job.all(&job.plan(6)) == job.whole());
     for (bytes, word) in [(padded, "-3024"), (labels, "label")] {
         let job = Job::new(dims, ScalarType::I16, &["--surface", "cells"]);
         fs::write(job.path("v.raw"), bytes).unwrap();

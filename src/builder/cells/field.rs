@@ -7,6 +7,12 @@ use crate::format::cell::CORNERS;
 pub(super) const EDGE: usize = 6;
 const LOW: usize = EDGE / 2 - 1;
 
+/// The mean of some depths, if there are any.
+fn mean(depths: impl Iterator<Item = f32>) -> Option<f32> {
+    let (sum, count) = depths.fold((0.0, 0.0), |(sum, count), depth| (sum + depth, count + 1.0));
+    (count > 0.0).then(|| sum / count)
+}
+
 /// Depths and sides of the samples around a cell, `[z][y][x]`.
 pub(super) struct Field {
     depth: [[[f32; EDGE]; EDGE]; EDGE],
@@ -20,6 +26,30 @@ impl Field {
     pub(super) fn set(&mut self, [x, y, z]: [usize; 3], depth: f32, inside: bool) {
         self.depth[z][y][x] = depth;
         self.inside[z][y][x] = inside;
+    }
+
+    /// Puts samples that are NaN or infinite as far on their side as those next to them are on the other: the surface
+    /// lies midway.
+    pub(super) fn mend(&mut self) {
+        let depths = self.depth.as_flattened().as_flattened();
+        if depths.iter().all(|depth| depth.is_finite()) {
+            return;
+        }
+        let known = depths.iter().map(|depth| depth.abs()).filter(|depth| depth.is_finite());
+        let around = mean(known).unwrap_or(1.0);
+        let from = self.depth;
+        let near = |at: usize| at.saturating_sub(1)..(at + 2).min(EDGE);
+        for (z, y, x) in (0..EDGE.pow(3)).map(|at| (at / EDGE / EDGE, at / EDGE % EDGE, at % EDGE)) {
+            if from[z][y][x].is_finite() {
+                continue;
+            }
+            let is_inside = self.inside[z][y][x];
+            let beside = near(z).flat_map(|k| near(y).flat_map(move |j| near(x).map(move |i| (k, j, i))));
+            let others = beside.filter(|(k, j, i)| self.inside[*k][*j][*i] != is_inside);
+            let sizes = others.map(|(k, j, i)| from[k][j][i].abs()).filter(|depth| depth.is_finite());
+            let size = mean(sizes).unwrap_or(around);
+            self.depth[z][y][x] = if is_inside { size } else { -size };
+        }
     }
 
     /// Says of the cell's corners which are inside: what has no number lies at the surface, but outside.

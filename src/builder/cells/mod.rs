@@ -206,6 +206,7 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
                 }
             }
         }
+        field.mend();
         field
     }
 

@@ -90,7 +90,9 @@ impl Looked {
         let lane = lane % (OCTET - 2);
         let corners: [f32; CORNERS] =
             std::array::from_fn(|c| self.samples[c >> 1][lane + 1 + (c & 1)] - level);
-        let gradient = std::array::from_fn(|a| self.gradient[a][lane]);
+        let mut gradient: [f32; 3] = std::array::from_fn(|a| self.gradient[a][lane]);
+        // Each sample has a part in it: cells near one that is not finite are fitted one by one.
+        gradient[0] = if gradient[0].is_finite() { gradient[0] } else { f32::NAN };
         let second = std::array::from_fn(|i| self.second[i][lane] * if i < 3 { PURE } else { MIXED });
         batch.put(slot, &CellSamples { corners, jet: Jet { gradient, second } });
     }

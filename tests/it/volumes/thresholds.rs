@@ -2,10 +2,11 @@
 
 use std::ops::Range;
 
+use infobyte::builder::Tolerance;
 use infobyte::builder::{BuildNote, BuildReport, Silent, build_volume};
-use infobyte::format::{Selection, SelectionKind};
+use infobyte::format::{SectionKind, Selection, SelectionKind, SurfaceKind};
 use infobyte::volume::{SourceError, VolumeInfo};
-use infobyte::{BuildOptions, Dims, Threshold, VolumeSource, Voxels};
+use infobyte::{BuildOptions, Dims, Model, Threshold, VolumeSource, Voxels};
 
 use crate::common::models::skin_options;
 use crate::common::random::Random;
@@ -64,6 +65,150 @@ fn every_label_is_inside_and_a_note_says_so() {
     // A mask has one label: any threshold is right.
     let mask = Voxels::from_fn(dims(), |p| 255 * u8::from(label(p, &many) > 0));
     assert_eq!((chosen(&mask).kind, report(&mask).notes.len()), (SelectionKind::Otsu, 0));
+}
+
+/// How far a voxel is from the middle, in voxels.
+fn from_middle(p: [u32; 3]) -> f64 {
+    let off = [0, 1, 2].map(|a| f64::from(p[a]) - [31.5, 31.5, 11.5][a]);
+    (off[0] * off[0] + off[1] * off[1] + 4.0 * off[2] * off[2]).sqrt()
+}
+
+/// Noise of a voxel, -1 to 1.
+fn noise(p: [u32; 3]) -> f64 {
+    let seed = u64::from(p[0]) | u64::from(p[1]) << 16 | u64::from(p[2]) << 32;
+    let mut random = Random(seed.wrapping_mul(0x9e37_79b9_7f4a_7c15) | 1);
+    (0..4).map(|_| 2.0 * random.unit() - 1.0).last().unwrap()
+}
+
+/// Labels that lie in each other, the outermost first, each within a radius that noise moves.
+fn shells(p: [u32; 3], shells: &[(f64, u8)], rough: f64) -> u8 {
+    let away = from_middle(p) + rough * noise(p);
+    shells.iter().rev().find(|(radius, _)| away < *radius).map_or(0, |(_, label)| *label)
+}
+
+#[test]
+fn labels_in_each_other_are_labels() {
+    let maps: [(&str, &[(f64, u8)], f64); 11] = [
+        ("tumour", &[(21.0, 2), (14.0, 4), (8.0, 1)], 0.0),
+        ("tumour, rough", &[(21.0, 2), (14.0, 4), (8.0, 1)], 1.0),
+        ("tissue classes", &[(22.0, 1), (18.0, 2), (14.0, 3), (10.0, 4), (5.0, 5)], 0.0),
+        ("tissue classes, rough", &[(22.0, 1), (18.0, 2), (14.0, 3), (10.0, 4), (5.0, 5)], 0.7),
+        ("backwards", &[(22.0, 5), (18.0, 4), (14.0, 3), (10.0, 2), (5.0, 1)], 0.0),
+        ("tooth and pulp", &[(20.0, 1), (8.0, 2)], 0.0),
+        ("shell and core", &[(20.0, 1), (10.0, 10)], 0.0),
+        ("gaps", &[(21.0, 3), (14.0, 17), (8.0, 40)], 0.0),
+        ("even gaps", &[(21.0, 10), (14.0, 20), (8.0, 30)], 0.0),
+        ("thin", &[(22.0, 1), (21.0, 2), (12.0, 3), (11.0, 4)], 0.0),
+        ("thin, far apart", &[(22.0, 7), (21.0, 2), (12.0, 90), (11.0, 4)], 0.0),
+    ];
+    for (name, of, rough) in maps {
+        let byte = Voxels::from_fn(dims(), |p| shells(p, of, rough));
+        let short = Voxels::from_fn(dims(), |p| i16::from(shells(p, of, rough)));
+        let single = Voxels::from_fn(dims(), |p| f32::from(shells(p, of, rough)));
+        for volume in [&byte as &dyn VolumeSource, &short, &single] {
+            let BuildReport { selection, notes, .. } = report(volume);
+            let first = of.iter().map(|(_, label)| f64::from(*label)).fold(f64::INFINITY, f64::min);
+            assert_eq!((selection.kind, selection.lo), (SelectionKind::Iso, first), "{name}");
+            let is_all = |count: usize| count == of.len();
+            assert!(matches!(notes[..], [BuildNote::Labels { count }] if is_all(count)), "{name} {notes:?}");
+        }
+    }
+}
+
+/// Greys in few steps, however smooth or noisy, stay greys.
+#[test]
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+fn pictures_in_few_steps_are_not_labels() {
+    let wave = |p: [u32; 3]| {
+        let [x, y, z] = p.map(f64::from);
+        1.0 + (x / 6.0).sin() * (y / 7.0).cos() * (z / 5.0 + 1.0).sin()
+    };
+    let blobs = |p: [u32; 3]| {
+        let mut random = Random(9);
+        (0..14)
+            .map(|_| {
+                let [x, y, z] = [64, 64, 24].map(|side| f64::from(random.below(side)));
+                let (size, peak) = (2.0 + 3.0 * random.unit(), 0.3 + 0.7 * random.unit());
+                let away: f64 = [x, y, z].iter().zip(p).map(|(c, at)| (c - f64::from(at)).powi(2)).sum();
+                peak * (-0.5 * away / size / size).exp()
+            })
+            .sum::<f64>()
+            .min(0.999)
+    };
+    let scan =
+        |p: [u32; 3], rough: f64| ((head(p, 0.0) + 1100.0 + rough * noise(p)) / 2200.0).clamp(0.0, 0.999);
+    let steps = |part: f64, n: f64, step: u8| (part * n).clamp(0.0, n - 1.0) as u8 * step;
+    let pictures: [(&str, &dyn Fn([u32; 3]) -> u8); 12] = [
+        ("ramp", &|p| steps(f64::from(p[0]) / 64.0, 6.0, 1)),
+        ("slanted ramp", &|p| steps(p.iter().map(|c| f64::from(*c)).sum::<f64>() / 152.0, 6.0, 1)),
+        ("from the middle", &|p| steps(1.0 - from_middle(p) / 52.0, 6.0, 1)),
+        ("to the middle", &|p| steps(from_middle(p) / 52.0, 6.0, 1)),
+        ("waves", &|p| steps(0.5 * wave(p), 6.0, 1)),
+        ("waves of a display", &|p| steps(0.5 * wave(p), 8.0, 36)),
+        ("scan", &|p| steps(scan(p, 0.0), 8.0, 1)),
+        ("slightly noisy scan", &|p| steps(scan(p, 120.0), 8.0, 1)),
+        ("noisy scan", &|p| steps(scan(p, 400.0), 8.0, 1)),
+        ("noise", &|p| u8::from(noise(p) > 0.0)),
+        ("noise of three", &|p| steps(0.5 + 0.5 * noise(p), 3.0, 1)),
+        ("microscopy", &|p| steps(blobs(p), 4.0, 64)),
+    ];
+    for (name, grey) in pictures {
+        let volume = Voxels::from_fn(dims(), grey);
+        let short = Voxels::from_fn(dims(), |p| u16::from(grey(p)));
+        for volume in [&volume as &dyn VolumeSource, &short] {
+            let BuildReport { selection, notes, .. } = report(volume);
+            assert!(selection.kind == SelectionKind::Otsu && notes.is_empty(), "{name} {notes:?}");
+        }
+    }
+}
+
+/// Between labels whose numbers are far apart there is no ridge: the model is that of the mask.
+#[test]
+fn the_surface_of_labels_is_that_of_their_mask() {
+    let sections = |volume: &dyn VolumeSource, options: &BuildOptions| {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.oct");
+        build_volume(volume, options, &path, &Silent).unwrap();
+        let model = Model::open(&path).unwrap();
+        let all = model.sections().iter().filter(|entry| entry.kind != Some(SectionKind::Meta));
+        all.map(|entry| (entry.kind, entry.content_crc)).collect::<Vec<_>>()
+    };
+    // Two halves with numbers far apart, and one within the other.
+    let label = |p: [u32; 3]| match from_middle(p) {
+        away if away < 8.0 => 9,
+        away if away < 20.0 => {
+            if p[0] < 32 {
+                1
+            } else {
+                200
+            }
+        }
+        _ => 0,
+    };
+    let map = Voxels::from_fn(dims(), label);
+    for threshold in [
+        Threshold::Otsu,
+        Threshold::Iso(1.0),
+        Threshold::Iso(5.0),
+        Threshold::Range(1.0, 10.0),
+        Threshold::Range(9.0, 9.0),
+    ] {
+        let range = match threshold {
+            Threshold::Iso(lo) => (lo, 255.0),
+            Threshold::Range(lo, hi) => (lo, hi),
+            _ => (1.0, 255.0),
+        };
+        let mask = Voxels::from_fn(dims(), |p| u8::from((range.0..=range.1).contains(&f64::from(label(p)))));
+        for (surface, error) in
+            [(SurfaceKind::Cells, 0.0), (SurfaceKind::Cells, 0.2), (SurfaceKind::Skin, 0.0)]
+        {
+            let error = Some(Tolerance::Voxels(error));
+            let options =
+                BuildOptions { threshold, surface: Some(surface), error, ..BuildOptions::default() };
+            let whole = BuildOptions { threshold: Threshold::Range(1.0, 1.0), ..options.clone() };
+            assert_eq!(sections(&map, &options), sections(&mask, &whole), "{threshold:?} {surface:?}");
+        }
+    }
 }
 
 /// A head with a bright skull in noise, as air, tissue and bone.

@@ -4,6 +4,7 @@ use std::ops::Range;
 
 use super::{CROSSED, FineBrick, PARTS, crossed_at};
 use crate::builder::cells::corner::EDGES;
+use crate::format::cell::CORNERS;
 
 /// Most crossings that are held: a plane through a whole brick has some 10,000.
 const ROOM: usize = 16 << 10;
@@ -63,12 +64,19 @@ impl Crossings {
             }
             let place = places[cell];
             let (sides, ahead) = (brick.sides[cell], brick.ahead(cell));
-            let mut left = CROSSED[usize::from(sides)];
+            // The corners of the cell's polygon, too, where its plane covers an outside corner.
+            let behind = (0..CORNERS).fold(0_usize, |bits, c| bits | usize::from(ahead[c] <= 0) << c);
+            let mut left = CROSSED[usize::from(sides)] | CROSSED[behind % 256];
             while left != 0 {
                 let (p, q) = EDGES[left.trailing_zeros() as usize % EDGES.len()];
                 left &= left - 1;
                 let along = crossed_at([ahead[p], ahead[q]], sides >> p & 1 == 1);
-                let inside = if sides >> p & 1 == 1 { p } else { q };
+                let inside = match [p, q].map(|corner| sides >> corner & 1 == 1) {
+                    [true, _] => p,
+                    [_, true] => q,
+                    // Another one of the cell.
+                    _ => sides.trailing_zeros() as usize % CORNERS,
+                };
                 for a in 0..3 {
                     let low = i32::from(place[a]) * PARTS;
                     // The axis of the edge is the one that its ends differ along.

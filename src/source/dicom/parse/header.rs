@@ -8,7 +8,7 @@ use super::value::{
 use crate::source::dicom::attribute::Attribute;
 use crate::source::dicom::parse::syntax::TransferSyntax;
 use crate::source::finding::BurnedIn;
-use crate::volume::Endian;
+use crate::volume::{Endian, FRACTIONAL};
 
 /// Longest value that is looked at; every kept element is far shorter in a sound file.
 pub(crate) const MAX_VALUE_BYTES: usize = 1024;
@@ -16,9 +16,8 @@ pub(crate) const MAX_VALUE_BYTES: usize = 1024;
 /// SOP class of label map segmentations, without the root of the standard's own.
 const LABEL_MAP: &str = "5.1.4.1.1.66.7";
 
-/// Kinds of segmentations: with labels, and with a part of each voxel.
+/// The kind of segmentations with labels.
 pub(crate) const SEGMENTATION: &str = "segmentation";
-pub(crate) const FRACTIONAL: &str = "fractional segmentation";
 
 /// SOP classes of ultrasound, in the same way.
 const ULTRASOUND: [&str; 5] =

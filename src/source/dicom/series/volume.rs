@@ -13,7 +13,6 @@ use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
 use crate::source::dicom::image::pixels::{Padding, PixelLayout};
 use crate::source::dicom::image::unroll::{FrameSink, unroll};
-use crate::source::dicom::parse::header::FRACTIONAL;
 use crate::source::dicom::parse::scan::scan;
 use crate::source::dicom::series::findings::of_image;
 use crate::source::files::FileSet;
@@ -270,7 +269,7 @@ impl DicomVolume {
 
 /// The labels of a volume of segments: its own segment, where frames name theirs, or all of them.
 fn labels_of(series: &Series, group: &Group, first: Option<&Slice>) -> Vec<StatedLabel> {
-    if group.shared.object == FRACTIONAL {
+    if group.shared.object == crate::volume::FRACTIONAL {
         return Vec::new();
     }
     let own = first.and_then(|slice| Key::SEGMENT.number(slice));
