@@ -1,7 +1,9 @@
 //! Bounds of a tree: the box in mm that a grid is put around.
 
-use super::flat::{Flat, Kind, Part, PlacedShape};
-use super::tree::Shape;
+use super::fault::At;
+use super::flat::{Flat, Kind, Part, PlacedShape, Stop};
+use super::tree::{NodeId, Shape, Tree};
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::Bounds;
 
@@ -56,6 +58,80 @@ pub(super) fn of_tree(flat: &Flat<Bounds>) -> Bounds {
         };
     }
     joins[0]
+}
+
+/// The size that something is stretched to.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct NewSize {
+    /// Along each axis; 0 keeps it.
+    pub(super) size: [f64; 3],
+    /// Axes without a size of their own that are stretched as the longest new side is.
+    pub(super) auto: [bool; 3],
+}
+
+impl NewSize {
+    fn place(&self, bounds: &Bounds) -> Affine {
+        let own: [f64; 3] = std::array::from_fn(|k| {
+            let side = bounds.high[k] - bounds.low[k];
+            if self.size[k] > 0.0 && side > 0.0 { self.size[k] / side } else { 1.0 }
+        });
+        let longest = (0..3).fold(0, |most, k| if self.size[k] > self.size[most] { k } else { most });
+        let is_auto = |k: usize| self.auto[k] && self.size[k] == 0.0;
+        Affine::from_spacing(std::array::from_fn(|k| if is_auto(k) { own[longest] } else { own[k] }))
+    }
+}
+
+impl Tree {
+    /// How a node is stretched to a size; `None` where that takes more than so many bytes.
+    ///
+    /// # Errors
+    /// Its size is not that of its parts: it is an intersection, cut at an end, or read from files.
+    pub(super) fn resized(
+        &self,
+        node: NodeId,
+        size: &NewSize,
+        line: u64,
+        most_bytes: u64,
+    ) -> Result<Option<Affine>, Fault> {
+        let unknown = || {
+            bad!(
+                "{}resize is read of solids whose size is that of their parts, not of intersections, of what is cut at an end, nor of files; use scale, or make a mesh of it with openscad -o part.stl part.scad",
+                At(line)
+            )
+        };
+        let (mut whole, mut cut) = (Bounds::EMPTY, Bounds::EMPTY);
+        let flat = Flat::new((self, node), Affine::from_spacing([1.0; 3]), most_bytes, &mut |placed| {
+            let own = placed.shape.map_or(Bounds::EMPTY, |shape| of_shape(shape, placed.affine));
+            let out = if placed.negated { &mut cut } else { &mut whole };
+            *out = either(out, &own);
+            Ok(((), 0))
+        });
+        let flat = match flat {
+            Ok(flat) => flat,
+            Err(Stop::Fault(fault)) => return Err(fault),
+            Err(Stop::Memory { .. }) => return Ok(None),
+            Err(Stop::Build(_)) => return Err(unknown()),
+        };
+        let (parts, starts) = flat.parts_by_join();
+        // Joins stand before their parts.
+        let mut solid = vec![false; flat.joins.len()];
+        let mut crossed = false;
+        for join in (0..flat.joins.len()).rev() {
+            let own = &parts[starts[join] as usize..starts[join + 1] as usize];
+            let is_solid = |part: &&Part| match part {
+                Part::Join(below) => solid[*below as usize],
+                Part::Leaf { negated, .. } => !negated,
+            };
+            let count = own.iter().filter(is_solid).count();
+            crossed |= flat.joins[join] == Kind::And && count > 1
+                || flat.joins[join] == Kind::Or && count > 0 && count < own.len();
+            solid[join] = count > 0;
+        }
+        let within =
+            |k: usize| cut.low[k] > cut.high[k] || cut.low[k] > whole.low[k] && cut.high[k] < whole.high[k];
+        let sound = whole.low.iter().chain(&whole.high).all(|c| c.is_finite());
+        if crossed || !sound || !(0..3).all(within) { Err(unknown()) } else { Ok(Some(size.place(&whole))) }
+    }
 }
 
 /// A half-space across an axis has bounds, and so has what it leaves.

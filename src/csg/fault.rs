@@ -11,7 +11,9 @@ use crate::text::names::{GRID, UNIT, VOXEL};
 use crate::text::shown;
 
 /// Modules of `.csg` files that are read.
-const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, multmatrix, offset3d, color and group";
+const READ: &str = "cube, sphere, ellipsoid, cylinder, torus, halfspace, polyhedron, linear_extrude of polygon, square and circle, import or mesh, volume, union, difference, intersection, complement, translate, rotate, scale, mirror, resize, multmatrix, offset3d, color and group";
+/// How a program of OpenSCAD becomes a tree.
+const WAY_OUT: &str = "write programs out as trees with openscad -o part.csg part.scad";
 
 /// The line of a text; nothing of a tree that was not read from one.
 pub(super) struct At(pub(super) u64);
@@ -37,6 +39,11 @@ impl fmt::Display for Example<'_> {
             "volume" => "volume(file = \"ct.nii.gz\", iso = 226);",
             "mesh" => "mesh(file = \"part.stl\");",
             "import" => "import(file = \"part.stl\"); of STL, PLY, OBJ and OFF",
+            "translate" => "translate(v = [5, 0, 0])",
+            "rotate" => "rotate(a = [0, 0, 45]) or rotate(a = 45, v = [0, 0, 1])",
+            "scale" => "scale(v = [1, 1, 2])",
+            "mirror" => "mirror(v = [1, 0, 0])",
+            "resize" => "resize(newsize = [10, 0, 0], auto = true)",
             "multmatrix" => "multmatrix([[1, 0, 0, 5], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 0, 1]])",
             _ => return Ok(()),
         };
@@ -46,11 +53,27 @@ impl fmt::Display for Example<'_> {
 
 /// Text other than what has to follow.
 pub(super) fn expected(line: u64, what: &str) -> Fault {
-    bad!("{}expected {what}; give a tree as `openscad -o tree.csg part.scad` writes it", At(line))
+    bad!("{}expected {what}; {WAY_OUT}", At(line))
 }
 
 pub(super) fn unsupported(line: u64, module: &str) -> Fault {
-    bad!("{}{} is not supported; read are {READ}", At(line), shown(module))
+    let (at, name) = (At(line), shown(module));
+    match module {
+        "hull" | "minkowski" | "rotate_extrude" | "projection" | "offset" | "text" | "surface" | "fill"
+        | "roof" => bad!(
+            "{at}{name} is not supported; make a mesh of it with openscad -o part.stl part.scad; {WAY_OUT}"
+        ),
+        "module" | "function" | "include" | "use" | "for" | "intersection_for" | "if" | "else" | "let"
+        | "each" | "echo" | "assert" | "assign" | "children" => {
+            bad!("{at}{name} belongs to a program, and trees are read; {WAY_OUT}")
+        }
+        _ => bad!("{at}{name} is not supported; read are {READ}; {WAY_OUT}"),
+    }
+}
+
+/// A variable, other than those of the fineness of round solids.
+pub(super) fn variable(line: u64, name: &str) -> Fault {
+    bad!("{}{} is a variable, which are not read; {WAY_OUT}", At(line), shown(name))
 }
 
 pub(super) fn bad_argument(line: u64, module: &str, argument: &str) -> Fault {

@@ -12,21 +12,26 @@ use super::read::{too_small, unusable};
 use super::resampled::{self, ResampledVolume};
 use super::sampled::SampledLeaf;
 use super::solid::CsgSolid;
-use super::tree::{Faces, NodeId, Shape, Tree};
+use super::tree::{Faces, Node, NodeId, Shape, Tree};
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildOptions, Progress, Threshold, volume_solid};
 use crate::csg::CsgFacts;
 use crate::csg::fault::{grid_of_volume, nothing, singular};
 use crate::fault::{Fault, bad};
+use crate::format::SurfaceKind;
 use crate::geom::{Affine, Dims};
 use crate::identity::file_identity;
-use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part};
+use crate::mesh::{Bounds, GridChoice, STEPS, mesh_bounds, mesh_part, triangles_part};
 use crate::platform::give_back;
 use crate::text::names::{DIMS, GRID, ORIGIN, VOXEL};
 use crate::volume::{SourceError, VolumeSource};
 
 /// Triangles of a leaf that take no more have room always.
 const FEW_BYTES: u64 = 64 << 10;
+
+/// Fewest triangles of a body that goes through bins, and most bodies that do.
+const BINNED: usize = 256;
+const MOST_BINNED: usize = 8;
 
 /// Does a leaf lie where its file says?
 fn is_unmoved(affine: &Affine) -> bool {
@@ -94,7 +99,7 @@ impl<'a, 't> Front<'a, 't> {
         PlacedTree { place, of_volume, meshes, resampled }: &'a PlacedTree<'a>,
     ) -> Result<(CsgSolid<'a>, CsgFacts), BuildError> {
         let (place, of_volume, meshes) = (*place, *of_volume, *meshes);
-        let mut number = 0;
+        let (mut number, mut bodies) = (0, 0);
         let mut sampled = Vec::new();
         let flat = self.flat(self.unit(), &mut |met| {
             let to_lattice = place.to_lattice.after(met.affine);
@@ -120,7 +125,14 @@ impl<'a, 't> Front<'a, 't> {
                     if let Shape::Faces(faces) = shape {
                         self.check_room(faces)?;
                     }
-                    leaf::place(shape, &to_lattice, met.line)?
+                    let leaf = leaf::place(shape, &to_lattice, met.line)?;
+                    match self.binned(&leaf, &place, (meshes, &mut bodies))? {
+                        Some(solid) => {
+                            sampled.push(solid);
+                            Leaf::Sampled(u32::try_from(sampled.len() - 1).unwrap_or(u32::MAX))
+                        }
+                        None => leaf,
+                    }
                 }
             };
             let held = leaf.bytes();
@@ -130,7 +142,7 @@ impl<'a, 't> Front<'a, 't> {
         let half = if of_volume { [0.0; 3] } else { place.spacing_mm.map(|s| s / 2.0) };
         let facts = CsgFacts {
             leaves: flat.leaves.len() as u64,
-            files: sampled.len() as u64,
+            files: (sampled.len() - bodies) as u64,
             voxel_mm: place.spacing_mm,
             origin_mm: [x - half[0], y - half[1], z - half[2]],
             cut: if of_volume { self.cut(&place)? } else { [[false; 3]; 2] },
@@ -162,6 +174,30 @@ impl<'a, 't> Front<'a, 't> {
         Ok(SampledLeaf { solid: Box::new(solid), gives_outwards: false })
     }
 
+    /// A body of many triangles in the bins of a mesh, if cells are built and there is room; their crossings are those of
+    /// the body. `bodies` are in such bins so far.
+    fn binned(
+        &self,
+        leaf: &Leaf,
+        place: &LatticeGrid,
+        (meshes, bodies): (usize, &mut usize),
+    ) -> Result<Option<SampledLeaf<'a>>, BuildError> {
+        let Leaf::Body(body) = leaf else { return Ok(None) };
+        let surface = body.surface();
+        let is_large = surface.0.len() >= BINNED && *bodies < MOST_BINNED;
+        if !is_large || self.options.volume_surface() != SurfaceKind::Cells {
+            return Ok(None);
+        }
+        let large = |node: &Node| match node {
+            Node::Leaf { shape, .. } => matches!(&**shape, Shape::Faces(f) if f.triangles.len() >= BINNED),
+            _ => false,
+        };
+        let parts = meshes + self.tree.nodes.iter().filter(|node| large(node)).count().min(MOST_BINNED);
+        let made = triangles_part(surface, place.dims, parts, self.options, &self.scratch, self.progress)?;
+        *bodies += usize::from(made.is_some());
+        Ok(made.map(|solid| SampledLeaf { solid: Box::new(solid), gives_outwards: false }))
+    }
+
     /// A flat tree of what is made of leaves.
     fn flat<T>(&self, first: Affine, make: &mut Make<'t, '_, T>) -> Result<Flat<T>, BuildError> {
         if let MemoryCap::Process(_) = self.options.memory {
@@ -188,7 +224,8 @@ impl<'a, 't> Front<'a, 't> {
 
     /// Refuses a leaf whose triangles, and the corners of which they are made, have no room.
     fn check_room(&self, faces: &Faces) -> Result<(), BuildError> {
-        let bytes = 36 * (faces.points.len() + faces.triangles.len()) as u64;
+        // A triangle, and where it lies among the others.
+        let bytes = (36 * faces.points.len() + 60 * faces.triangles.len()) as u64;
         if bytes > FEW_BYTES && bytes > self.left_bytes() {
             return Err(too_small(self.name, self.options.memory, bytes));
         }

@@ -13,7 +13,7 @@ use crate::fault::{Fault, bad};
 use crate::platform::{is_not_regular, open_file};
 use crate::source::stays;
 use crate::text::names::FOLLOW_LINKS;
-use crate::text::shown;
+use crate::text::{plain_head, shown};
 use crate::volume::{SourceError, SourceFault};
 
 /// Bytes of a text that are read at a time.
@@ -21,7 +21,8 @@ const READ_BYTES: usize = 16 << 10;
 
 /// Is this the beginning of a tree's text? By its name where that does not tell.
 pub(crate) fn is_tree(head: &[u8], path: &Path) -> bool {
-    let first = String::from_utf8_lossy(head);
+    let head = plain_head(head);
+    let first = String::from_utf8_lossy(&head);
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("csg")) || begins_with_module(&first)
 }
 

@@ -76,6 +76,9 @@ impl Counts {
 /// Memory for the descriptions of files whose build was refused.
 const DESCRIPTIONS: u64 = 512 << 10;
 
+/// More than a material with its texture takes while colours are gathered.
+const MATERIAL_BYTES: u64 = 8 << 10;
+
 /// What a file's description would take, where it has no room.
 fn described_bytes(error: &BuildError) -> Option<u64> {
     let BuildFault::Source(error) = error.fault() else { return None };
@@ -94,6 +97,31 @@ fn image_bytes(files: &[MeshFile], wanted: PaintChannels) -> u64 {
 
 fn no_triangles() -> Fault {
     bad!("does not hold a triangle")
+}
+
+/// How far a part reaches, and the edges that it has an odd number of times, as a sum that is 0 for none.
+#[derive(Clone, Copy)]
+struct PartBounds {
+    bounds: Bounds,
+    open: u64,
+}
+
+impl PartBounds {
+    const EMPTY: Self = Self { bounds: Bounds::EMPTY, open: 0 };
+
+    fn add(&mut self, t: &[[f64; 3]; 3]) {
+        let corners = t.map(|p| {
+            self.bounds.add(p);
+            let mix = |sum: u64, c: f64| {
+                ((c + 0.0).to_bits() ^ sum).wrapping_mul(0x9e37_79b9_7f4a_7c15).rotate_left(29)
+            };
+            p.into_iter().fold(7, mix)
+        });
+        for (a, b) in [(0, 1), (1, 2), (2, 0)] {
+            let (a, b) = (corners[a], corners[b]);
+            self.open ^= (a.wrapping_add(b) ^ (a ^ b).rotate_left(17)).wrapping_mul(0xd6e8_feb8_6659_fd93);
+        }
+    }
 }
 
 impl Front<'_> {
@@ -159,8 +187,9 @@ impl Front<'_> {
         // Made before anything is opened, so that nothing counts twice.
         let dry = Budget::dry(self.options.memory);
         self.solid_within(&Budget::of_job(self.options.memory)).map_err(|error| {
+            let described = described_bytes(&error);
+            let error = described.map_or(error, |bytes| too_small(self.name(), self.options.memory, bytes));
             let named = error.minimum_bytes();
-            // The size of a description is named by its reader.
             match named.and_then(|_| self.sufficient_bytes().ok()) {
                 Some(bytes) => error.with_minimum(dry.smallest_limit_with(bytes)),
                 None => error,
@@ -176,7 +205,8 @@ impl Front<'_> {
                 let Grid { voxel_mm, origin_mm, dims, .. } = self.grid(&files)?.0;
                 mesh.grid = GridChoice::Exact { edge_mm: voxel_mm, origin_mm, dims };
                 let held: u64 = files.iter().map(|file| file.summary.held_bytes).sum();
-                2 * held + image_bytes(&files, self.wanted(&files))
+                let materials: u64 = files.iter().map(|file| file.summary.materials.len() as u64).sum();
+                2 * held + image_bytes(&files, self.wanted(&files)) + materials * MATERIAL_BYTES
             }
             Err(error) => {
                 let error = BuildError::from(error);
@@ -214,6 +244,9 @@ impl Front<'_> {
         };
         let parts = files.iter().map(MeshFile::parts).sum();
         let mut notes = self.notes(&files);
+        // Open parts of a closed mesh bound it together, as the sides of a box do.
+        let thin =
+            if closed && !matches!(boundary, Boundary::Open { .. }) { thin[0] } else { thin[0] + thin[1] };
         if thin > 0 && self.mesh.thin().is_none() {
             notes.push(MeshNote { mesh: self.mesh_name(), lack: format!("has {parts} parts, of which {thin} {} thinner than a voxel and not in the model; {FILL} surface or smaller voxels keep {}", if thin == 1 { "is" } else { "are" }, if thin == 1 { "it" } else { "them" }) });
         }
@@ -248,6 +281,18 @@ impl Front<'_> {
         let reach = Arc::clone(&self.reach);
         let mesh = MeshSolid { name, grid, bins, rule, closed, open, resident, reach, inputs, wanted, paint };
         Ok((mesh, facts, notes))
+    }
+
+    /// The solid of a closed surface in memory.
+    pub(super) fn of_triangles(&self, triangles: &[Triangle], rule: Rule) -> Result<MeshSolid, BuildError> {
+        let grid = self.grid(&[])?.0;
+        let mut binner = Binner::new(self.boxes(&grid), &self.scratch)?;
+        triangles.iter().try_for_each(|t| binner.add(t))?;
+        let bins = binner.finish()?;
+        let (resident, reach) = (self.resident(&bins, &grid, None), Arc::clone(&self.reach));
+        let (name, inputs, closed) = (String::new(), Vec::new(), rule == Rule::NonZero);
+        let (wanted, paint) = (None, None);
+        Ok(MeshSolid { name, grid, bins, rule, closed, open: false, resident, reach, inputs, wanted, paint })
     }
 
     /// All triangles in bins, what was counted of them, and what they carry.
@@ -380,9 +425,9 @@ impl Front<'_> {
         if let [only] = self.inputs { base_name(only) } else { "the mesh".to_owned() }
     }
 
-    /// The grid of the choice, and how many parts of several have no centre of a voxel within; the bounds are those of
+    /// The grid of the choice, and how many parts of several, closed ones and open ones, have no centre of a voxel within; the bounds are those of
     /// triangles, not of vertices that no face names.
-    fn grid(&self, files: &[MeshFile]) -> Result<(Grid, u64), SourceError> {
+    fn grid(&self, files: &[MeshFile]) -> Result<(Grid, [u64; 2]), SourceError> {
         let mut bounds = Bounds::EMPTY;
         let mut parts = Vec::new();
         if !matches!(self.mesh.grid, GridChoice::Exact { .. }) {
@@ -391,7 +436,7 @@ impl Front<'_> {
                 self.part_bounds(file, &mut parts)?;
                 self.progress.step(1)?;
             }
-            for part in parts.iter().filter(|part| **part != Bounds::EMPTY) {
+            for part in parts.iter().map(|part| &part.bounds).filter(|part| **part != Bounds::EMPTY) {
                 [part.low, part.high].into_iter().for_each(|corner| bounds.add(corner));
             }
             if bounds == Bounds::EMPTY {
@@ -400,28 +445,30 @@ impl Front<'_> {
         }
         let grid =
             Grid::new(self.mesh.grid, &bounds, self.mesh.unit_mm).map_err(|fault| self.unusable(fault))?;
-        let thin = |part: &&Bounds| **part != Bounds::EMPTY && !grid.has_centre(part);
-        let thin = if parts.len() > 1 { parts.iter().filter(thin).count() } else { 0 };
-        if thin == 0 && bounds != Bounds::EMPTY && self.mesh.thin().is_none() {
+        let mut thin = [0; 2];
+        for part in parts.iter().filter(|part| parts.len() > 1 && part.bounds != Bounds::EMPTY) {
+            thin[usize::from(part.open != 0)] += u64::from(!grid.has_centre(&part.bounds));
+        }
+        if thin == [0; 2] && bounds != Bounds::EMPTY && self.mesh.thin().is_none() {
             self.reach.expect(grid.centres(&bounds));
         }
-        Ok((grid, thin as u64))
+        Ok((grid, thin))
     }
 
     /// Adds the bounds of the parts of a file, as many as there is room for: others share the last.
-    fn part_bounds(&self, file: &MeshFile, parts: &mut Vec<Bounds>) -> Result<(), SourceError> {
+    fn part_bounds(&self, file: &MeshFile, parts: &mut Vec<PartBounds>) -> Result<(), SourceError> {
         let first = parts.len().min(MAX_PARTS - 1);
         let all = usize::try_from(file.parts()).unwrap_or(MAX_PARTS);
-        parts.resize((first + all).clamp(parts.len().max(1), MAX_PARTS), Bounds::EMPTY);
+        parts.resize((first + all).clamp(parts.len().max(1), MAX_PARTS), PartBounds::EMPTY);
         if file.parts() == 1 {
             return file.for_each(&self.scratch, &mut |t| {
-                t.iter().for_each(|p| parts[first].add(*p));
+                t.iter().for_each(|p| parts[first].bounds.add(*p));
                 Ok(())
             });
         }
         file.for_each_look(&self.scratch, &mut |t, look| {
             let at = first.saturating_add(look.part as usize).min(parts.len() - 1);
-            t.iter().for_each(|p| parts[at].add(*p));
+            parts[at].add(t);
             Ok(())
         })
     }

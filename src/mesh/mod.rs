@@ -74,7 +74,7 @@ use front::Front;
 use paint::{COLLECTING_BYTES, Painter};
 pub use read::states_place;
 use read::{Limits, MeshFile, READER_BYTES};
-pub(crate) use read::{check, format_of, is_named};
+pub(crate) use read::{check, cut_polygon, format_of, is_named};
 use resident::Resident;
 use solid::fixed_bytes;
 pub(crate) use solid::{MeshSolid, from_faces, row_words};
@@ -180,15 +180,43 @@ pub(crate) fn mesh_part(
     scratch: &Path,
     progress: &dyn Progress,
 ) -> Result<(MeshSolid, MeshFacts), BuildError> {
-    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
-    let mesh =
-        MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false };
+    let mesh = part_options(dims);
     let (inputs, scratch) = ([path.to_path_buf()], scratch.to_path_buf());
     let (placed, reach) = (Some(placed), Arc::default());
     let front = Front { inputs: &inputs, mesh: &mesh, options, scratch, progress, placed, reach };
     let (mut solid, facts, _) = front.solid()?;
     solid.resident = (solid.resident / parts.max(1)).max(MIN_RESIDENT);
     Ok((solid, facts))
+}
+
+fn part_options(dims: Dims) -> MeshOptions {
+    let grid = GridChoice::Exact { edge_mm: 1.0, origin_mm: [0.0; 3], dims };
+    MeshOptions { grid, unit_mm: 1.0, up: UpAxis::Z, fill: None, keep_thin: false, follow_links: false }
+}
+
+/// A closed surface of triangles in memory, on the lattice, as [`mesh_part`] has one of a file; `None` where so many
+/// `parts` have not ample room.
+///
+/// # Errors
+/// The scratch file cannot be written.
+pub(crate) fn triangles_part(
+    (triangles, rule): (&[Triangle], Rule),
+    dims: Dims,
+    parts: usize,
+    options: &BuildOptions,
+    scratch: &Path,
+    progress: &dyn Progress,
+) -> Result<Option<MeshSolid>, BuildError> {
+    let mesh = part_options(dims);
+    let (parts, ample) = (parts.max(1), 4 * least_share(&mesh, options));
+    if Budget::of_job(options.memory).left_bytes() / (parts as u64) < ample {
+        return Ok(None);
+    }
+    let (scratch, reach) = (scratch.to_path_buf(), Arc::default());
+    let front = Front { inputs: &[], mesh: &mesh, options, scratch, progress, placed: None, reach };
+    let mut solid = front.of_triangles(triangles, rule)?;
+    solid.resident = (solid.resident / parts).max(MIN_RESIDENT);
+    Ok(Some(solid))
 }
 
 /// Memory in which a mesh of nearly any kind is built.

@@ -458,7 +458,7 @@ fn files_that_lie_are_refused_by_name() {
             .starts_with("states 9999999 elements where its bytes hold 2 at most")
     );
     assert!(refused("a.stl", b"").starts_with("ends before all that it states"));
-    assert_eq!(refused("a.obj", b"v 0 0 0\n"), "does not hold a triangle");
+    assert!(refused("a.obj", b"v 0 0 0\n").starts_with("has no faces"));
     // A binary file whose comment begins like text is binary.
     let mut solid = Body::cuboid([1.3; 3], [9.3; 3]).stl();
     solid[..12].copy_from_slice(b"solid made b");

@@ -1,7 +1,8 @@
-//! Triangles in memory, with a few hundred facets: polyhedra, prisms, facetted spheres, boxes at an angle.
+//! Triangles in memory: polyhedra, prisms, facetted spheres, boxes at an angle.
 //!
 //! As meshes are: rows cross triangles in whole numbers, voxel middles moved by (-e, e^2, e^3).
 
+use super::near::Near;
 use super::{Face, Rows};
 use crate::builder::{Cover, VoxelBox};
 use crate::csg::fault::{At, bad_size, too_far};
@@ -19,6 +20,7 @@ const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
 #[derive(Debug)]
 pub(in crate::csg) struct Body {
     triangles: Vec<Triangle>,
+    near: Near,
     rule: Rule,
     low: [i32; 3],
     high: [i32; 3],
@@ -76,11 +78,29 @@ impl Body {
             triangles.push(t);
         }
         let rule = closed(&census, faces.odd, line)?;
-        Ok(Self { triangles, rule, low, high })
+        let near = Near::new(&triangles, low, high);
+        Ok(Self { triangles, near, rule, low, high })
     }
 
-    pub(super) fn triangles(&self) -> &[Triangle] {
-        &self.triangles
+    /// Calls `each` with every triangle that may reach within `around` steps of places between two middles.
+    pub(super) fn each_near(&self, [a, b]: [[i32; 3]; 2], around: i64, mut each: impl FnMut(&Triangle)) {
+        let region = std::array::from_fn(|k| (centre(a[k]) - around, centre(b[k]) + around));
+        self.near.each(&self.triangles, region, &mut each);
+    }
+
+    /// Calls `each` with every triangle that rows of a slice may cross up to a column.
+    fn each_before(&self, column: i64, [from, to]: [i32; 2], z: i32, mut each: impl FnMut(&Triangle)) {
+        let columns = (i64::from(self.low[0]), column * i64::from(STEPS) + i64::from(STEPS));
+        let region = [columns, (centre(from) - 1, centre(to) + 1), (centre(z), centre(z))];
+        self.near.each(&self.triangles, region, |t| {
+            if is_met(t, z) {
+                each(t);
+            }
+        });
+    }
+
+    pub(in crate::csg) fn surface(&self) -> (&[Triangle], Rule) {
+        (&self.triangles, self.rule)
     }
 
     pub(super) fn bounds(&self) -> [[i32; 3]; 2] {
@@ -88,7 +108,7 @@ impl Body {
     }
 
     pub(super) fn held_bytes(&self) -> usize {
-        self.triangles.capacity() * size_of::<Triangle>()
+        self.triangles.capacity() * size_of::<Triangle>() + self.near.held_bytes()
     }
 
     pub(super) fn cover(&self, region: &VoxelBox) -> Cover {
@@ -97,7 +117,11 @@ impl Body {
         if (0..3).any(apart) {
             return Cover::Outside;
         }
-        if self.triangles.iter().any(|t| may_meet(t, &middles)) {
+        let mut meets = false;
+        // A shift that is smaller than a step breaks ties.
+        let around = middles.map(|(low, high)| (low - 1, high + 1));
+        self.near.each(&self.triangles, around, |t| meets = meets || may_meet(t, &middles));
+        if meets {
             return Cover::Mixed;
         }
         let corner = [region.x.start, region.y.start, region.z.start];
@@ -108,11 +132,11 @@ impl Body {
     pub(super) fn fill(&self, at: Rows, out: &mut [u64], crossings: &mut Crossings) {
         let rows = i32::try_from(out.len()).unwrap_or(0);
         let first = i64::from(at.x);
-        for t in self.triangles.iter().filter(|t| is_met(t, at.z)) {
+        self.each_before(first + 63, [at.y, at.y + rows - 1], at.z, |t| {
             cross_slice(t, at.z, at.y, at.y + rows, &mut |row, column, sign| {
                 crossings.add((row - at.y) as usize, column - first, sign);
             });
-        }
+        });
         crossings.settle(self.rule);
         for (row, word) in out.iter_mut().enumerate() {
             *word = crossings.row(row)[0];
@@ -121,11 +145,11 @@ impl Body {
 
     pub(super) fn contains(&self, [x, y, z]: [i32; 3]) -> bool {
         let mut sum = 0_i64;
-        for t in self.triangles.iter().filter(|t| is_met(t, z)) {
+        self.each_before(x.into(), [y, y], z, |t| {
             cross_slice(t, z, y, y + 1, &mut |_, column, sign| {
                 sum += if column <= i64::from(x) { i64::from(sign) } else { 0 };
             });
-        }
+        });
         if self.rule == Rule::Odd { sum % 2 != 0 } else { sum != 0 }
     }
 
@@ -138,18 +162,11 @@ impl Body {
         }
         let p = voxel.map(|c| centre(c) as f64);
         let mut best = Nearest::within(NEAR);
-        for t in &self.triangles {
-            let far = (0..3).any(|k| {
-                let (low, high) = span(t, k);
-                f64::from(low) - p[k] > 8192.0 || p[k] - f64::from(high) > 8192.0
-            });
-            if far {
-                continue;
-            }
+        self.each_near([voxel; 2], i64::from(2 * STEPS), |t| {
             if let Some(facet) = Facet::new(t) {
                 best.offer(&facet, p);
             }
-        }
+        });
         if !best.found() {
             return None;
         }

@@ -57,7 +57,7 @@ pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCro
     high[axis] += 1;
     let low_inside = body.contains(low);
     let mut best: Option<EdgeCrossing> = None;
-    for t in body.triangles() {
+    body.each_near([low, high], STEPS.into(), |t| {
         cross_edges(t, [low, high], &mut |crossing| {
             if crossing.low != low || crossing.axis != axis {
                 return;
@@ -71,7 +71,7 @@ pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCro
                 best = Some(*crossing);
             }
         });
-    }
+    });
     best.map(|found| {
         let turned = (found.normal[axis] >= 0.0) != low_inside;
         EdgeCrossing { normal: found.normal.map(|c| if turned { -c } else { c }), ..found }

@@ -5,6 +5,7 @@
 //! | `plain` | sphere, box along the axes, half-space | whole numbers, a row at a time |
 //! | `curved` | ellipsoid, cylinder, cone, torus under any affine | intervals; where they leave doubt, whole numbers |
 //! | `body` | triangles | crossings of rows, as of meshes |
+//! | `near` | triangles of a body by where they lie | |
 //! | `extent` | boxes of voxels around leaves, beyond which they are not asked | |
 //! | `nested` | leaves that lie within others in a box | |
 //!
@@ -18,6 +19,7 @@ mod cross;
 mod curved;
 mod extent;
 mod make;
+mod near;
 mod nested;
 mod plain;
 

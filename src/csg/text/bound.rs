@@ -31,19 +31,26 @@ fn facet_bytes(sides: f64) -> u64 {
 /// # Errors
 /// A malformed token; the text cannot be read.
 pub(in crate::csg) fn memory_bound(input: &mut dyn BufRead) -> Result<(u64, u64), Stop> {
-    let mut lexer = Lexer::new(input);
+    let mut lexer = Lexer::new(input)?;
     let (mut module, mut name) = (String::new(), String::new());
     let (mut bytes, mut files, mut parts) = (0, 0, 1);
+    // Most sides that something round may have from what is around it.
+    let mut above = 0.0_f64;
     loop {
         match lexer.next()? {
             Token::Name(next) => name = next,
             Token::Sign(b'(') => {
                 module = std::mem::take(&mut name);
                 bytes += MODULE_BYTES;
+                let is_round = matches!(module.as_str(), "sphere" | "cylinder" | "circle");
+                bytes += if is_round { facet_bytes(above) } else { 0 };
                 files += u64::from(matches!(module.as_str(), "mesh" | "import" | "volume"));
                 parts = if module == "offset3d" { PARTS } else { parts };
             }
-            Token::Number(sides) if name == "$fn" => bytes += facet_bytes(sides),
+            Token::Number(sides) if name == "$fn" => match module.as_str() {
+                "sphere" | "cylinder" | "circle" => bytes += facet_bytes(sides),
+                _ => above = above.max(sides.min(super::modules::MAX_SIDES)),
+            },
             Token::Number(_) => bytes += number_bytes(&module),
             Token::End => return Ok((bytes * parts, files)),
             _ => {}

@@ -3,7 +3,9 @@
 use std::io::{self, BufRead};
 
 use super::Stop;
-use crate::csg::fault::expected;
+use crate::csg::fault::{At, expected};
+use crate::fault::bad;
+use crate::text::{mark_bytes, shown};
 
 const LONGEST_WORD: usize = 64;
 const LONGEST_TEXT: usize = 4096;
@@ -26,8 +28,11 @@ pub(super) struct Lexer<'a> {
 }
 
 impl<'a> Lexer<'a> {
-    pub(super) fn new(input: &'a mut dyn BufRead) -> Self {
-        Self { input, line: 1 }
+    /// Tokens of a text, behind the mark of its byte order.
+    pub(super) fn new(input: &'a mut dyn BufRead) -> Result<Self, Stop> {
+        let bytes = mark_bytes(input.fill_buf()?).map_err(|fault| bad!("{fault}"))?;
+        input.consume(bytes);
+        Ok(Self { input, line: 1 })
     }
 
     /// The line that is being read, counted from 1.
@@ -68,8 +73,7 @@ impl<'a> Lexer<'a> {
                     Some(b'*') => self.skip_comment()?,
                     _ => return Ok(true),
                 }
-            } else if byte.is_ascii_whitespace() || matches!(byte, 0xef | 0xbb | 0xbf) {
-                // A mark of the order of bytes, too.
+            } else if byte.is_ascii_whitespace() {
                 self.take()?;
             } else {
                 break;
@@ -130,7 +134,12 @@ impl<'a> Lexer<'a> {
                 Ok(number) if word.ends_with(|c: char| c.is_ascii_digit() || c == '.') => {
                     Ok(Token::Number(number))
                 }
-                _ => Err(self.expected("a value")),
+                _ => Err(bad!(
+                    "{}{} is not a number; write it with digits and a decimal point",
+                    At(self.line),
+                    shown(&word)
+                )
+                .into()),
             },
         }
     }

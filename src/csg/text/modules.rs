@@ -2,12 +2,15 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use super::values::{Arguments, MAX_NAME};
+use super::values::{Arguments, MAX_NAME, Value};
+use crate::csg::bounds::NewSize;
 use crate::csg::facets;
 use crate::csg::fault::{At, bad_size, not_flat, unsupported};
+use crate::csg::offset::moved_to;
 use crate::csg::tree::{Faces, Operation, Shape};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
+use crate::mesh::cut_polygon;
 use crate::text::shown;
 
 /// Most sides of a facetted sphere or cylinder.
@@ -20,6 +23,8 @@ pub(super) enum Block<A> {
     Placed(A),
     /// Children grown by a distance.
     Offset(f64),
+    /// Children stretched to a size.
+    Resized(NewSize),
 }
 
 #[derive(Debug)]
@@ -45,8 +50,18 @@ pub(super) fn meaning(of: &Arguments, extruded: Option<[f64; 2]>, folder: &Path)
         "difference" => joined(Operation::Difference),
         "intersection" => joined(Operation::Intersection),
         "complement" => joined(Operation::Complement),
-        "multmatrix" => {
-            let mut affine = of.matrix()?;
+        "resize" => {
+            let size = of.vector("newsize", 0, 0.0)?.ok_or_else(|| of.wrong("newsize"))?;
+            if size.iter().any(|side| *side < 0.0) {
+                return Err(of.wrong("newsize"));
+            }
+            let mut auto = of.flags("auto", Some(1))?;
+            auto[2] &= extruded.is_none();
+            let size = if extruded.is_some() { [size[0], size[1], 0.0] } else { size };
+            Ok(Meaning::Block(Block::Resized(NewSize { size, auto })))
+        }
+        "multmatrix" | "translate" | "rotate" | "scale" | "mirror" => {
+            let mut affine = place(of)?;
             if extruded.is_some() {
                 // Flat shapes stay in their plane.
                 let [x, y, _] = affine.rows;
@@ -85,6 +100,9 @@ fn taken(module: &str) -> Option<(&'static [&'static str], usize)> {
         "render" => (&["convexity"], 1),
         "color" => (&["c", "alpha"], 2),
         "multmatrix" => (&["m"], 1),
+        "translate" | "scale" | "mirror" => (&["v"], 1),
+        "rotate" => (&["a", "v"], 2),
+        "resize" => (&["newsize", "auto"], 2),
         "linear_extrude" => (
             &[
                 "height",
@@ -127,7 +145,7 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, Fault> {
         }
         "sphere" => {
             let radius = radius(of, "r", "d", Some(0))?.unwrap_or(1.0);
-            match sides(of)? {
+            match sides(of) {
                 Some(sides) if radius > 0.0 => Shape::Faces(facets::sphere(radius, sides)),
                 _ => Shape::Ellipsoid { radii: [radius; 3] },
             }
@@ -141,7 +159,7 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, Fault> {
             let low = radius(of, "r1", "d1", Some(1))?.or(both).unwrap_or(1.0);
             let high = radius(of, "r2", "d2", Some(2))?.or(both).unwrap_or(1.0);
             let start = if of.flag("center", Some(3))? { -height / 2.0 } else { 0.0 };
-            upright([start, start + height], [low, high], sides(of)?)
+            upright([start, start + height], [low, high], sides(of))
         }
         "polyhedron" => polyhedron(of)?,
         "torus" => {
@@ -174,6 +192,71 @@ fn solid(of: &Arguments, folder: &Path) -> Result<Shape, Fault> {
     })
 }
 
+/// The matrix of a module that places its children.
+fn place(of: &Arguments) -> Result<Affine, Fault> {
+    let one = Affine::from_spacing([1.0; 3]);
+    let need = |name, missing| of.vector(name, 0, missing)?.ok_or_else(|| of.wrong(name));
+    match of.module.as_str() {
+        "translate" => match of.value("v", Some(0)) {
+            Some(Value::Number(_)) => Err(of.wrong("v")),
+            _ => Ok(moved_to(need("v", 0.0)?)),
+        },
+        "scale" => Ok(Affine::from_spacing(need("v", 1.0)?)),
+        "rotate" => match of.value("a", Some(0)) {
+            // About x, then y, then z.
+            Some(Value::List(_)) => {
+                let [x, y, z] = need("a", 0.0)?;
+                let turned = [(z, 2), (y, 1), (x, 0)].map(|(angle, axis)| turn(angle, unit(axis)));
+                Ok(turned.iter().fold(one, |all, next| all.after(next)))
+            }
+            _ => {
+                let axis = of.vector("v", 1, 0.0)?.unwrap_or(unit(2));
+                Ok(turn(of.need("a", Some(0))?, axis))
+            }
+        },
+        "mirror" => {
+            let normal = need("v", 0.0)?;
+            let square: f64 = normal.iter().map(|c| c * c).sum();
+            let mut affine = one;
+            for (at, row) in affine.rows.iter_mut().enumerate().filter(|_| square > 0.0) {
+                (0..3).for_each(|k| row[k] -= 2.0 * normal[at] * normal[k] / square);
+            }
+            Ok(affine)
+        }
+        _ => of.matrix(),
+    }
+}
+
+fn unit(axis: usize) -> [f64; 3] {
+    std::array::from_fn(|k| if k == axis { 1.0 } else { 0.0 })
+}
+
+/// A turn by an angle in degrees about an axis (Rodrigues); none about no axis.
+fn turn(degrees: f64, axis: [f64; 3]) -> Affine {
+    let length = axis.iter().map(|c| c * c).sum::<f64>().sqrt();
+    let mut affine = Affine::from_spacing([1.0; 3]);
+    if length == 0.0 {
+        return affine;
+    }
+    let [x, y, z] = axis.map(|c| c / length);
+    // Right angles are whole numbers.
+    let (sin, cos) = match degrees.rem_euclid(360.0) {
+        0.0 => (0.0, 1.0),
+        90.0 => (1.0, 0.0),
+        180.0 => (0.0, -1.0),
+        270.0 => (-1.0, 0.0),
+        angle => angle.to_radians().sin_cos(),
+    };
+    let cross = [[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]];
+    for (at, row) in affine.rows.iter_mut().enumerate() {
+        for k in 0..3 {
+            let same = if at == k { cos } else { 0.0 };
+            row[k] = same + (1.0 - cos) * [x, y, z][at] * [x, y, z][k] + sin * cross[at][k];
+        }
+    }
+    affine
+}
+
 /// A radius, or half of a diameter.
 fn radius(
     of: &Arguments,
@@ -186,13 +269,10 @@ fn radius(
 }
 
 /// Sides of something round; `None` if it is to be round, or has so many sides that it is within 0.008 % of its radius.
-fn sides(of: &Arguments) -> Result<Option<usize>, Fault> {
-    match of.number("$fn", None)? {
-        None => Ok(None),
-        Some(count) if count <= 0.0 || count > MAX_SIDES => Ok(None),
-        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
-        Some(count) => Ok(Some(count.max(3.0) as usize)),
-    }
+fn sides(of: &Arguments) -> Option<usize> {
+    let count = of.facets.filter(|count| *count > 0.0 && *count <= MAX_SIDES)?;
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "3 to 256")]
+    Some(count.max(3.0) as usize)
 }
 
 /// A cylinder, cone or prism around the z axis.
@@ -212,8 +292,13 @@ fn polyhedron(of: &Arguments) -> Result<Shape, Fault> {
     let mut faces = Faces { points, ..Faces::default() };
     faces.triangles.reserve_exact(list.rows().map(|face| face.len().saturating_sub(2)).sum());
     let made = list.each_indices(&mut |face| {
-        facets::fan(&mut faces.triangles, face);
-        face.iter().all(|at| (*at as usize) < faces.points.len()).then_some(())
+        let corners = face.iter().map(|at| faces.points.get(*at as usize).copied());
+        let corners = corners.collect::<Option<Vec<_>>>()?;
+        match cut_polygon(&corners) {
+            Some(cut) => faces.triangles.extend(cut.iter().map(|t| t.map(|at| face[at as usize]))),
+            None => facets::fan(&mut faces.triangles, face),
+        }
+        Some(())
     });
     made.ok_or_else(|| of.wrong("faces"))?;
     Ok(Shape::Faces(faces))
@@ -264,7 +349,7 @@ fn flat(of: &Arguments, z: [f64; 2]) -> Result<Shape, Fault> {
         }
         "circle" => {
             let radius = radius(of, "r", "d", Some(0))?.unwrap_or(1.0);
-            upright(z, [radius; 2], sides(of)?)
+            upright(z, [radius; 2], sides(of))
         }
         _ => {
             let points = of.list("points", Some(0))?.and_then(|list| list.rows_of::<2>());

@@ -6,9 +6,10 @@ use std::path::Path;
 use super::Stop;
 use super::lexer::{Lexer, Token};
 use super::modules::{Block, Meaning, made_bytes, meaning};
-use super::values::Arguments;
-use crate::csg::fault::expected;
+use super::values::{Arguments, MAX_NAME};
+use crate::csg::fault::{At, expected, unsupported, variable};
 use crate::csg::tree::{NodeId, Operation, Tree, boxed, push};
+use crate::fault::bad;
 use crate::geom::Affine;
 
 struct OpenBlock {
@@ -22,6 +23,8 @@ struct OpenBlock {
     left_out: bool,
     /// Has it no braces, but the one module that follows?
     single: bool,
+    /// `$fn` of the modules in it that state none.
+    facets: Option<f64>,
 }
 
 /// Gives room back that a list has no more use for, as the tree grows while the blocks of a deep one are closed.
@@ -60,7 +63,7 @@ pub(in crate::csg) fn parse(
 ) -> Result<(Tree, NodeId), Stop> {
     let top = Block::Joined(Operation::Union);
     let mut parser = Parser {
-        lexer: Lexer::new(input),
+        lexer: Lexer::new(input)?,
         folder,
         most_bytes,
         tree: Tree::new(),
@@ -71,6 +74,7 @@ pub(in crate::csg) fn parse(
             line: 1,
             left_out: false,
             single: false,
+            facets: None,
         }],
         places: Vec::new(),
         waiting: Vec::new(),
@@ -115,11 +119,19 @@ impl Parser<'_> {
             Token::Sign(b'}') if self.open.len() > 1 => self.close()?,
             Token::End if self.open.len() == 1 => return Ok(false),
             Token::End => return Err(expected(self, "} before the end of the file")),
-            Token::Sign(mark @ (b'#' | b'%' | b'*')) => match self.lexer.next()? {
+            Token::Sign(mut mark @ (b'#' | b'%' | b'*')) => {
                 // Background, and what is switched off, is read and left out; # only marks.
-                Token::Name(name) => self.module(name, mark != b'#')?,
-                _ => return Err(expected(self, "the name of a module")),
-            },
+                let mut left_out = false;
+                let name = loop {
+                    left_out |= mark != b'#';
+                    match self.lexer.next()? {
+                        Token::Sign(next @ (b'#' | b'%' | b'*')) => mark = next,
+                        Token::Name(name) => break name,
+                        _ => return Err(expected(self, "the name of a module")),
+                    }
+                };
+                self.module(name, left_out)?;
+            }
             Token::Name(name) => self.module(name, false)?,
             _ => return Err(expected(self, "the name of a module")),
         }
@@ -135,15 +147,23 @@ impl Parser<'_> {
             .map_or((None, false), |above| (above.extruded.as_deref().copied(), above.left_out));
         let left_out = left_out || above_out;
         let expected = |line, what| Stop::from(expected(line, what));
-        if self.lexer.next()? != Token::Sign(b'(') {
-            return Err(expected(self.lexer.line(), "( behind the name of a module"));
+        match self.lexer.next()? {
+            Token::Sign(b'(') => {}
+            Token::Sign(b'=') => return self.assignment(&name, line),
+            Token::Name(_) | Token::Sign(b'<') => return Err(unsupported(line, &name).into()),
+            _ => return Err(expected(self.lexer.line(), "( behind the name of a module")),
         }
         let held = self.bytes();
         let room = self.most_bytes.saturating_sub(held);
-        let arguments = Arguments::read(&mut self.lexer, name, line, room).map_err(|stop| match stop {
-            Stop::Memory { bytes } => Stop::Memory { bytes: held + bytes },
-            other => other,
-        })?;
+        let mut arguments =
+            Arguments::read(&mut self.lexer, name, line, room).map_err(|stop| match stop {
+                Stop::Memory { bytes } => Stop::Memory { bytes: held + bytes },
+                other => other,
+            })?;
+        // A block's fineness is that of what is in it.
+        arguments.facets = self.open.last().and_then(|above| above.facets);
+        arguments.facets = arguments.number("$fn", None)?.or(arguments.facets);
+        let facets = arguments.facets;
         self.hold(arguments.bytes() + made_bytes(&arguments))?;
         let meant = meaning(&arguments, extruded, self.folder)?;
         let union = Block::Joined(Operation::Union);
@@ -157,7 +177,7 @@ impl Parser<'_> {
                 return match self.lexer.next()? {
                     Token::Sign(b';') => self.close_singles(),
                     Token::Sign(b'{') => {
-                        self.begin(union, extruded, line, true);
+                        self.begin(union, extruded, line, true, facets);
                         Ok(())
                     }
                     _ => Err(expected(self.lexer.line(), "; or { behind a module")),
@@ -168,14 +188,14 @@ impl Parser<'_> {
         };
         let token = self.lexer.next()?;
         match token {
-            Token::Sign(b'{') => self.begin(block, extruded, line, left_out),
+            Token::Sign(b'{') => self.begin(block, extruded, line, left_out, facets),
             Token::Sign(b';') => {
-                self.begin(block, extruded, line, left_out);
+                self.begin(block, extruded, line, left_out, facets);
                 self.close()?;
             }
             // As people write it: a module that follows at once is the only child.
             Token::Name(_) | Token::Sign(b'#' | b'%' | b'*') => {
-                self.begin(block, extruded, line, left_out);
+                self.begin(block, extruded, line, left_out, facets);
                 if let Some(open) = self.open.last_mut() {
                     open.single = true;
                 }
@@ -186,7 +206,39 @@ impl Parser<'_> {
         Ok(())
     }
 
-    fn begin(&mut self, block: Block<Affine>, extruded: Option<[f64; 2]>, line: u64, left_out: bool) {
+    /// Reads what a name is set to; of round solids the fineness counts, for all that follows.
+    fn assignment(&mut self, name: &str, line: u64) -> Result<(), Stop> {
+        if !matches!(name, "$fn" | "$fa" | "$fs" | "$fe") {
+            let name: String = name.chars().take(MAX_NAME).collect();
+            return Err(variable(line, &name).into());
+        }
+        let expected = |parser: &Self, what| Stop::from(expected(parser.lexer.line(), what));
+        let Token::Number(number) = self.lexer.next()? else { return Err(expected(self, "a number")) };
+        if self.lexer.next()? != Token::Sign(b';') {
+            return Err(expected(self, "; behind a number"));
+        }
+        if name == "$fn" {
+            let is_late = self.open.len() > 1 || !self.tree.is_empty();
+            if is_late {
+                return Err(bad!(
+                    "{}$fn counts for all that stands before it, too; set it once, in the first line",
+                    At(line)
+                )
+                .into());
+            }
+            self.open.iter_mut().for_each(|top| top.facets = Some(number));
+        }
+        Ok(())
+    }
+
+    fn begin(
+        &mut self,
+        block: Block<Affine>,
+        extruded: Option<[f64; 2]>,
+        line: u64,
+        left_out: bool,
+        facets: Option<f64>,
+    ) {
         let first = self.waiting.len();
         self.boxed_bytes += boxed_bytes(extruded.is_some());
         let extruded = extruded.map(Box::new);
@@ -197,8 +249,9 @@ impl Parser<'_> {
             }
             Block::Joined(operation) => Block::Joined(operation),
             Block::Offset(by) => Block::Offset(by),
+            Block::Resized(size) => Block::Resized(size),
         };
-        push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false });
+        push(&mut self.open, OpenBlock { block, first, extruded, line, left_out, single: false, facets });
     }
 
     /// Closes the block that was opened last, and those whose only child it is.
@@ -227,7 +280,7 @@ impl Parser<'_> {
         let children = &self.waiting[block.first..];
         let operation = match block.block {
             Block::Joined(operation) => operation,
-            Block::Placed(()) | Block::Offset(_) => Operation::Union,
+            Block::Placed(()) | Block::Offset(_) | Block::Resized(_) => Operation::Union,
         };
         let is_one = children.len() == 1 && operation != Operation::Complement;
         let mut node = if is_one { children[0] } else { self.tree.join(operation, children) };
@@ -235,6 +288,12 @@ impl Parser<'_> {
             Block::Joined(_) => {}
             Block::Placed(()) => {
                 node = place.map_or(node, |place| self.tree.placed_of_line(place, node, block.line));
+            }
+            Block::Resized(size) => {
+                let room = self.most_bytes.saturating_sub(self.bytes());
+                let place = self.tree.resized(node, &size, block.line, room)?;
+                let place = place.ok_or_else(|| Stop::Memory { bytes: self.bytes() + room })?;
+                node = self.tree.placed_of_line(place, node, block.line);
             }
             Block::Offset(by) => {
                 let made = self.tree.offset_within(by, node, block.line, self.most_bytes)?;

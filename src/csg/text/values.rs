@@ -31,6 +31,8 @@ pub(super) struct List {
     depth: usize,
     /// Is there anything but numbers?
     mixed: bool,
+    /// The first three of `true` and `false`.
+    flags: Vec<bool>,
 }
 
 impl List {
@@ -94,6 +96,8 @@ impl List {
 pub(super) struct Arguments {
     pub(super) line: u64,
     pub(super) module: String,
+    /// `$fn`, its own or that of the block around it.
+    pub(super) facets: Option<f64>,
     named: Vec<(String, Value)>,
     placed: Vec<Value>,
 }
@@ -117,7 +121,7 @@ impl Arguments {
         line: u64,
         most_bytes: u64,
     ) -> Result<Self, Stop> {
-        let mut all = Self { line, module, named: Vec::new(), placed: Vec::new() };
+        let mut all = Self { line, module, facets: None, named: Vec::new(), placed: Vec::new() };
         let missing = |line: u64, what| Stop::from(expected(line, what));
         let mut token = lexer.next()?;
         while token != Token::Sign(b')') {
@@ -140,7 +144,11 @@ impl Arguments {
                 other => other,
             })?;
             match name {
+                Some(name) if all.named.iter().any(|(known, _)| *known == name) => {
+                    return Err(all.twice(&name).into());
+                }
                 Some(name) => all.named.push((name, value)),
+                None if !all.named.is_empty() => return Err(all.surplus(&value).into()),
                 None => all.placed.push(value),
             }
             token = match lexer.next()? {
@@ -150,6 +158,24 @@ impl Arguments {
             };
         }
         Ok(all)
+    }
+
+    /// The refusal of a second value of a name.
+    fn twice(&self, name: &str) -> Fault {
+        let name: String = name.chars().take(MAX_NAME).collect();
+        bad!("{}{} has {} twice; leave one out", At(self.line), shown(&self.module), shown(&name))
+    }
+
+    /// The refusal of a value without a name behind one with a name: mostly the decimals behind a comma.
+    fn surplus(&self, value: &Value) -> Fault {
+        let (at, module) = (At(self.line), shown(&self.module));
+        let text = match value {
+            Value::Number(number) => format!("{number} "),
+            _ => String::new(),
+        };
+        bad!(
+            "{at}{module} has a value {text}without a name behind one with a name; write decimals behind a point, and values without names first"
+        )
     }
 
     /// Memory that its lists hold.
@@ -172,6 +198,10 @@ impl Arguments {
             .named
             .iter()
             .find(|(name, _)| !known.contains(&name.as_str()) && !SPECIAL.contains(&name.as_str()));
+        let given = known.iter().take(self.placed.len().min(places));
+        if let Some(name) = given.clone().find(|name| self.named.iter().any(|(own, _)| own == *name)) {
+            return Err(self.twice(name));
+        }
         let argument = stranger.map(|(name, _)| name.chars().take(MAX_NAME).collect::<String>());
         if argument.is_none() && self.placed.len() <= places {
             return Ok(());
@@ -247,6 +277,36 @@ impl Arguments {
         }
     }
 
+    /// Two or three numbers, or one for all; `missing` is the third of two.
+    pub(super) fn vector(
+        &self,
+        name: &'static str,
+        place: usize,
+        missing: f64,
+    ) -> Result<Option<[f64; 3]>, Fault> {
+        let flat = self.list(name, Some(place)).ok().flatten().filter(|list| list.numbers.len() == 2);
+        let vector = match flat {
+            Some(_) => self.numbers::<2>(name, Some(place))?.map(|[x, y]| [x, y, missing]),
+            None => self.numbers::<3>(name, Some(place))?,
+        };
+        if vector.is_some_and(|v| !v.iter().all(|c| c.is_finite())) {
+            Err(self.wrong(name))
+        } else {
+            Ok(vector)
+        }
+    }
+
+    /// Yes or no for each axis; one stands for all.
+    pub(super) fn flags(&self, name: &'static str, place: Option<usize>) -> Result<[bool; 3], Fault> {
+        match self.value(name, place) {
+            Some(Value::List(list)) if list.depth == 1 && list.numbers.is_empty() => {
+                let flags = list.flags.as_slice();
+                flags.try_into().map_err(|_| self.wrong(name))
+            }
+            _ => Ok([self.flag(name, place)?; 3]),
+        }
+    }
+
     /// The matrix of `multmatrix`, whose last row is 0, 0, 0, 1.
     pub(super) fn matrix(&self) -> Result<Affine, Fault> {
         let wrong = || self.wrong("m");
@@ -278,20 +338,29 @@ fn value(lexer: &mut Lexer<'_>, token: Token, most_bytes: u64) -> Result<Value, 
     }
 }
 
-/// The list behind an opening bracket.
+/// The list behind an opening bracket. Items are separated by commas, of which one may stand behind the last.
 fn list(lexer: &mut Lexer<'_>, most_bytes: u64) -> Result<List, Stop> {
     let mut all = List { depth: 1, ..List::default() };
     let mut depth = 1;
+    // True behind an item, where a comma or the end has to follow.
+    let mut behind = false;
     loop {
-        match lexer.next()? {
+        let token = lexer.next()?;
+        let is_item = matches!(token, Token::Number(_) | Token::Text(_) | Token::Name(_) | Token::Sign(b'['));
+        if is_item && std::mem::replace(&mut behind, true) || token == Token::Sign(b',') && !behind {
+            return Err(expected(lexer.line(), "one comma between the items of a list").into());
+        }
+        match token {
             Token::Sign(b'[') if depth < DEEPEST => {
                 // A number before a list is in none.
                 all.mixed |= depth == 1 && all.ends.last().copied().unwrap_or(0) != all.numbers.len();
                 depth += 1;
                 all.depth = all.depth.max(depth);
+                behind = false;
             }
             Token::Sign(b']') => {
                 depth -= 1;
+                behind = true;
                 match depth {
                     0 => return Ok(all),
                     1 => push(&mut all.ends, all.numbers.len()),
@@ -302,7 +371,11 @@ fn list(lexer: &mut Lexer<'_>, most_bytes: u64) -> Result<List, Stop> {
             Token::Sign(b',') if all.bytes() > most_bytes => {
                 return Err(Stop::Memory { bytes: all.bytes() });
             }
-            Token::Sign(b',') => {}
+            Token::Sign(b',') => behind = false,
+            Token::Name(word) if all.flags.len() < 3 && matches!(word.as_str(), "true" | "false") => {
+                all.mixed = true;
+                all.flags.push(word == "true");
+            }
             Token::Text(_) | Token::Name(_) => all.mixed = true,
             Token::Sign(_) | Token::End => {
                 return Err(expected(lexer.line(), "the ] of a list").into());

@@ -21,6 +21,8 @@ const MAX_TEXELS: u64 = 1 << 24;
 const MAX_TEXELS_PER_BYTE: u64 = 64;
 
 const UNKNOWN: &str = "is not read: it is not a PNG or JPEG of 8 bits in grey or colour; convert it";
+const WEBP: &str = "is a WebP image, which is not read; write it as PNG or JPEG";
+const KTX: &str = "is a KTX2 image, which is not read; write it as PNG or JPEG";
 const DAMAGED: &str = "is damaged or cut short; copy it again";
 
 /// Why an image is refused: it is wrong or unreadable, or the scratch file cannot be written.
@@ -128,12 +130,14 @@ impl RowSink for Width {
 /// Hands the rows of an image on; what an image says of transparency is left out.
 pub(super) fn read(image: &Image, folder: &Path, rows: &mut dyn Rows) -> Result<(), Stop> {
     let mut run = range_of(image);
-    let mut head = [0; 4];
+    let mut head = [0; 12];
     let _short = run.read(&mut head).map_err(Stop::Read)?;
     run.at = 0;
     match head {
-        [0x89, b'P', b'N', b'G'] => read_png(run, folder, rows),
-        [0xff, 0xd8, 0xff, _] => read_jpeg(run, rows),
+        [0x89, b'P', b'N', b'G', ..] => read_png(run, folder, rows),
+        [0xff, 0xd8, 0xff, ..] => read_jpeg(run, rows),
+        [b'R', b'I', b'F', b'F', .., b'W', b'E', b'B', b'P'] => Err(Stop::Wrong(WEBP.into())),
+        [0xab, b'K', b'T', b'X', ..] => Err(Stop::Wrong(KTX.into())),
         _ => Err(Stop::Wrong(UNKNOWN.into())),
     }
 }

@@ -10,6 +10,7 @@
 //! | `stl` | STL, binary and text |
 //! | `ply` | PLY, binary of either order and text |
 //! | `obj`, `text` | OBJ with MTL; OFF, and what text has in common |
+//! | `polygon` | faces of more than three corners |
 //! | `gltf` | glTF, binary and text |
 //! | `threemf`, `zip`, `xml` | 3MF, its archive and its text |
 //! | `linked`, `look` | files that a mesh names; colours and textures |
@@ -22,6 +23,7 @@ mod look;
 mod obj;
 mod parts;
 mod ply;
+mod polygon;
 mod stl;
 mod stop;
 mod stream;
@@ -39,10 +41,11 @@ use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::mesh::read::stop::unknown_format;
 use crate::platform;
-use crate::text::shown;
+use crate::text::{plain_head, shown};
 use crate::volume::{SourceError, SourceFault};
 pub(super) use linked::missing;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
+pub(crate) use polygon::cut as cut_polygon;
 use stop::{Each, EachLook};
 pub(super) use stop::{Stop, not_finite};
 
@@ -68,10 +71,11 @@ impl Format {
         if stl::binary_triangles(head, bytes).is_some() {
             return Some(Self::Stl);
         }
-        if head.starts_with(b"ply\n") || head.starts_with(b"ply\r") {
+        let text = plain_head(head);
+        if ply::is_ply(&text) {
             return Some(Self::Ply);
         }
-        if text::is_off(head) {
+        if text::is_off(&text) {
             return Some(Self::Off);
         }
         if stl::is_text(head) || named("stl") {
@@ -80,10 +84,9 @@ impl Format {
         if gltf::is_binary(head) || named("gltf") {
             return Some(Self::Gltf);
         }
-        if named("3mf") {
-            return Some(Self::ThreeMf);
-        }
-        named("obj").then_some(Self::Obj)
+        // A mark of UTF-16, or no word that tells.
+        let by_name = [Self::ThreeMf, Self::Ply, Self::Off, Self::Obj];
+        by_name.into_iter().find(|format| named(format.name()))
     }
 
     fn name(self) -> &'static str {
@@ -140,7 +143,7 @@ pub(crate) fn check(path: &Path, follow_links: bool) -> Result<(), SourceError> 
                 gltf::open(file, bytes, path, &Limits { follow_links, ..Limits::plain(&scratch) }).map(drop)
             }
             Format::ThreeMf => threemf::check(&file, bytes),
-            Format::Obj | Format::Off => Ok(()),
+            Format::Obj | Format::Off => stream::mark(&head).map(drop).map_err(Stop::from),
         }
     };
     check().map_err(|stop| error_of(path, path, stop))
@@ -227,7 +230,13 @@ impl MeshFile {
         let (file, bytes, head, format) = open_file(path)?;
         let kind = match format {
             Format::Stl => match stl::triangles(&head, bytes)? {
-                Some(triangles) => Kind::StlBinary { file, triangles },
+                Some((triangles, behind)) => {
+                    let lacks = stl::lack(triangles, behind).into_iter().collect();
+                    return Ok((
+                        Kind::StlBinary { file, triangles },
+                        Summary { lacks, ..Summary::default() },
+                    ));
+                }
                 None => Kind::StlText { file },
             },
             Format::Ply => {
@@ -254,7 +263,7 @@ impl MeshFile {
         self.summary.parts.max(1)
     }
 
-    /// Calls `each` with every triangle; faces with more vertices are cut into a fan.
+    /// Calls `each` with every triangle; faces with more vertices are cut.
     ///
     /// # Errors
     /// The file is wrong, or `each` fails.

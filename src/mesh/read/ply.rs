@@ -5,13 +5,17 @@
 use std::fs::File;
 
 use super::Limits;
+use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
-use super::stream::{Stream, Token, Words, head};
-use super::text::{Faces, Fan};
+use super::stream::{Stream, Token, Words, head, mark};
+use super::text::{Faces, Fan, Polygons};
 use super::vertex_looks::{VertexLooks, light};
-use super::vertices::{MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
+use super::vertices::{FEW_PAGES, MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
-use crate::mesh::read::stop::{bad_index, count_lies, cut_short, no_coordinates, no_faces};
+use crate::mesh::read::stop::{
+    bad_index, count_lies, cut_short, no_coordinates, no_faces, only_points, unknown_format,
+};
+use crate::text::plain_head;
 
 const MAX_HEADER: u64 = 64 << 10;
 
@@ -19,7 +23,8 @@ const MAX_HEADER: u64 = 64 << 10;
 pub(super) enum Ply {
     /// Faces are read from the file itself.
     Binary(Binary),
-    Text(Faces),
+    /// Text, and binary files whose elements come in an order or with lists that are seldom.
+    Written(Faces),
 }
 
 #[derive(Debug)]
@@ -94,6 +99,14 @@ enum Name {
     Other,
 }
 
+impl Property {
+    /// True for the list of a face's vertices.
+    fn is_corners(&self) -> bool {
+        let whole = !matches!(self.value, Number::F32 | Number::F64);
+        self.name == Name::Corners && self.length.is_some() && whole
+    }
+}
+
 impl Name {
     /// Puts the value of a property of this name in its place, if it is one of three.
     fn put(self, value: f64, names: [Self; 3], values: &mut [f64; 3]) {
@@ -146,10 +159,43 @@ struct Header {
 }
 
 impl Header {
+    /// Most elements of a kind that so many bytes may hold.
+    fn held(&self, element: &Element, bytes: u64) -> u64 {
+        let of_text = 2 * element.properties.len() as u64;
+        bytes / if self.form == Form::Text { of_text } else { element.least() }.max(1) + 1
+    }
+
+    /// The numbers of the elements that hold vertices and faces.
+    fn used(&self, bytes: u64) -> Result<[usize; 2], Stop> {
+        let vertex = self.elements.iter().position(|e| e.kind == Kind::Vertex).ok_or_else(no_coordinates)?;
+        coordinates(&self.elements[vertex].properties)?;
+        let (count, held) = (self.elements[vertex].count, self.held(&self.elements[vertex], bytes));
+        if count > held {
+            return Err(count_lies(count, held).into());
+        }
+        let faces = |e: &&Element| e.kind.has_corners() && e.count > 0;
+        if !self.elements.iter().any(|e| faces(&e)) {
+            return Err(only_points().into());
+        }
+        let lists = |e: &Element| faces(&e) && e.properties.iter().any(Property::is_corners);
+        Ok([vertex, self.elements.iter().position(lists).ok_or_else(no_faces)?])
+    }
+
+    /// True where faces can be read from the file itself: all that comes before them has records of one length.
+    fn is_usual(&self, [vertex, face]: [usize; 2]) -> bool {
+        let fixed = || self.elements.iter().take(face).all(|e| e.record().is_some());
+        let small = self.elements[vertex].record().is_some_and(|bytes| bytes <= MAX_RECORD);
+        self.form != Form::Text && vertex < face && small && fixed()
+    }
+
     fn read(file: &File) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0, 1);
-        let cr_alone =
-            head(file).map_err(Stop::Read)?.get(3..5).is_some_and(|end| end[0] == b'\r' && end[1] != b'\n');
+        let mut words = Words::begin(file)?;
+        let head = head(file).map_err(Stop::Read)?;
+        if !is_ply(&plain_head(&head)) {
+            return Err(unknown_format().into());
+        }
+        let end = head.get(mark(&head)? + 3..).and_then(|rest| rest.get(..2));
+        let cr_alone = end.is_some_and(|end| end[0] == b'\r' && end[1] != b'\n');
         words.cr_alone = cr_alone;
         words.skip_line()?;
         let (mut form, mut elements, mut texture) = (None, Vec::<Element>::new(), None);
@@ -184,9 +230,11 @@ impl Header {
                         _ => Kind::Other,
                     };
                     words.must()?;
-                    let digits = std::str::from_utf8(words.word()).map_err(|_| wrong())?;
-                    let count = digits.parse().map_err(|_| wrong())?;
+                    let digits = std::str::from_utf8(words.word()).ok();
+                    let count = digits.and_then(|digits| digits.parse().ok()).ok_or_else(|| words.wrong())?;
                     elements.push(Element { kind, count, properties: Vec::new() });
+                    words.end_of_line("its element")?;
+                    continue;
                 }
                 b"property" => {
                     let element = elements.last_mut().ok_or_else(wrong)?;
@@ -240,14 +288,17 @@ impl Header {
     }
 }
 
+/// Does it begin as a PLY file?
+pub(super) fn is_ply(head: &[u8]) -> bool {
+    head.strip_prefix(b"ply").is_some_and(|rest| rest.first().is_some_and(u8::is_ascii_whitespace))
+}
+
 /// Looks at the header alone.
 pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
     let header = Header::read(&file)?;
-    match header.form {
-        // The length of a text contradicts nothing in its header.
-        Form::Text => Ok(()),
-        form => Binary::open(file, bytes, header, form == Form::Big).map(drop),
-    }
+    let used = header.used(bytes)?;
+    // The length of a text contradicts nothing in its header.
+    if header.is_usual(used) { Binary::open(file, bytes, header, used).map(drop) } else { Ok(()) }
 }
 
 impl Ply {
@@ -255,13 +306,13 @@ impl Ply {
     pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Self, Option<String>), Stop> {
         let mut header = Header::read(&file)?;
         let texture = header.texture.take();
-        let open = match header.form {
-            Form::Text => Self::Text(read_text(&file, bytes, &header, *limits)?),
-            form => {
-                let mut binary = Binary::open(file, bytes, header, form == Form::Big)?;
-                binary.face_colors = binary.face_colors.filter(|_| limits.colors);
-                Self::Binary(binary)
-            }
+        let used = header.used(bytes)?;
+        let open = if header.is_usual(used) {
+            let mut binary = Binary::open(file, bytes, header, used)?;
+            binary.face_colors = binary.face_colors.filter(|_| limits.colors);
+            Self::Binary(binary)
+        } else {
+            Self::Written(write_out(&file, bytes, &header, used, *limits)?)
         };
         Ok((open, texture))
     }
@@ -281,7 +332,7 @@ impl Ply {
     ) -> Result<(), Stop> {
         match self {
             Self::Binary(binary) => binary.for_each_of(make, each),
-            Self::Text(faces) => faces.for_each_of(make, each),
+            Self::Written(faces) => faces.for_each_of(make, each),
         }
     }
 
@@ -289,7 +340,7 @@ impl Ply {
     pub(super) fn has_looks(&self) -> [bool; 2] {
         let (looks, of_faces) = match self {
             Self::Binary(binary) => (&binary.looks, binary.face_colors.is_some()),
-            Self::Text(faces) => (faces.looks(), faces.looks().of_triangles.is_some()),
+            Self::Written(faces) => (faces.looks(), faces.looks().of_triangles.is_some()),
         };
         [of_faces || looks.colors.is_some(), looks.normals.is_some()]
     }
@@ -298,16 +349,16 @@ impl Ply {
     pub(super) fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         match self {
             Self::Binary(binary) => binary.for_each_look(each),
-            Self::Text(faces) => faces.for_each_look(each),
+            Self::Written(faces) => faces.for_each_look(each),
         }
     }
 }
 
 /// Where three values of these names stand in a record of single values.
-fn fields(element: &Element, names: [Name; 3]) -> Option<[(usize, Number); 3]> {
+fn fields(properties: &[Property], names: [Name; 3]) -> Option<[(usize, Number); 3]> {
     let mut fields = [None; 3];
     let mut at = 0;
-    for property in &element.properties {
+    for property in properties {
         let place = names.iter().position(|n| *n == property.name);
         if let (Some(place), None) = (place, property.length) {
             fields[place] = Some((at, property.value));
@@ -321,8 +372,8 @@ fn fields(element: &Element, names: [Name; 3]) -> Option<[(usize, Number); 3]> {
 }
 
 /// Where x, y and z stand.
-fn coordinates(element: &Element) -> Result<[(usize, Number); 3], Stop> {
-    Ok(fields(element, PLACE).ok_or_else(no_coordinates)?)
+fn coordinates(properties: &[Property]) -> Result<[(usize, Number); 3], Stop> {
+    Ok(fields(properties, PLACE).ok_or_else(no_coordinates)?)
 }
 
 /// By what stored colours become 0 to 1.
@@ -335,62 +386,46 @@ fn color_scale([(_, number), ..]: [(usize, Number); 3]) -> f64 {
 }
 
 impl Binary {
-    fn open(file: File, bytes: u64, header: Header, big: bool) -> Result<Self, Stop> {
-        let mut at = header.end;
-        let mut vertices = None;
-        let mut looks = VertexLooks::default();
-        for element in header.elements {
-            let left = bytes.saturating_sub(at);
+    fn open(file: File, bytes: u64, header: Header, [vertex, face]: [usize; 2]) -> Result<Self, Stop> {
+        let big = header.form == Form::Big;
+        let mut elements = header.elements;
+        let mut starts = vec![header.end];
+        for (number, element) in elements.iter().take(face + 1).enumerate() {
+            let at = starts[number];
             // Every element fits, or the file lies.
-            let least = element.count.saturating_mul(element.least().max(1));
-            if element.kind != Kind::Other && least > left {
-                let held = left / element.least().max(1);
+            let least = element.least().max(1);
+            let held = bytes.saturating_sub(at) / least;
+            if element.count > held && (number == vertex || number == face) {
                 return Err(count_lies(element.count, held).into());
             }
-            match element.kind {
-                Kind::Vertex => {
-                    let fields = coordinates(&element)?;
-                    let record = element.record().filter(|r| *r <= MAX_RECORD);
-                    let record = record.ok_or_else(no_coordinates)?;
-                    let count = element.count;
-                    let of = |fields| -> Result<Vertices, Stop> {
-                        let file = file.try_clone().map_err(Stop::Read)?;
-                        Ok(Vertices { file, offset: at, record, fields, big, count })
-                    };
-                    if let Some(fields) = self::fields(&element, COLOR) {
-                        looks.colors = Some((of(fields)?, color_scale(fields)));
-                    }
-                    looks.normals = self::fields(&element, NORMAL).map(of).transpose()?;
-                    vertices = Some(of(fields)?);
-                }
-                Kind::Face | Kind::Strips => {
-                    let corners = element.properties.iter().position(|p| {
-                        p.name == Name::Corners
-                            && p.length.is_some()
-                            && !matches!(p.value, Number::F32 | Number::F64)
-                    });
-                    let (Some(corners), Some(vertices)) = (corners, vertices) else {
-                        return Err(no_faces().into());
-                    };
-                    let colors = fields(&element, COLOR).filter(|_| looks.colors.is_none());
-                    return Ok(Self {
-                        looks,
-                        kind: element.kind,
-                        face_colors: colors.filter(|_| element.kind == Kind::Face).map(color_scale),
-                        vertices,
-                        offset: at,
-                        faces: element.count,
-                        properties: element.properties,
-                        corners,
-                        file,
-                    });
-                }
-                Kind::Other => {}
-            }
-            let record = element.record().ok_or_else(no_faces)?;
-            at = at.saturating_add(element.count.saturating_mul(record));
+            // The last one's record does not matter.
+            starts.push(at.saturating_add(element.count.saturating_mul(element.record().unwrap_or(0))));
         }
-        Err(no_faces().into())
+        let of = |fields| -> Result<Vertices, Stop> {
+            let file = file.try_clone().map_err(Stop::Read)?;
+            let record = elements[vertex].record().ok_or_else(no_coordinates)?;
+            Ok(Vertices { file, offset: starts[vertex], record, fields, big, count: elements[vertex].count })
+        };
+        let vertices = of(coordinates(&elements[vertex].properties)?)?;
+        let colors =
+            fields(&elements[vertex].properties, COLOR).map(|at| Ok::<_, Stop>((of(at)?, color_scale(at))));
+        let normals = fields(&elements[vertex].properties, NORMAL).map(of).transpose()?;
+        let looks = VertexLooks { colors: colors.transpose()?, normals, ..VertexLooks::default() };
+        let Element { kind, count: faces, properties } = elements.swap_remove(face);
+        let corners = properties.iter().position(Property::is_corners).ok_or_else(no_faces)?;
+        let of_faces = looks.colors.is_none() && kind == Kind::Face;
+        let face_colors = fields(&properties, COLOR).filter(|_| of_faces).map(color_scale);
+        Ok(Self {
+            vertices,
+            looks,
+            offset: starts[face],
+            faces,
+            kind,
+            properties,
+            corners,
+            face_colors,
+            file,
+        })
     }
 
     fn for_each_of<P: Copy>(
@@ -400,6 +435,7 @@ impl Binary {
     ) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::of(&self.vertices, PAGES, make);
+        let mut plain = None;
         let mut triangles = 0;
         // Nearly all files: faces are lists of 32 bits with a count of 8, and nothing else.
         let usual = !self.vertices.big
@@ -416,7 +452,8 @@ impl Binary {
                 each(&t, triangles)?;
                 continue;
             }
-            self.face(&mut stream, face, &mut |at| pages.get(at.into(), face), &mut |t| {
+            let plain = plain.get_or_insert_with(|| Pages::new(&self.vertices, FEW_PAGES));
+            self.face(&mut stream, face, plain, &mut |at| pages.get(at.into(), face), &mut |t| {
                 triangles += 1;
                 each(&t, triangles)
             })?;
@@ -424,11 +461,13 @@ impl Binary {
         Ok(())
     }
 
-    /// Reads a face: `vertex` makes something of the number of every vertex, `each` takes the triangles.
+    /// Reads a face: `vertex` makes something of the number of every vertex, `each` takes the triangles; by their
+    /// places polygons are cut.
     fn face<V: Copy>(
         &self,
         stream: &mut Stream<'_>,
         face: u64,
+        places: &mut Pages<'_>,
         vertex: &mut impl FnMut(u32) -> Result<V, Stop>,
         each: &mut impl FnMut([V; 3]) -> Result<(), Stop>,
     ) -> Result<(), Stop> {
@@ -442,6 +481,23 @@ impl Binary {
             let count = u64::try_from(whole(stream, length, big)?).map_err(bad)?;
             if at != self.corners {
                 stream.skip(property.value.bytes().saturating_mul(count));
+                continue;
+            }
+            let corners = usize::try_from(count).unwrap_or(usize::MAX);
+            if self.kind == Kind::Face && (4..=polygon::MAX_CORNERS).contains(&corners) {
+                let mut polygon = Vec::with_capacity(corners);
+                let mut points = Vec::with_capacity(corners);
+                for _ in 0..corners {
+                    let index = u32::try_from(whole(stream, property.value, big)?).map_err(bad)?;
+                    points.push(places.get(index.into(), face)?);
+                    polygon.push(vertex(index)?);
+                }
+                match polygon::cut(&points) {
+                    Some(cut) => cut.iter().try_for_each(|t| each(t.map(|at| polygon[at as usize])))?,
+                    None => {
+                        (2..corners).try_for_each(|at| each([polygon[0], polygon[at - 1], polygon[at]]))?;
+                    }
+                }
                 continue;
             }
             let mut fan = self.kind.fan();
@@ -464,6 +520,7 @@ impl Binary {
     fn for_each_look(&self, each: &mut EachLook<'_>) -> Result<(), Stop> {
         let mut stream = Stream::new(&self.file, self.offset);
         let mut pages = Pages::new(&self.vertices, PAGES);
+        let mut places = Pages::new(&self.vertices, FEW_PAGES);
         let mut looks = self.looks.open();
         let mut triangles = 0;
         // The colour of a face may stand behind its corners, whose number has no bound: another stream runs ahead.
@@ -473,7 +530,7 @@ impl Binary {
             if let Some((stream, scale)) = &mut ahead {
                 color = Some(light(self.face_color(stream)?.map(|c| c * *scale)));
             }
-            self.face(&mut stream, face, &mut Ok, &mut |corners| {
+            self.face(&mut stream, face, &mut places, &mut Ok, &mut |corners| {
                 triangles += 1;
                 let mut t = [[0.0; 3]; 3];
                 for (out, corner) in t.iter_mut().zip(corners) {
@@ -551,90 +608,127 @@ fn written(spools: [Option<(Spool, f64)>; 3]) -> Result<VertexLooks, Stop> {
     Ok(VertexLooks { colors: colors?, normals, of_triangles: of_triangles? })
 }
 
-fn read_text(
+/// The values of elements, one after the other.
+enum Values<'a> {
+    Text(Words<'a>),
+    /// The highest byte first, if so.
+    Binary(Stream<'a>, bool),
+}
+
+impl Values<'_> {
+    fn real(&mut self, number: Number) -> Result<f64, Stop> {
+        match self {
+            Self::Text(words) => {
+                words.must_anywhere()?;
+                words.as_number()
+            }
+            Self::Binary(stream, big) => real(stream, number, *big),
+        }
+    }
+
+    fn whole(&mut self, number: Number) -> Result<i64, Stop> {
+        match self {
+            Self::Text(words) => {
+                words.must_anywhere()?;
+                words.as_whole()
+            }
+            Self::Binary(stream, big) => whole(stream, number, *big),
+        }
+    }
+
+    /// The length of a list.
+    fn count(&mut self, number: Number) -> Result<u64, Stop> {
+        let count = self.whole(number)?;
+        u64::try_from(count).map_err(|_| match self {
+            Self::Text(words) => words.wrong(),
+            Self::Binary(..) => bad!("has a list of {count} items; repair the file").into(),
+        })
+    }
+
+    /// Lines of text have one element each; a number more would be taken for the next one's.
+    fn end(&mut self) -> Result<(), Stop> {
+        match self {
+            Self::Text(words) => words.end_of_line("its element"),
+            Self::Binary(..) => Ok(()),
+        }
+    }
+}
+
+/// Writes vertices and triangles out, from text or from elements of any order and length.
+fn write_out(
     file: &File,
     bytes: u64,
     header: &Header,
+    [vertex, face]: [usize; 2],
     Limits { scratch, looks, colors: colored, .. }: Limits<'_>,
 ) -> Result<Faces, Stop> {
-    let mut words = Words::new(file, header.end, header.line);
-    words.cr_alone = header.cr_alone;
+    let mut values = match header.form {
+        Form::Text => {
+            let mut words = Words::new(file, header.end, header.line);
+            words.cr_alone = header.cr_alone;
+            Values::Text(words)
+        }
+        form => Values::Binary(Stream::new(file, header.end), form == Form::Big),
+    };
     let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
-    let (mut colors, mut normals, mut of_triangles) = (None, None, None);
-    let spool = |fields: Option<[(usize, Number); 3]>| {
+    let mut polygons = Polygons::new(scratch);
+    let spool = |number: usize, names, wanted: bool| {
+        let fields = fields(&header.elements[number].properties, names).filter(|_| wanted);
         fields.map(|fields| (Spool::new(scratch), color_scale(fields)))
     };
-    let mut has_vertices = false;
-    for element in &header.elements {
-        // Every value takes two bytes at least.
-        let held = bytes / (2 * element.properties.len().max(1) as u64) + 1;
+    let (mut colors, mut normals) = (spool(vertex, COLOR, looks), spool(vertex, NORMAL, looks));
+    let kind = header.elements[face].kind;
+    let mut of_triangles = spool(face, COLOR, colored && colors.is_none() && kind == Kind::Face);
+    for (number, element) in header.elements.iter().enumerate().take(vertex.max(face) + 1) {
+        let least =
+            if header.form == Form::Text { 2 * element.properties.len() as u64 } else { element.least() };
+        let held = bytes / least.max(1) + 1;
         if element.count > held {
             return Err(count_lies(element.count, held).into());
-        }
-        match element.kind {
-            Kind::Vertex => {
-                coordinates(element)?;
-                if looks {
-                    colors = spool(fields(element, COLOR)).or(colors);
-                    normals = spool(fields(element, NORMAL)).or(normals);
-                }
-                has_vertices = true;
-            }
-            Kind::Face | Kind::Strips => {
-                let lists = |p: &Property| p.name == Name::Corners && p.length.is_some();
-                if !has_vertices || !element.properties.iter().any(lists) {
-                    return Err(no_faces().into());
-                }
-                let own = fields(element, COLOR);
-                let own = own.filter(|_| colored && colors.is_none() && element.kind == Kind::Face);
-                of_triangles = spool(own).or(of_triangles);
-            }
-            Kind::Other => {}
         }
         for at in 0..element.count {
             let (mut point, mut color, mut normal) = ([0.0; 3], [0.0; 3], [0.0; 3]);
             let mut added = 0_u64;
             for property in &element.properties {
-                words.must_anywhere()?;
-                if property.length.is_none() {
-                    if element.kind == Kind::Vertex || of_triangles.is_some() {
-                        let value = words.as_number()?;
-                        let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
-                        for (names, values) in kinds {
-                            property.name.put(value, names, values);
-                        }
+                let Some(length) = property.length else {
+                    let value = values.real(property.value)?;
+                    let kinds = [(PLACE, &mut point), (COLOR, &mut color), (NORMAL, &mut normal)];
+                    for (names, out) in kinds {
+                        property.name.put(value, names, out);
                     }
                     continue;
-                }
-                let count = u64::try_from(words.as_whole()?).map_err(|_| words.wrong())?;
-                let mut fan = element.kind.fan();
+                };
+                let bad = |_| bad_index(at + 1, header.elements[vertex].count);
+                let count = values.count(length)?;
+                let (mut fan, first) = (element.kind.fan(), triangles.count);
                 for _ in 0..count {
-                    words.must_anywhere()?;
-                    if !element.kind.has_corners() || property.name != Name::Corners {
+                    if number != face || !property.is_corners() {
+                        values.real(property.value)?;
                         continue;
                     }
-                    if element.kind == Kind::Strips && words.word() == b"-1" {
+                    let index = values.whole(property.value)?;
+                    if index == -1 && kind == Kind::Strips {
                         fan = Fan::strip();
                         continue;
                     }
-                    let index =
-                        u32::try_from(words.as_whole()?).map_err(|_| bad_index(at + 1, vertices.count))?;
-                    if let Some(t) = fan.next(index) {
+                    if let Some(t) = fan.next(u32::try_from(index).map_err(bad)?) {
                         triangles.numbers(t)?;
                         added += 1;
                     }
                 }
+                if number == face && kind == Kind::Face {
+                    polygons.fan(first, triangles.count)?;
+                }
             }
-            // An element has lines of its own; a number more would be taken for the next one's.
             if !element.properties.is_empty() {
-                words.end_of_line()?;
+                values.end()?;
             }
-            if let (Kind::Face, Some((spool, _))) = (element.kind, &mut of_triangles) {
+            if let (true, Some((spool, _))) = (number == face, &mut of_triangles) {
                 for _ in 0..added {
                     spool.vertex(color)?;
                 }
             }
-            if element.kind == Kind::Vertex {
+            if number == vertex {
                 vertices.vertex(point)?;
                 for (spool, value) in [(&mut colors, color), (&mut normals, normal)] {
                     if let Some((spool, _)) = spool {
@@ -643,9 +737,8 @@ fn read_text(
                 }
             }
         }
-        if element.kind.has_corners() {
-            return Faces::of(vertices, triangles, written([colors, normals, of_triangles])?);
-        }
     }
-    Err(no_faces().into())
+    let faces = Faces::of(vertices, triangles, written([colors, normals, of_triangles])?)?;
+    faces.cut(polygons, None)?;
+    Ok(faces)
 }

@@ -1,10 +1,11 @@
-//! STL: binary if and only if its length is that of the triangles that it states, else text.
+//! STL: binary if its length is that of the triangles that it states, or if it does not begin like text, else text.
 
 use std::fs::File;
 
 use super::stop::{Each, Stop, finite};
-use super::stream::{Stream, Token, Words};
+use super::stream::{Stream, Token, Words, mark};
 use crate::mesh::read::stop::{count_lies, cut_short, not_finite};
+use crate::text::plain_head;
 
 /// Bytes before the first triangle, and of each.
 const HEADER: u64 = 84;
@@ -21,18 +22,32 @@ fn stated(head: &[u8]) -> Option<u64> {
     Some(u32::from_le_bytes(*count).into())
 }
 
-/// Triangles of a binary file; `None` for text.
-pub(super) fn triangles(head: &[u8], bytes: u64) -> Result<Option<u64>, Stop> {
-    match (binary_triangles(head, bytes), stated(head)) {
-        (None, stated) if !is_text(head) => Err(stated
-            .map_or(cut_short(), |stated| count_lies(stated, bytes.saturating_sub(HEADER) / RECORD))
-            .into()),
-        (triangles, _) => Ok(triangles),
+/// Triangles of a binary file, and bytes behind the last one; `None` for text.
+pub(super) fn triangles(head: &[u8], bytes: u64) -> Result<Option<(u64, u64)>, Stop> {
+    let stated = stated(head);
+    let behind = |stated: u64| bytes.checked_sub(HEADER + RECORD * stated);
+    match (stated, stated.and_then(behind)) {
+        (Some(stated), Some(0)) => Ok(Some((stated, 0))),
+        _ if is_text(head) => Ok(None),
+        (stated, behind) => {
+            mark(head)?;
+            match (stated, behind) {
+                (Some(stated @ 1..), Some(behind)) => Ok(Some((stated, behind))),
+                (Some(stated), _) => Err(count_lies(stated, bytes.saturating_sub(HEADER) / RECORD).into()),
+                (None, _) => Err(cut_short().into()),
+            }
+        }
     }
+}
+
+/// The note on bytes behind the last triangle, where these might be triangles.
+pub(super) fn lack(triangles: u64, behind: u64) -> Option<String> {
+    (behind >= RECORD).then(|| format!("has {behind} bytes behind the {triangles} triangles that it states, which were left out; copy it again if triangles are missing"))
 }
 
 /// Does it begin like text?
 pub(super) fn is_text(head: &[u8]) -> bool {
+    let head = plain_head(head);
     let start = head.trim_ascii_start();
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !start.contains(&0)
 }
@@ -52,7 +67,7 @@ pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) 
 
 /// Words make a text, not lines; but a name ends with its line, or where a facet begins.
 pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop> {
-    let mut words = Words::new(file, 0, 1);
+    let mut words = Words::begin(file)?;
     let mut triangle = [[0.0; 3]; 3];
     let (mut vertices, mut read) = (0, 0);
     // Is a solid still to end?
@@ -79,9 +94,7 @@ pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop
             // Triangles have normals of their own.
             for _ in 0..3 {
                 words.must_anywhere()?;
-                if words.is("outer") {
-                    return Err(words.wrong());
-                }
+                words.as_number()?;
             }
         } else if words.is("vertex") {
             if vertices == 3 {
@@ -103,6 +116,7 @@ pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop
             read += 1;
             vertices = 0;
         } else if !words.is("outer") && !words.is("loop") {
+            words.as_number().map_or(Ok(()), |_| Err(words.one_more("this line")))?;
             return Err(words.wrong());
         }
     }
@@ -117,6 +131,7 @@ fn name_ends_with_a_facet(words: &mut Words<'_>) -> Result<bool, Stop> {
             words.comments = true;
             for _ in 0..3 {
                 words.must_anywhere()?;
+                words.as_number()?;
             }
             return Ok(true);
         }

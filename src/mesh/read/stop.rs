@@ -38,6 +38,21 @@ pub(super) fn bad_text(line: u64) -> Fault {
     bad!("line {line} cannot be understood; repair the file")
 }
 
+pub(super) fn bad_text_because(line: u64, why: &str) -> Fault {
+    bad!("line {line} cannot be understood: {why}; repair the file")
+}
+
+/// The beginning of a text from the file, between marks.
+pub(super) fn quoted(text: &[u8]) -> String {
+    let text: String = String::from_utf8_lossy(text).chars().take(64).collect();
+    format!("`{}`", shown(&text))
+}
+
+/// Why text where a number belongs is refused.
+pub(super) fn not_a_number(text: &[u8]) -> String {
+    format!("{} is not a number (of digits and a decimal point)", quoted(text))
+}
+
 pub(super) fn bad_archive() -> Fault {
     bad!("is an archive that is damaged or cut short; copy it again")
 }
@@ -50,8 +65,12 @@ pub(super) fn bad_transform() -> Fault {
     bad!("places a part by numbers that are infinite; repair the file")
 }
 
+pub(super) fn only_points() -> Fault {
+    bad!("has no faces, only points or lines; make a surface of them first")
+}
+
 pub(super) fn no_faces() -> Fault {
-    bad!("its faces are not lists of vertices that come after the vertices; write it as triangles")
+    bad!("its faces are not lists of whole numbers (vertex_indices); write it as triangles")
 }
 
 pub(super) fn no_coordinates() -> Fault {
@@ -73,7 +92,7 @@ pub(super) fn buffer_lies(stated: u64, held: u64) -> Fault {
 }
 
 pub(super) fn gltf_version(version: &str) -> Fault {
-    bad!("is glTF of version {}; write it as glTF 2.0", shown(version))
+    bad!("is glTF of version {}, which is not read; write it as glTF 2.0", shown(version))
 }
 
 pub(super) fn bad_reference(part: &str) -> Fault {
@@ -122,6 +141,16 @@ impl From<Fault> for Stop {
 }
 
 impl Stop {
+    /// A fault of a file that the mesh names.
+    pub(super) fn in_file(self, name: &str) -> Self {
+        match self {
+            Self::Mesh(fault) => {
+                Self::Mesh(Fault::new(fault.kind, format!("names {}: {}", shown(name), fault.text)))
+            }
+            other => other,
+        }
+    }
+
     /// A failure to read; at the end of the file it was cut short.
     pub(super) fn reading(cause: std::io::Error) -> Self {
         if cause.kind() == std::io::ErrorKind::UnexpectedEof {

@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io;
 
 use super::stop::Stop;
-use crate::mesh::read::stop::{bad_text, cut_short};
+use crate::fault::{Fault, bad};
+use crate::mesh::read::stop::{bad_text, bad_text_because, cut_short, not_a_number, quoted};
 use crate::platform::FileExt;
+use crate::text::mark_bytes;
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
@@ -35,6 +37,11 @@ pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
     }
     head.truncate(have);
     Ok(head)
+}
+
+/// Bytes of the mark of the byte order before a text.
+pub(super) fn mark(head: &[u8]) -> Result<usize, Fault> {
+    mark_bytes(head).map_err(|fault| bad!("{fault}"))
 }
 
 /// Little-endian numbers of 32 bits.
@@ -117,6 +124,13 @@ impl<'a> Stream<'a> {
     }
 }
 
+/// True for what older programs write for the result of a division by zero.
+#[cold]
+fn is_undefined(text: &str) -> bool {
+    let text = text.trim_start_matches(['-', '+']).to_ascii_lowercase();
+    text.starts_with("nan(") || text.starts_with("1.#")
+}
+
 /// A token of a text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Token {
@@ -132,6 +146,8 @@ pub(super) struct Words<'a> {
     line: u64,
     word: [u8; WORD],
     length: usize,
+    /// True where only the beginning of the last word is kept.
+    longer: bool,
     ended: bool,
     /// Do lines end in CR alone, so that an LF behind one does not belong to it?
     pub(super) cr_alone: bool,
@@ -143,13 +159,21 @@ impl<'a> Words<'a> {
     /// From a place in a file on, at this line.
     pub(super) fn new(file: &'a File, from: u64, line: u64) -> Self {
         let stream = Stream::new(file, from);
-        Self { stream, line, word: [0; WORD], length: 0, ended: false, cr_alone: false, comments: true }
+        let word = [0; WORD];
+        Self { stream, line, word, length: 0, longer: false, ended: false, cr_alone: false, comments: true }
+    }
+
+    /// Words of a whole file, without the mark of its byte order.
+    pub(super) fn begin(file: &'a File) -> Result<Self, Stop> {
+        let head = head(file).map_err(Stop::Read)?;
+        Ok(Self::new(file, mark(&head)? as u64, 1))
     }
 
     /// Reads on; the word is [`Words::word`] then.
     #[inline]
     pub(super) fn next(&mut self) -> Result<Token, Stop> {
         self.length = 0;
+        self.longer = false;
         let mut comment = false;
         loop {
             let Some(byte) = self.stream.byte()? else {
@@ -185,7 +209,7 @@ impl<'a> Words<'a> {
                     self.word[self.length] = byte;
                     self.length += 1;
                 }
-                _ => {}
+                _ => self.longer = true,
             }
         }
     }
@@ -196,12 +220,25 @@ impl<'a> Words<'a> {
         &self.word[..self.length]
     }
 
+    /// The refusal of the last word.
+    #[cold]
     pub(super) fn wrong(&self) -> Stop {
-        Self::wrong_at(self.line)
+        self.because(&format!("{} is out of place", quoted(self.word())))
+    }
+
+    #[cold]
+    fn because(&self, why: &str) -> Stop {
+        bad_text_because(self.line, why).into()
     }
 
     pub(super) fn wrong_at(line: u64) -> Stop {
         bad_text(line).into()
+    }
+
+    /// The refusal of the last word, which is one more than belongs to `what`.
+    #[cold]
+    pub(super) fn one_more(&self, what: &str) -> Stop {
+        self.because(&format!("{} is one number more than {what} has", quoted(self.word())))
     }
 
     /// Line of the last word, or of the next one where a line has ended.
@@ -215,8 +252,31 @@ impl<'a> Words<'a> {
     }
 
     /// The end of this line, before which there is nothing more.
-    pub(super) fn end_of_line(&mut self) -> Result<(), Stop> {
-        if self.next()? == Token::Word { Err(self.wrong()) } else { Ok(()) }
+    pub(super) fn end_of_line(&mut self, what: &str) -> Result<(), Stop> {
+        if self.next()? == Token::Word { Err(self.one_more(what)) } else { Ok(()) }
+    }
+
+    /// The numbers left in this line; there must be as many as one of `counts` says.
+    pub(super) fn rest<const N: usize>(
+        &mut self,
+        what: &str,
+        counts: &[usize],
+    ) -> Result<([f64; N], usize), Stop> {
+        let (mut values, mut count) = ([0.0; N], 0);
+        while self.next()? == Token::Word {
+            let value = self.as_number()?;
+            if let Some(out) = values.get_mut(count) {
+                *out = value;
+            }
+            count += 1;
+        }
+        if counts.contains(&count) {
+            return Ok((values, count));
+        }
+        let line = if self.ended { self.line } else { self.line - 1 };
+        let belong = counts.iter().map(ToString::to_string).collect::<Vec<_>>().join(" or ");
+        let why = format!("{what} has {count} numbers where {belong} belong");
+        Err(bad_text_because(line, &why).into())
     }
 
     pub(super) fn skip_line(&mut self) -> Result<(), Stop> {
@@ -242,20 +302,28 @@ impl<'a> Words<'a> {
 
     #[inline]
     pub(super) fn as_number(&self) -> Result<f64, Stop> {
-        let text = std::str::from_utf8(self.word()).map_err(|_| self.wrong())?;
-        text.parse().map_err(|_| self.wrong())
+        let text = std::str::from_utf8(self.word()).ok().filter(|_| !self.longer);
+        let number =
+            text.and_then(|text| text.parse().ok().or_else(|| is_undefined(text).then_some(f64::NAN)));
+        number.ok_or_else(|| self.because(&not_a_number(self.word())))
     }
 
     /// The last word as a whole number.
     #[inline]
     pub(super) fn as_whole(&self) -> Result<i64, Stop> {
-        let (negative, digits) = match self.word().split_first() {
+        self.whole_of(self.word())
+    }
+
+    /// A part of the last word as a whole number.
+    #[inline]
+    pub(super) fn whole_of(&self, part: &[u8]) -> Result<i64, Stop> {
+        let (negative, digits) = match part.split_first() {
             Some((b'-', rest)) => (true, rest),
             Some((b'+', rest)) => (false, rest),
-            _ => (false, self.word()),
+            _ => (false, part),
         };
         if digits.is_empty() || digits.len() > 18 || !digits.iter().all(u8::is_ascii_digit) {
-            return Err(self.wrong());
+            return Err(self.because(&not_a_number(self.word())));
         }
         let value = digits.iter().fold(0, |n, d| 10 * n + i64::from(d - b'0'));
         Ok(if negative { -value } else { value })
@@ -280,12 +348,6 @@ impl<'a> Words<'a> {
                 Token::End => return Err(cut_short().into()),
             }
         }
-    }
-
-    #[inline]
-    pub(super) fn number(&mut self) -> Result<f64, Stop> {
-        self.must()?;
-        self.as_number()
     }
 
     pub(super) fn offset(&self) -> u64 {

@@ -3,11 +3,14 @@
 use std::fs::File;
 use std::path::Path;
 
+use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words, numbers};
 use super::vertex_looks::VertexLooks;
-use super::vertices::{PAGES, Pages, Spool, Vertices};
-use crate::mesh::read::stop::{bad_index, count_lies};
+use super::vertices::{FEW_PAGES, PAGES, Pages, Spool, Vertices};
+use crate::fault::bad;
+use crate::mesh::read::stop::{bad_index, count_lies, only_points};
+use crate::platform::FileExt;
 
 /// Vertices, and triangles that name them.
 #[derive(Debug)]
@@ -53,10 +56,102 @@ impl<V: Copy> Fan<V> {
     }
 }
 
-/// Does it begin as an OFF file?
+/// Faces of four corners and more that were written as fans: the number of the first triangle, and the corners.
+pub(super) struct Polygons(Spool);
+
+impl Polygons {
+    pub(super) fn new(scratch: &Path) -> Self {
+        Self(Spool::new(scratch))
+    }
+
+    /// Notes the fan of triangles from `first` to before `end`.
+    #[inline]
+    pub(super) fn fan(&mut self, first: u64, end: u64) -> Result<(), Stop> {
+        match u32::try_from(end - first + 2) {
+            Ok(corners) if (4..=polygon::MAX_CORNERS).contains(&(corners as usize)) => {
+                let half = |n: u64| u32::try_from(n & u64::from(u32::MAX)).unwrap_or(0);
+                self.0.numbers([half(first), half(first >> 32), corners])
+            }
+            _ => Ok(()),
+        }
+    }
+}
+
+/// What the triangles of a fan carry, in records of so many numbers: triples, a number for each corner, come first.
+struct Records<'a> {
+    file: &'a File,
+    numbers: usize,
+    triples: usize,
+}
+
+impl Records<'_> {
+    fn at(&self, triangle: u64) -> u64 {
+        4 * triangle * self.numbers as u64
+    }
+
+    /// The records of the corners of a fan: for each a number of every triple, then what is behind these.
+    fn corners(&self, first: u64, triangles: usize) -> Result<Vec<Vec<u32>>, Stop> {
+        let mut bytes = vec![0; 4 * self.numbers * triangles];
+        self.file.read_exact_at(&mut bytes, self.at(first)).map_err(Stop::Scratch)?;
+        let number = |record: usize, at: usize| {
+            let [number] = numbers(&bytes[4 * (self.numbers * record + at)..]);
+            number
+        };
+        let corner = |record: usize, of: usize| {
+            let triples = (0..self.triples).map(|triple| number(record, 3 * triple + of));
+            triples.chain((3 * self.triples..self.numbers).map(|at| number(record, at))).collect()
+        };
+        Ok([corner(0, 0), corner(0, 1)].into_iter().chain((0..triangles).map(|at| corner(at, 2))).collect())
+    }
+
+    /// Writes the records of other triangles of the same corners.
+    fn rewrite(&self, first: u64, corners: &[Vec<u32>], cut: &[[u32; 3]]) -> Result<(), Stop> {
+        let mut bytes = Vec::with_capacity(4 * self.numbers * cut.len());
+        for t in cut {
+            let of = t.map(|at| &corners[at as usize]);
+            let triples = (0..self.triples).flat_map(|triple| of.map(|corner| corner[triple]));
+            let all = triples.chain(of[0][self.triples..].iter().copied());
+            all.for_each(|number| bytes.extend(number.to_le_bytes()));
+        }
+        self.file.write_all_at(&bytes, self.at(first)).map_err(Stop::Scratch)
+    }
+}
+
+/// What the first word of an OFF file says of the numbers of its vertices.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+struct OffKind {
+    /// Numbers of normals and places in textures behind the coordinates.
+    more: usize,
+    /// True for four coordinates, or as many as the file states.
+    unread: bool,
+}
+
+/// The kind of an OFF file by its first word, and what follows in that word: ModelNet writes `OFF8 6 0`.
+fn off_word(word: &[u8]) -> Option<(OffKind, &[u8])> {
+    let mut kind = OffKind::default();
+    let mut rest = word;
+    for (prefix, more) in [(&b"ST"[..], 2), (b"C", 0), (b"N", 3)] {
+        if let Some(behind) = rest.strip_prefix(prefix) {
+            (rest, kind.more) = (behind, kind.more + more);
+        }
+    }
+    for prefix in [b"4", b"n"] {
+        if let Some(behind) = rest.strip_prefix(prefix) {
+            (rest, kind.unread) = (behind, true);
+        }
+    }
+    let rest = rest.strip_prefix(b"OFF")?;
+    rest.first().is_none_or(u8::is_ascii_digit).then_some((kind, rest))
+}
+
+/// Does it begin as an OFF file? Empty lines and comments may come first.
 pub(super) fn is_off(head: &[u8]) -> bool {
-    let word = head.split(u8::is_ascii_whitespace).next().unwrap_or_default();
-    [&b"OFF"[..], b"COFF", b"NOFF", b"CNOFF", b"STOFF"].contains(&word)
+    let mut rest = head.trim_ascii_start();
+    while rest.starts_with(b"#") {
+        let end = rest.iter().position(|b| matches!(b, b'\n' | b'\r')).unwrap_or(rest.len());
+        rest = rest[end..].trim_ascii_start();
+    }
+    off_word(rest.split(u8::is_ascii_whitespace).next().unwrap_or_default()).is_some()
 }
 
 /// A vertex by its number from 0.
@@ -66,26 +161,81 @@ pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
 }
 
 impl Faces {
+    /// Cuts polygons that are not convex anew: of each the number of its first triangle and its corners; what else its
+    /// triangles carry, in records of as many numbers, triples of corners first, goes along.
+    pub(super) fn cut(&self, polygons: Polygons, carried: Option<(&File, usize)>) -> Result<(), Stop> {
+        if polygons.0.count == 0 {
+            return Ok(());
+        }
+        let (file, count) = polygons.0.finish()?;
+        let mut points = Pages::new(&self.vertices, FEW_PAGES);
+        let mut stream = Stream::new(&file, 0);
+        for _ in 0..count {
+            let record: [u8; 12] = stream.take()?;
+            let [low, high, corners] = numbers(&record);
+            let first = u64::from(low) | u64::from(high) << 32;
+            let triangles = corners as usize - 2;
+            let own = Records { file: &self.triangles, numbers: 3, triples: 1 }.corners(first, triangles)?;
+            let mut polygon = Vec::with_capacity(corners as usize);
+            for corner in &own {
+                polygon.push(points.get(corner[0].into(), first)?);
+            }
+            let Some(cut) = polygon::cut(&polygon) else { continue };
+            Records { file: &self.triangles, numbers: 3, triples: 1 }.rewrite(first, &own, &cut)?;
+            if let Some((file, numbers)) = carried {
+                let records = Records { file, numbers, triples: numbers / 3 };
+                records.rewrite(first, &records.corners(first, triangles)?, &cut)?;
+            }
+        }
+        Ok(())
+    }
+
     /// Reads an OFF file, with or without colours behind its vertices and faces.
     pub(super) fn off(file: &File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
-        let mut words = Words::new(file, 0, 1);
+        let mut words = Words::begin(file)?;
         words.must_anywhere()?;
+        // The first word may be missing, or the first number may follow it at once.
+        let (kind, rest) = off_word(words.word()).unwrap_or((OffKind::default(), words.word()));
+        let mut given = if rest.is_empty() { None } else { Some(words.whole_of(rest)?) };
+        if kind.unread {
+            return Err(
+                bad!("is OFF of four coordinates or more, which is not read; write it with three").into()
+            );
+        }
         let mut counts = [0; 3];
         for count in &mut counts {
-            words.must_anywhere()?;
-            *count = u64::try_from(words.as_whole()?).map_err(|_| words.wrong())?;
+            let number = match given.take() {
+                Some(number) => number,
+                None => {
+                    words.must_anywhere()?;
+                    if words.word() == b"BINARY" {
+                        return Err(bad!(
+                            "is binary OFF, which is not read; write it as text, or as PLY or STL"
+                        )
+                        .into());
+                    }
+                    words.as_whole()?
+                }
+            };
+            *count = u64::try_from(number).map_err(|_| words.wrong())?;
         }
+        words.end_of_line("its list of counts")?;
         let [vertex_count, face_count, _] = counts;
+        if face_count == 0 && vertex_count > 0 {
+            return Err(only_points().into());
+        }
         // A vertex takes six bytes at least, a face two.
         if vertex_count > bytes / 6 + 1 || face_count > bytes / 2 || vertex_count > u64::from(u32::MAX) {
             return Err(count_lies(vertex_count.max(face_count), bytes / 6).into());
         }
         let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
+        let mut polygons = Polygons::new(scratch);
         for _ in 0..vertex_count {
             words.must_anywhere()?;
             let x = words.as_number()?;
-            vertices.vertex([x, words.number()?, words.number()?])?;
-            words.skip_line()?;
+            let counts = [2, 5, 6].map(|count| count + kind.more);
+            let ([y, z], _) = words.rest("a vertex behind its first number", &counts)?;
+            vertices.vertex([x, y, z])?;
         }
         for face in 0..face_count {
             words.must_anywhere()?;
@@ -93,7 +243,7 @@ impl Faces {
             if corners < 0 {
                 return Err(words.wrong());
             }
-            let mut fan = Fan::new();
+            let (mut fan, first) = (Fan::new(), triangles.count);
             for _ in 0..corners {
                 words.must_anywhere()?;
                 let at = index(vertex_count, face, words.as_whole()?)?;
@@ -101,14 +251,18 @@ impl Faces {
                     triangles.numbers(t)?;
                 }
             }
+            polygons.fan(first, triangles.count)?;
             if words.line() == line {
-                words.skip_line()?;
+                // The number of a colour, or its parts.
+                words.rest::<0>("the colour of a face", &[0, 1, 3, 4])?;
             } else if words.next()? == Token::Word {
                 // Colours stand behind faces of one line: the first line was short.
                 return Err(Words::wrong_at(line));
             }
         }
-        Self::of(vertices, triangles, VertexLooks::default())
+        let faces = Self::of(vertices, triangles, VertexLooks::default())?;
+        faces.cut(polygons, None)?;
+        Ok(faces)
     }
 
     /// Vertices and triangles that were written, and what vertices carry.

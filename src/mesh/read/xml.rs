@@ -7,10 +7,11 @@
 use std::io::Read;
 
 use super::stop::Stop;
-use super::stream::uninterrupted;
+use super::stream::{mark, uninterrupted};
 use super::zip::reading;
 use crate::fault::bad;
-use crate::mesh::read::stop::{bad_text, cut_short, recursion};
+use crate::mesh::read::stop::{bad_text, bad_text_because, cut_short, not_a_number, recursion};
+use crate::text::shown;
 
 /// Bytes read at a time.
 const BUFFER: usize = 64 << 10;
@@ -107,12 +108,11 @@ impl<R: Read> Xml<R> {
         self.at = 0;
         let read = uninterrupted(|| self.input.read(&mut self.buffer)).map_err(reading)?;
         self.buffer.truncate(read);
-        if !std::mem::replace(&mut self.begun, true)
-            && [&b"\xff\xfe"[..], b"\xfe\xff", b"<\0", b"\0<"]
-                .iter()
-                .any(|mark| self.buffer.starts_with(mark))
-        {
-            return Err(bad!("is written in UTF-16, which is not read; write it in UTF-8").into());
+        if !std::mem::replace(&mut self.begun, true) {
+            mark(&self.buffer)?;
+            if self.buffer.starts_with(b"<\0") || self.buffer.starts_with(b"\0<") {
+                return Err(bad!("is text in UTF-16, which is not read; save it as UTF-8").into());
+            }
         }
         Ok(read > 0)
     }
@@ -373,8 +373,16 @@ impl<R: Read> Xml<R> {
 
     #[inline]
     pub(super) fn number(&self, name: &[u8]) -> Result<f64, Stop> {
-        let text = self.raw(name).and_then(|raw| std::str::from_utf8(raw).ok());
-        text.and_then(|text| text.trim().parse().ok()).ok_or_else(|| self.wrong())
+        let raw = self.raw(name).ok_or_else(|| self.wrong())?;
+        let text = std::str::from_utf8(raw).ok();
+        text.and_then(|text| text.trim().parse().ok()).ok_or_else(|| self.not_a_number(name, raw))
+    }
+
+    /// The refusal of an attribute that should be a number.
+    #[cold]
+    pub(super) fn not_a_number(&self, name: &[u8], text: &[u8]) -> Stop {
+        let name = String::from_utf8_lossy(name);
+        bad_text_because(self.line, &format!("{}: {}", shown(&*name), not_a_number(text))).into()
     }
 
     /// A whole number from 0 on.
@@ -383,10 +391,10 @@ impl<R: Read> Xml<R> {
         let Some(raw) = self.raw(name) else { return Ok(None) };
         let digits = raw.trim_ascii();
         if digits.is_empty() || digits.len() > 10 || !digits.iter().all(u8::is_ascii_digit) {
-            return Err(self.wrong());
+            return Err(self.not_a_number(name, raw));
         }
         let value = digits.iter().fold(0_u64, |n, d| 10 * n + u64::from(d - b'0'));
-        u32::try_from(value).map(Some).map_err(|_| self.wrong())
+        u32::try_from(value).map(Some).map_err(|_| self.not_a_number(name, raw))
     }
 }
 

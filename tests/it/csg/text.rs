@@ -59,7 +59,7 @@ fn refused(text: &str) -> String {
 
 #[test]
 fn what_is_not_supported_is_named_with_its_line() {
-    for module in "hull minkowski projection text surface rotate_extrude offset resize roof x".split(' ') {
+    for module in "hull minkowski projection text surface rotate_extrude offset roof x".split(' ') {
         let fault = refused(&format!("group() {{\n\n\t{module}(a = 1) {{ cube(); }}\n}}"));
         assert!(fault.starts_with(&format!("line 3: {module} is not supported")), "{fault}");
     }
@@ -163,4 +163,91 @@ fn numbers_that_make_no_sense_are_refused() {
     ] {
         assert!(refused(text).starts_with("line 1: expected "), "{text}");
     }
+}
+
+/// What people write is the tree that OpenSCAD's matrices make.
+#[test]
+fn places_are_matrices() {
+    let folder = tempfile::tempdir().unwrap();
+    let built = |text: &str| {
+        let file = folder.path().join("a.oct");
+        let tree =
+            parse_tree(text.as_bytes(), Path::new("")).unwrap_or_else(|fault| panic!("{text}: {fault}"));
+        build_to(tree, &exact([24, 24, 24]), &options(16, 1), &file).unwrap();
+        std::fs::read(file).unwrap()
+    };
+    let moved = "multmatrix([[1,0,0,9],[0,1,0,8],[0,0,1,7],[0,0,0,1]])";
+    for (short, long) in [
+        ("translate([2, 3, 4]) cube(5);", "multmatrix([[1,0,0,2],[0,1,0,3],[0,0,1,4],[0,0,0,1]]) cube(5);"),
+        (
+            "M rotate([0, 0, 90]) cube([1, 4, 2]);",
+            "M multmatrix([[0,-1,0,0],[1,0,0,0],[0,0,1,0]]) cube([1, 4, 2]);",
+        ),
+        ("M rotate(90) cube([1, 4, 2]);", "M multmatrix([[0,-1,0,0],[1,0,0,0],[0,0,1,0]]) cube([1, 4, 2]);"),
+        (
+            "M rotate(a = 90, v = [2, 0, 0]) cube([1, 4, 2]);",
+            "M multmatrix([[1,0,0,0],[0,0,-1,0],[0,1,0,0]]) cube([1, 4, 2]);",
+        ),
+        // About x first, then about z.
+        (
+            "M rotate([90, 0, 90]) cube([1, 4, 2]);",
+            "M rotate([0, 0, 90]) rotate([90, 0, 0]) cube([1, 4, 2]);",
+        ),
+        ("scale([2, 3, 1]) cube(5);", "cube([10, 15, 5]);"),
+        ("scale(2) cube([1, 2, 3]);", "cube([2, 4, 6]);"),
+        ("M mirror([1, 0, 0]) cube(5);", "M multmatrix([[-1,0,0,0],[0,1,0,0],[0,0,1,0]]) cube(5);"),
+        ("resize([10, 0, 0], auto = true) cube([5, 4, 3]);", "cube([10, 8, 6]);"),
+        (
+            "resize([10, 6, 0]) union() { cube([5, 4, 3]); cube(1); }",
+            "union() { cube([10, 6, 3]); cube([2, 1.5, 1]); }",
+        ),
+        ("resize([0, 0, 9], auto = [true, false, false]) cube([5, 4, 3]);", "cube([15, 4, 9]);"),
+        ("linear_extrude(5) translate([2, 3]) square(4);", "translate([2, 3, 0]) cube([4, 4, 5]);"),
+        (
+            "$fn = 6; M sphere(5); M cylinder(h = 2, r = 3, $fn = 8);",
+            "M sphere(5, $fn = 6); M cylinder(h = 2, r = 3, $fn = 8);",
+        ),
+        ("M union($fn = 6) { color(\"red\") sphere(5); }", "M sphere(5, $fn = 6);"),
+        ("$fa = 1; $fs = 0.4; %#cube(9); #%cube(8); ##cube(4);", "cube(4);"),
+    ] {
+        let [short, long] = [short, long].map(|text| text.replace("M ", &format!("{moved} ")));
+        assert!(built(&short) == built(&long), "{short}");
+    }
+    let mark = built("\u{feff}cube(4);");
+    assert!(mark == built("cube(4);"));
+}
+
+/// A number with a comma is another one; what belongs to a program names the way out.
+#[test]
+fn misread_numbers_and_programs_are_refused() {
+    for (text, words) in [
+        ("cube(size = 1,5);", "line 1: cube has a value 5 without a name behind one with a name"),
+        ("cube([1, 2, 3], size = 4);", "line 1: cube has size twice"),
+        ("cube(size = 4, size = 5);", "line 1: cube has size twice"),
+        ("cube(size = [1, 2, 3, 4]);", "size of cube is missing or makes no sense"),
+        ("translate([1,5, 2, 3]) cube();", "v of translate is missing or makes no sense"),
+        ("cube(size = [1 2 3]);", "expected one comma between the items of a list"),
+        ("cube(size = [1,,2,3]);", "expected one comma between the items of a list"),
+        ("cube(size = 1.5.2);", "line 1: 1.5.2 is not a number"),
+        ("cube(size = 5mm);", "line 1: 5mm is not a number"),
+        ("resize([9, 9, 9]) difference() { cube(4); cube(1); }", "resize is read of solids whose size"),
+        ("cube(3); $fn = 50;", "$fn counts for all that stands before it"),
+    ] {
+        assert!(refused(text).contains(words), "{text}: {}", refused(text));
+    }
+    for text in [
+        "w = 5; cube(w);",
+        "cube(w);",
+        "module a() { cube(); }",
+        "hull() cube();",
+        "minkowski() { cube(); }",
+        "use <a.scad>",
+        "for (i = [1:3]) cube(i);",
+        "cube(2 * 3);",
+    ] {
+        assert!(refused(text).ends_with("openscad -o part.csg part.scad"), "{text}: {}", refused(text));
+    }
+    let utf16: Vec<u8> = "cube(4);".encode_utf16().flat_map(u16::to_le_bytes).collect();
+    let told = parse_tree(&[&[0xff, 0xfe][..], &utf16].concat(), Path::new("")).unwrap_err().to_string();
+    assert!(told.contains("UTF-16"), "{told}");
 }

@@ -2,6 +2,7 @@
 //!
 //! Data that are written into it stay where they are: of such a string only its place is kept.
 
+use std::collections::BTreeMap;
 use std::fs::File;
 
 use serde::Deserialize;
@@ -9,7 +10,7 @@ use serde::de::IgnoredAny;
 
 use super::super::Limits;
 use super::super::stop::Stop;
-use super::super::stream::Stream;
+use super::super::stream::{Stream, mark};
 use crate::mesh::read::stop::{bad_text, cut_short, gltf_version};
 
 /// Memory of an object of the description, and of an item of a list, at most.
@@ -262,6 +263,19 @@ pub(super) struct TextureTransform {
 pub(super) struct Texture {
     pub(super) source: Option<u32>,
     pub(super) sampler: Option<u32>,
+    #[serde(default)]
+    pub(super) extensions: TextureExtensions,
+}
+
+/// Images of kinds that the standard does not have.
+#[derive(Debug, Default, Deserialize)]
+pub(super) struct TextureExtensions {
+    #[serde(rename = "KHR_texture_basisu")]
+    pub(super) basis: Option<IgnoredAny>,
+    #[serde(rename = "EXT_texture_webp")]
+    pub(super) webp: Option<IgnoredAny>,
+    #[serde(rename = "EXT_texture_avif")]
+    pub(super) avif: Option<IgnoredAny>,
 }
 
 #[derive(Debug, Deserialize)]
@@ -299,15 +313,37 @@ pub(super) struct Described {
 pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) -> Result<Described, Stop> {
     let (text, embedded, held_bytes) = condensed(file, offset, bytes, limits)?;
     // Unknown parts nest as deep as the crate allows: 128 levels.
-    let root: Root = serde_json::from_slice(&text).map_err(|e| match e.line() {
+    let text = text.get(mark(&text)?..).unwrap_or_default();
+    let root: Root = serde_json::from_slice(text).map_err(|e| match e.line() {
         // There is no line.
         0 => cut_short(),
+        _ if is_version_1(text) => gltf_version("1"),
         line => bad_text(line as u64),
     })?;
     if root.asset.version.split('.').next() != Some("2") {
         return Err(gltf_version(&root.asset.version.chars().take(16).collect::<String>()).into());
     }
     Ok(Described { root, embedded, held_bytes })
+}
+
+/// True for glTF 1, which has objects with names where version 2 has lists, and need not state its version.
+fn is_version_1(text: &[u8]) -> bool {
+    #[derive(Deserialize)]
+    struct Stating {
+        asset: StatedVersion,
+    }
+    #[derive(Deserialize)]
+    struct StatedVersion {
+        version: serde_json::Value,
+    }
+    #[derive(Deserialize)]
+    struct Named {
+        #[serde(rename = "meshes")]
+        _meshes: BTreeMap<String, IgnoredAny>,
+    }
+    let stated = serde_json::from_slice::<Stating>(text).map(|stating| stating.asset.version.to_string());
+    stated.is_ok_and(|version| version.trim_matches('"').starts_with('1'))
+        || serde_json::from_slice::<Named>(text).is_ok()
 }
 
 /// The text without what `data:` strings hold.
@@ -321,6 +357,8 @@ fn condensed(
     let mut stream = Stream::new(file, offset);
     let (mut text, mut embedded) = (Vec::new(), Vec::<Embedded>::new());
     let mut needed = 0_u64;
+    // Bytes of text that were given up, as there is no room; what all of it takes is still counted.
+    let mut given_up = 0;
     // Bytes since the quote that began the string; `None` between strings.
     let mut within: Option<u64> = None;
     let mut data = false;
@@ -355,11 +393,15 @@ fn condensed(
             text.push(byte);
         }
         // Twice: strings are copied.
-        if needed + 2 * text.len() as u64 > limits.most_bytes {
-            let needed_bytes = needed + 2 * text.len() as u64;
-            return Err(Stop::Memory { needed_bytes, allowed_bytes: limits.most_bytes });
+        if needed + 2 * (text.len() + given_up) as u64 > limits.most_bytes && text.len() > 64 {
+            given_up += text.len() - DATA.len() - 1;
+            text.drain(..text.len() - DATA.len() - 1);
+            embedded.clear();
         }
     }
-    let held_bytes = needed + 2 * text.len() as u64;
+    let held_bytes = needed + 2 * (text.len() + given_up) as u64;
+    if held_bytes > limits.most_bytes {
+        return Err(Stop::Memory { needed_bytes: held_bytes, allowed_bytes: limits.most_bytes });
+    }
     Ok((text, embedded, held_bytes))
 }

@@ -4,9 +4,8 @@ use std::sync::Arc;
 
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
 use super::super::stop::Stop;
-use super::BASIS;
 use super::buffers::{Buffers, Resolver, item, out_of_range};
-use super::json::{Described, TextureUse};
+use super::json::{Described, TextureExtensions, TextureUse};
 use crate::fault::bad;
 
 /// Which set of coordinates a material's texture is laid by.
@@ -47,7 +46,13 @@ fn texture(
 ) -> Result<Texture, Stop> {
     let texture = item(&described.root.textures, used.index, "a texture")?;
     // Only an extension says where the image is.
-    let Some(source) = texture.source else { return Err(bad!("{BASIS}").into()) };
+    let Some(source) = texture.source else {
+        let TextureExtensions { basis, webp, avif } = &texture.extensions;
+        let kinds = [(basis, "KTX2"), (webp, "WebP"), (avif, "AVIF")];
+        let kind = kinds.iter().find(|(there, _)| there.is_some()).map(|(_, kind)| *kind);
+        let kind = kind.ok_or_else(|| out_of_range("an image"))?;
+        return Err(bad!("has {kind} textures, which are not read; write them as PNG or JPEG").into());
+    };
     let at = source as usize;
     let known = images.get(at).ok_or_else(|| out_of_range("an image"))?;
     let image = match known {

@@ -22,7 +22,7 @@ use std::sync::Arc;
 
 use super::look::{Look, Material, NO_MATERIAL};
 use super::stop::{EachLook, Stop, finite};
-use super::stream::Stream;
+use super::stream::{Stream, mark};
 use super::text::Fan;
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
@@ -138,7 +138,7 @@ const MESHOPT: &str = "is compressed with meshopt, which is not read; export it 
 const BASIS: &str = "has KTX2 textures, which are not read; write them as PNG or JPEG";
 
 /// Refuses what cannot be read without an extension.
-fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
+fn check_extensions(required: &[String]) -> Result<(), Stop> {
     for name in required {
         let fault = match name.as_str() {
             "KHR_mesh_quantization"
@@ -147,7 +147,6 @@ fn check_extensions(required: &[String], with_looks: bool) -> Result<(), Stop> {
             | "EXT_mesh_gpu_instancing" => continue,
             "KHR_draco_mesh_compression" => bad!("{DRACO}"),
             "EXT_meshopt_compression" | "KHR_meshopt_compression" => bad!("{MESHOPT}"),
-            "KHR_texture_basisu" | "EXT_texture_webp" | "EXT_texture_avif" if !with_looks => continue,
             "KHR_texture_basisu" => bad!("{BASIS}"),
             _ if name.starts_with("KHR_materials_") => continue,
             _ => unread_extension(&name.chars().take(64).collect::<String>()),
@@ -164,9 +163,10 @@ pub(super) fn open(
     limits: &Limits<'_>,
 ) -> Result<(Gltf, Summary), Stop> {
     let head = super::stream::head(&file).map_err(Stop::Read)?;
+    mark(&head)?;
     let (json, binary) = if is_binary(&head) { chunks(&file, bytes)? } else { ((0, bytes), None) };
     let described = json::read(&file, json.0, json.1, limits)?;
-    check_extensions(&described.root.extensions_required, limits.colors)?;
+    check_extensions(&described.root.extensions_required)?;
     let own = Arc::new(file);
     let binary = binary.map(|(offset, bytes)| Section { file: own.clone(), offset, bytes });
     let mut resolver = Resolver { path, own, binary, limits, files: Vec::new(), decoded: None };

@@ -3,12 +3,13 @@
 //! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
 use std::collections::BTreeMap;
+use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::super::linked::open_linked;
 use super::super::look::{Image, Material, Texture, UNPLACED, Wrap};
-use super::super::stop::Stop;
+use super::super::stop::{Stop, bad_text_because, not_a_number};
 use super::super::stream::{Token, Words};
 use super::super::vertex_looks::light;
 use super::super::{Limits, Summary};
@@ -62,7 +63,7 @@ impl<'a> Materials<'a> {
     }
 
     /// A file that the mesh names; `None` if it is missing.
-    fn open(&mut self, name: &str) -> Result<Option<(std::fs::File, u64)>, Stop> {
+    fn open(&mut self, name: &str) -> Result<Option<(File, u64)>, Stop> {
         let name = name.replace('\\', "/");
         match open_linked(self.path, &name, self.limits.follow_links) {
             Ok((file, path, bytes)) => {
@@ -90,7 +91,11 @@ impl<'a> Materials<'a> {
             return Ok(());
         }
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
-        let mut words = Words::new(&file, 0, 1);
+        self.materials(&file).map_err(|stop| stop.in_file(name))
+    }
+
+    fn materials(&mut self, file: &File) -> Result<(), Stop> {
+        let mut words = Words::begin(file)?;
         let mut at = None;
         loop {
             match words.next()? {
@@ -108,15 +113,14 @@ impl<'a> Materials<'a> {
                     self.all.push(Material { color: [1.0; 3], texture: None });
                 }
                 b"Kd" => {
-                    let color = [words.number()?, words.number()?, words.number()?];
+                    let ([r, g, b], count) = words.rest("a colour", &[1, 3])?;
                     if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
-                        material.color = light(color);
+                        material.color = light(if count == 1 { [r; 3] } else { [r, g, b] });
                     }
-                    words.skip_line()?;
                 }
                 b"map_Kd" => {
                     let line = words.rest_of_line(4096)?;
-                    let texture = self.texture(&line)?;
+                    let texture = self.texture(&line, words.line())?;
                     if let Some(material) = at.and_then(|at| self.all.get_mut(at)) {
                         material.texture = texture;
                     }
@@ -134,8 +138,8 @@ impl<'a> Materials<'a> {
     }
 
     /// A texture as its line states it: options, then the name of the image.
-    fn texture(&mut self, line: &str) -> Result<Option<Texture>, Stop> {
-        let mut rest = line.trim();
+    fn texture(&mut self, text: &str, line: u64) -> Result<Option<Texture>, Stop> {
+        let mut rest = text.trim();
         let (mut wrap, mut placed) = (Wrap::Repeat, UNPLACED);
         while rest.starts_with('-') {
             let (option, behind) = split(rest);
@@ -149,6 +153,10 @@ impl<'a> Materials<'a> {
             while seen < most {
                 let (value, behind) = split(rest);
                 let number = value.parse::<f32>().ok();
+                let like_number = value.bytes().all(|b| b.is_ascii_digit() || b"+-.,".contains(&b));
+                if most > 1 && number.is_none() && (seen == 0 || like_number) {
+                    return Err(bad_text_because(line, &not_a_number(value.as_bytes())).into());
+                }
                 if most > 1 && number.is_none() || behind.is_empty() {
                     break;
                 }

@@ -12,11 +12,11 @@ use super::look::{Look, NO_MATERIAL};
 use super::parts::Parts;
 use super::stop::{Each, EachLook, Stop};
 use super::stream::{Stream, Token, Words, numbers};
-use super::text::{Faces, Fan, index};
+use super::text::{Faces, Fan, Polygons, index};
 use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use super::{Limits, Summary};
-use crate::mesh::read::stop::unknown_format;
+use crate::mesh::read::stop::{only_points, unknown_format};
 use materials::Materials;
 
 /// Marks a corner without a place or a normal.
@@ -70,22 +70,11 @@ impl Spools {
     }
 }
 
-/// The numbers left in a line, at most four.
-fn line_numbers(words: &mut Words<'_>) -> Result<([f64; 4], usize), Stop> {
-    let (mut values, mut count) = ([0.0; 4], 0);
-    while words.next()? == Token::Word {
-        if let Some(out) = values.get_mut(count) {
-            *out = words.as_number()?;
-            count += 1;
-        }
-    }
-    Ok((values, count))
-}
-
 pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
-    let mut words = Words::new(file, 0, 1);
+    let mut words = Words::begin(file)?;
     let scratch = limits.scratch;
     let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
+    let mut polygons = Polygons::new(scratch);
     let mut spools = limits.looks.then(|| Spools::new(scratch));
     let mut materials = Materials::new(path, limits);
     let mut material = NO_MATERIAL;
@@ -101,31 +90,29 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
         }
         match (words.word(), &mut spools) {
             (b"v", spools) => {
-                vertices.vertex([words.number()?, words.number()?, words.number()?])?;
+                // A weight, or a colour and perhaps its opacity, may follow.
+                let ([x, y, z, r, g, b, _], count) = words.rest::<7>("a vertex", &[3, 4, 6, 7])?;
+                vertices.vertex([x, y, z])?;
+                let colored = count > 4;
+                has_colors |= colored;
                 if let Some(spools) = spools {
-                    let ([r, g, b, _], count) = line_numbers(&mut words)?;
-                    spools.colored |= count == 3;
-                    spools.colors.vertex(if count == 3 { [r, g, b] } else { [1.0; 3] })?;
-                } else if understood {
-                    words.skip_line()?;
-                } else {
-                    has_colors |= line_numbers(&mut words)?.1 == 3;
+                    spools.colored |= colored;
+                    spools.colors.vertex(if colored { [r, g, b] } else { [1.0; 3] })?;
                 }
                 understood = true;
             }
             (b"vt", spools) => {
                 places += 1;
-                match spools {
-                    Some(spools) => {
-                        let ([u, v, ..], _) = line_numbers(&mut words)?;
-                        spools.places.vertex([u, v, 0.0])?;
-                    }
-                    None => words.skip_line()?,
+                let ([u, v, _], _) = words.rest("a place in a texture", &[1, 2, 3])?;
+                if let Some(spools) = spools {
+                    spools.places.vertex([u, v, 0.0])?;
                 }
             }
-            (b"vn", Some(spools)) => {
-                let ([x, y, z, _], _) = line_numbers(&mut words)?;
-                spools.normals.vertex([x, y, z])?;
+            (b"vn", spools) => {
+                let (normal, _) = words.rest("a normal", &[3])?;
+                if let Some(spools) = spools {
+                    spools.normals.vertex(normal)?;
+                }
             }
             (b"usemtl", Some(_)) if limits.colors => {
                 material = materials.number(&words.rest_of_line(1024)?)?
@@ -138,9 +125,11 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
             (b"o", _) => parts.object(words.rest_of_line(1024)?.as_bytes()),
             (b"g", _) => parts.group(words.rest_of_line(1024)?.as_bytes()),
             (b"f", spools) => {
-                parts.face(triangles.count);
+                let first = triangles.count;
+                parts.face(first);
                 let corners = [vertices.count, faces];
                 face(&mut words, corners, material, &mut triangles, spools.as_mut(), &mut named)?;
+                polygons.fan(first, triangles.count)?;
                 faces += 1;
             }
             _ => words.skip_line()?,
@@ -148,6 +137,9 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     }
     if !understood {
         return Err(unknown_format().into());
+    }
+    if faces == 0 {
+        return Err(only_points().into());
     }
     let no_normals = spools.as_ref().is_some_and(|spools| spools.normals.count == 0);
     let missing = [named[0] && places == 0, named[1] && no_normals];
@@ -166,6 +158,7 @@ pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj
     let held_bytes = summary.held_bytes + Parts::BYTES;
     let summary = Summary { held_bytes, parts: parts.count(), looks, ..summary };
     let faces = Faces::of(vertices, triangles, VertexLooks::default())?;
+    faces.cut(polygons, carried.as_ref().map(|carried| (&carried.triangles, CARRIED / 4)))?;
     Ok((Obj { faces, carried, parts }, summary))
 }
 

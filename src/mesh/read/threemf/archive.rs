@@ -2,7 +2,6 @@
 
 use std::fs::File;
 use std::io::Read;
-use std::path::Path;
 use std::sync::Arc;
 
 use super::super::Limits;
@@ -10,8 +9,9 @@ use super::super::look::Image;
 use super::super::stop::Stop;
 use super::super::xml::{Event, Xml};
 use super::super::zip::{Archive, Member, reading};
+use super::Contents;
+use super::marked::leave_out;
 use super::model::Reader;
-use super::{Contents, is_image};
 use crate::mesh::read::stop::bad_reference;
 
 /// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
@@ -67,12 +67,10 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
         reader.text(member.open(&file)?, number)?;
         done += 1;
     }
+    leave_out(&file, &archive, &mut reader)?;
     let mut images = Vec::new();
     for path in reader.images() {
         let member = archive.find(&file, path)?.ok_or_else(|| bad_reference("an image"))?;
-        if !is_image(Path::new(path)) {
-            return Err(bad_reference("an image").into());
-        }
         inflated = inflated.saturating_add(member.checked_bytes()?);
         images.push(Arc::new(unpacked(&file, &member, images.len(), limits)?));
     }

@@ -8,13 +8,14 @@
 //! |---|---|
 //! | `model` | the text |
 //! | `archive` | what the archive leads to |
+//! | `marked` | what slicers mark as not to be printed |
 
 mod archive;
+mod marked;
 mod model;
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::path::Path;
 
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
 use super::look::{Look, Material, NO_MATERIAL};
@@ -194,8 +195,3 @@ impl ThreeMf {
 }
 
 const IDENTITY: Affine = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0]] };
-
-/// Is a path in an archive one of an image that is read?
-fn is_image(path: &Path) -> bool {
-    path.extension().is_some_and(|e| ["png", "jpg", "jpeg"].iter().any(|known| e.eq_ignore_ascii_case(known)))
-}

@@ -13,6 +13,7 @@ use super::{COLORED, Contents, Instance, Key, Object, PLAIN};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_index, bad_reference, cut_short, unread_extension};
+use crate::text::shown;
 
 /// Namespaces of what is read besides the core.
 const PRODUCTION: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/production/2015/06";
@@ -60,7 +61,7 @@ pub(super) struct Reader<'a> {
     vertices: Spool,
     triangles: Spool,
     values: Spool,
-    objects: BTreeMap<Key, Object>,
+    pub(super) objects: BTreeMap<Key, Object>,
     groups: BTreeMap<Key, Group>,
     textures: Vec<TextureResource>,
     texture_of: BTreeMap<Key, u32>,
@@ -68,6 +69,10 @@ pub(super) struct Reader<'a> {
     /// Names of the texts, the root's first, which is empty.
     pub(super) texts: Vec<String>,
     pub(super) lacks: Vec<String>,
+    /// Supports, and parts that slicers mark, which are not part of the model.
+    pub(super) left_out: u64,
+    /// Items that are marked as not to be printed.
+    unprinted: u64,
     pub(super) held_bytes: u64,
 }
 
@@ -85,11 +90,13 @@ impl<'a> Reader<'a> {
             items: Vec::new(),
             texts: vec![String::new()],
             lacks: Vec::new(),
+            left_out: 0,
+            unprinted: 0,
             held_bytes: 0,
         }
     }
 
-    fn hold(&mut self, bytes: u64) -> Result<(), Stop> {
+    pub(super) fn hold(&mut self, bytes: u64) -> Result<(), Stop> {
         self.held_bytes += bytes;
         let (needed_bytes, allowed_bytes) = (self.held_bytes, self.limits.most_bytes);
         if needed_bytes > allowed_bytes {
@@ -122,6 +129,7 @@ impl<'a> Reader<'a> {
         let mut unit = 1.0;
         let mut core = Vec::new();
         let mut object: Option<(u32, Own)> = None;
+        let mut support = false;
         let mut group: Option<(u32, u32)> = None;
         let mut vertex_base = 0;
         let mut triangle_base = 0;
@@ -156,6 +164,8 @@ impl<'a> Reader<'a> {
                 continue;
             }
             match xml.name() {
+                // An object that is a support has no parts.
+                b"triangle" | b"component" if support => {}
                 b"vertex" => {
                     let point = [xml.number(b"x")?, xml.number(b"y")?, xml.number(b"z")?];
                     self.vertices.vertex(point.map(|c| c * unit))?;
@@ -180,6 +190,8 @@ impl<'a> Reader<'a> {
                         self.lack("gives the exact shape as slices, which are not read; the coarser mesh with them was built".to_owned());
                     }
                     object = Some((id, own));
+                    support = matches!(xml.raw(b"type"), Some(b"support" | b"solidsupport"));
+                    self.left_out += u64::from(support);
                 }
                 b"mesh" => {
                     let Some((id, _)) = object else { return Err(xml.wrong()) };
@@ -198,6 +210,7 @@ impl<'a> Reader<'a> {
                         _ => return Err(xml.wrong()),
                     }
                 }
+                b"item" if number == 0 && xml.raw(b"printable") == Some(b"0") => self.unprinted += 1,
                 b"item" if number == 0 => {
                     let placed = self.placed(&xml, number, unit)?;
                     self.items.push(placed);
@@ -238,7 +251,7 @@ impl<'a> Reader<'a> {
             b"base" | b"color" => {
                 let name: &[u8] = if xml.name() == b"base" { b"displaycolor" } else { b"color" };
                 let color = match xml.raw(name) {
-                    Some(text) => color(text).ok_or_else(|| xml.wrong())?,
+                    Some(text) => color(text).ok_or_else(|| xml.not_a_number(name, text))?,
                     None => [1.0; 3],
                 };
                 self.value(xml, *group, color)?;
@@ -267,19 +280,21 @@ impl<'a> Reader<'a> {
         Ok(())
     }
 
-    fn lack(&mut self, lack: String) {
+    pub(super) fn lack(&mut self, lack: String) {
         if !self.lacks.contains(&lack) {
             self.lacks.push(lack);
         }
     }
 
     fn add<R: Read>(&mut self, xml: &Xml<R>, key: Key, object: Object) -> Result<(), Stop> {
+        // An object has one mesh, or parts, and a number of its own.
+        if self.add_object(key, object)? { Ok(()) } else { Err(xml.wrong()) }
+    }
+
+    /// Adds an object; `false` if there is one of its number.
+    pub(super) fn add_object(&mut self, key: Key, object: Object) -> Result<bool, Stop> {
         self.hold(OBJECT_BYTES)?;
-        match self.objects.insert(key, object) {
-            // An object has one mesh, or parts, and a number of its own.
-            Some(_) => Err(xml.wrong()),
-            None => Ok(()),
-        }
+        Ok(self.objects.insert(key, object).is_none())
     }
 
     fn value<R: Read>(&mut self, xml: &Xml<R>, group: Option<Key>, value: [f64; 3]) -> Result<(), Stop> {
@@ -318,7 +333,7 @@ impl<'a> Reader<'a> {
     fn placed<R: Read>(&mut self, xml: &Xml<R>, text: u32, unit: f64) -> Result<Instance, Stop> {
         let id = xml.whole(b"objectid")?.ok_or_else(|| xml.wrong())?;
         let at = match xml.raw(b"transform") {
-            Some(stated) => transform(stated, unit).ok_or_else(|| xml.wrong())?,
+            Some(stated) => transform(stated, unit).ok_or_else(|| not_a_transform(stated))?,
             None => super::IDENTITY,
         };
         let text = match xml.text(xml.raw_of(PRODUCTION, b"path"))? {
@@ -329,7 +344,17 @@ impl<'a> Reader<'a> {
         Ok(Instance { key: (text, id), at })
     }
 
-    pub(super) fn finish(self, images: Vec<Arc<Image>>) -> Result<Contents, Stop> {
+    pub(super) fn finish(mut self, images: Vec<Arc<Image>>) -> Result<Contents, Stop> {
+        if self.unprinted > 0 && self.items.is_empty() {
+            return Err(bad!("marks all that it builds as not to be printed (printable=\"0\"); mark what is to be built as printable").into());
+        }
+        let left_out = [
+            (self.left_out, "supports, blockers, modifiers or cut volumes"),
+            (self.unprinted, "items that are marked as not to be printed"),
+        ];
+        for (count, what) in left_out.into_iter().filter(|(count, _)| *count > 0) {
+            self.lack(format!("has {count} {what}, which were left out"));
+        }
         let (triangles, _) = self.triangles.finish()?;
         let laid = |(stated, image): (TextureResource, Arc<Image>)| {
             let texture = Texture { image, wraps: stated.wraps, upwards: true, placed: UNPLACED };
@@ -390,6 +415,11 @@ fn transform(text: &[u8], unit: f64) -> Option<Affine> {
         std::array::from_fn(|c| if c < 3 { numbers[3 * c + r] } else { numbers[9 + r] * unit })
     });
     Some(Affine { rows })
+}
+
+fn not_a_transform(text: &[u8]) -> Fault {
+    let text: String = String::from_utf8_lossy(text).chars().take(256).collect();
+    bad!("a transform is `{}`, which is not 12 numbers; write these with decimal points", shown(&text))
 }
 
 /// `#RRGGBB` or `#RRGGBBAA`, in linear light.
