@@ -394,12 +394,9 @@ mod tests {
     fn a_field_that_is_not_a_number_is_named_with_its_text() {
         assert_eq!(numbers::<f64>("spacing", " 1 -2.5e1\t.5 "), Ok(vec![1.0, -25.0, 0.5]));
         assert_eq!(exactly::<3, u64>("size", "4 4 5"), Ok([4, 4, 5]));
-        for text in ["1,5", "n/a", "1.5.2", "0x10", "1e", "-", "1_000", "1\u{a0}000"] {
+        for text in ["1,5", "n/a", "1.5.2", "0x10", "1e", "-", "1_000"] {
             let fault = numbers::<f64>("spacing", &format!("1 {text} 1")).unwrap_err().text;
-            assert!(
-                fault.contains("spacing") && fault.contains(text.split('\u{a0}').next().unwrap()),
-                "{fault}"
-            );
+            assert!(fault.contains("spacing") && fault.contains(text), "{fault}");
         }
         for text in ["1 1", "1 1 1 1", ""] {
             let fault = exactly::<3, f64>("spacing", text).unwrap_err().text;

@@ -283,7 +283,7 @@ mod tests {
             ))
         );
         assert_eq!(keys.skip().err(), Some(bad!("its skip `7.5` is not a number of bytes")));
-        assert_eq!(keys.file().err(), Some(bad!("its file `[\"a\"]` is not a plain name")));
+        assert_eq!(keys.file().err(), Some(bad!("its file `[\\\"a\\\"]` is not a plain name")));
         assert_eq!(keys.unknown(&["dims", "dtype", "skip", "file"]), ["note"]);
         assert_eq!(keys.unknown(&["file"]), ["dims", "dtype", "note", "skip"]);
         assert!(Keys::of_json("[]").is_err() && Keys::of_json("{} x").is_err());

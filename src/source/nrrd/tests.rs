@@ -85,7 +85,7 @@ fn axes_that_are_not_space_are_volumes_or_refused() {
         ("4 3 2", "domain domain", "2 kinds for 3 axes"),
         ("0 3 2", "domain domain domain", "out of range"),
         ("70000 3 2", "domain domain domain", "out of range"),
-        ("99999999999999999999999 1 1", "domain domain domain", "makes no sense"),
+        ("99999999999999999999999 1 1", "domain domain domain", "for sizes, which is not a number"),
         ("4 3 2 999999", "domain domain domain time", "999999 volumes"),
     ] {
         let refused = opened(&header(sizes, kinds), &[0; 72]).unwrap_err();

@@ -4,6 +4,8 @@ use std::collections::{HashMap, HashSet};
 use std::io;
 use std::path::PathBuf;
 
+use super::assemble::along_normal;
+use super::gaps::{is_uneven, positions};
 use super::mosaic::Mosaic;
 use crate::platform::{FileExt, open_file};
 use crate::source::dicom::attribute::Attribute;
@@ -45,7 +47,6 @@ pub(crate) enum Key {
     /// Index in [`NUMBERS`].
     Number(usize),
     Rescale,
-    PixelFormat,
 }
 
 /// For each [`Key::Number`]: the word before a value, the attribute, and whether its values mean nothing to people.
@@ -89,7 +90,7 @@ impl Key {
 
     /// Every key, the preferred ones first.
     pub(crate) fn all() -> impl Iterator<Item = Self> {
-        let last = [Self::Rescale, Self::PixelFormat].into_iter();
+        let last = [Self::Rescale].into_iter();
         [Self::ImageType].into_iter().chain((0..Self::NUMBERS).map(Self::Number)).chain(last)
     }
 
@@ -103,7 +104,6 @@ impl Key {
         match self {
             Self::ImageType => Attribute::ImageType,
             Self::Rescale => Attribute::Rescale,
-            Self::PixelFormat => Attribute::PixelFormat,
             Self::Number(at) => NUMBERS.get(at).map_or(Attribute::DimensionIndex, |(_, own, _)| *own),
         }
     }
@@ -113,7 +113,6 @@ impl Key {
         match self {
             Self::ImageType => ("", false),
             Self::Rescale => ("rescale", true),
-            Self::PixelFormat => ("format", true),
             Self::Number(at) => NUMBERS.get(at).map_or(("", false), |(word, _, ranked)| (word, *ranked)),
         }
     }
@@ -136,7 +135,6 @@ impl Key {
         match self {
             Self::ImageType => [slice.image_type.into(), 0],
             Self::Number(at) => [slice.number(at).map_or(0, bits), 0],
-            Self::PixelFormat => [slice.format.into(), 0],
             Self::Rescale => {
                 slice.rescale().map_or([0, 0], |(slope, intercept)| [bits(slope), bits(intercept)])
             }
@@ -172,8 +170,6 @@ pub(crate) struct Slice {
     pub(crate) rescales: bool,
     /// Stored values that mean "no pixel".
     pub(crate) padding: PaddingAttributes,
-    /// Hash of the format of its pixels.
-    pub(crate) format: u32,
     /// Numbers that distinguish images at one position; NaN where not stated.
     pub(crate) keys: [f32; Key::KEPT],
     /// The first Dimension Index Values; 0 where absent.
@@ -298,6 +294,8 @@ fn close(a: &[f64], b: &[f64], tolerance: f64) -> bool {
 /// Images of one size, kind and orientation.
 #[derive(Debug)]
 pub(crate) struct Group {
+    /// Hash of everything in which the images of one volume agree, but for the format of their pixels.
+    family: u64,
     pub(crate) shared: Shared,
     pub(crate) slices: Vec<Slice>,
 }
@@ -349,7 +347,8 @@ impl Series {
 
     /// The group that an image belongs to, by the hash of what must be equal and by what may differ a
     /// little; found in constant time.
-    pub(crate) fn group_of(&mut self, key: u64, shared: Shared) -> &mut Group {
+    pub(crate) fn group_of(&mut self, family: u64, format: u64, shared: Shared) -> &mut Group {
+        let key = StableHash::new().number(family).number(format).finish();
         let bucket = shared.bucket();
         let near = [bucket, bucket.saturating_sub(1), bucket.saturating_add(1)];
         let known = near.iter().filter_map(|b| self.index.get(&(key, *b))).flatten().copied();
@@ -360,7 +359,7 @@ impl Series {
             self.index.entry((key, bucket)).or_default().push(u32::try_from(at).unwrap_or(u32::MAX));
             // Most series are one group of as many images as files.
             let slices = Vec::with_capacity(if at == 0 { self.files.len() } else { 0 });
-            self.groups.push(Group { shared, slices });
+            self.groups.push(Group { family, shared, slices });
         }
         &mut self.groups[at]
     }
@@ -451,7 +450,48 @@ impl Series {
             let first = g.slices.first().map(|s| (s.instance, s.identity, s.frame));
             (first, g.shared.size)
         });
+        self.join_formats();
     }
+
+    /// Images of one family whose pixels are of several formats lie in one volume, unless they repeat positions; grey ones
+    /// and colours only where they make one even stack.
+    fn join_formats(&mut self) {
+        let mut joined: Vec<Group> = Vec::new();
+        for mut group in std::mem::take(&mut self.groups) {
+            if !joined.iter_mut().any(|host| host.join(&mut group)) {
+                joined.push(group);
+            }
+        }
+        self.groups = joined;
+    }
+}
+
+impl Group {
+    /// Takes the images of another group if they may lie in one volume.
+    fn join(&mut self, other: &mut Self) -> bool {
+        if self.family != other.family || self.shared.mosaic.is_some() || !self.shared.is_like(&other.shared)
+        {
+            return false;
+        }
+        let own = self.slices.len();
+        self.slices.append(&mut other.slices);
+        let are_grey = self.slices.iter().all(|slice| slice.rescales);
+        if is_stack(self).is_some_and(|even| even || are_grey) {
+            other.shared.notes.drain(..).for_each(|note| self.shared.note(Some(note)));
+            self.shared.unroll_bytes = self.shared.unroll_bytes.max(other.shared.unroll_bytes);
+            self.shared.burned_in = self.shared.burned_in.or(other.shared.burned_in);
+            self.slices.sort_unstable_by_key(|s| (s.instance, s.identity, s.frame));
+            return true;
+        }
+        other.slices = self.slices.split_off(own);
+        false
+    }
+}
+
+/// Whether images at different positions lie evenly; `None` where they repeat positions, or state none.
+fn is_stack(group: &Group) -> Option<bool> {
+    let along = along_normal(group, &(0..group.slices.len()).collect::<Vec<_>>())?;
+    (positions(&along).1 == along.len()).then(|| !is_uneven(&along))
 }
 
 /// Drops images that are there twice: with one SOP Instance UID at one position, or with the same numbers

@@ -177,7 +177,7 @@ fn label_of(key: Key, slice: &Slice, rank: usize, siblings: &[&str], types: &[St
             Some(value) => format!("{word} {}", value as f32),
             None => format!("no {word}"),
         },
-        Key::Rescale | Key::PixelFormat => format!("{word} {}", rank + 1),
+        Key::Rescale => format!("{word} {}", rank + 1),
     }
 }
 

@@ -234,13 +234,12 @@ fn add_frame<'s>(
         linear: rescale.filter(|_| rescales).unwrap_or((f64::NAN, f64::NAN)),
         rescales,
         padding: PaddingAttributes::of(header),
-        format: format_of(header),
         keys: keys_of(series, header, frame),
         dimensions: frame.dimensions.map(|n| u16::try_from(n).unwrap_or(u16::MAX)),
     };
     let shared = shared_of(header, mosaic, frame);
     let burned_in = shared.burned_in;
-    let group = series.group_of(group_key(header, mosaic, frame), shared);
+    let group = series.group_of(group_key(header, mosaic, frame), format_of(header), shared);
     group.shared.burned_in = group.shared.burned_in.or(burned_in);
     if let Some(image) = image {
         let bytes = if native_of(image) { 0 } else { image.unroll_bytes() };
@@ -275,7 +274,7 @@ fn add_frame<'s>(
     &mut group.shared
 }
 
-/// Hash of everything in which the images of one volume agree.
+/// Hash of everything in which the images of one volume agree, but for the format of their pixels.
 fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameGeometry) -> u64 {
     let mut key = StableHash::new().part(header.series_uid.as_bytes());
     for number in [
@@ -298,21 +297,15 @@ fn group_key(header: &DicomHeader, mosaic: Option<&MosaicLayout>, frame: &FrameG
         let numbers = orientation.chain(spacing).chain([&mosaic.distance_mm]);
         key = numbers.fold(key, |key, number| key.number((number + 0.0).to_bits()));
     }
-    // Formats of pixels may differ within a volume, but not where nothing says that the images belong together.
-    if frame.position.is_none() || mosaic.is_some() { key.number(format_of(header).into()) } else { key }
-        .finish()
+    key.finish()
 }
 
 /// Hash of how the pixels are to be read.
-fn format_of(header: &DicomHeader) -> u32 {
+fn format_of(header: &DicomHeader) -> u64 {
     let photometric = if header.photometric.is_empty() { "MONOCHROME2" } else { &header.photometric };
-    let hash = StableHash::new()
-        .number(header.bits_allocated.map_or(0, u64::from))
-        .number(header.pixel_representation.map_or(0, u64::from))
-        .number(header.samples.map_or(1, u64::from))
-        .part(photometric.as_bytes())
-        .finish();
-    u32::try_from(hash >> 32).unwrap_or(0)
+    let numbers = [header.bits_allocated, header.pixel_representation, header.samples.or(Some(1))];
+    let key = StableHash::new().part(photometric.as_bytes());
+    numbers.into_iter().fold(key, |key, number| key.number(number.map_or(0, u64::from))).finish()
 }
 
 /// The numbers that tell the volumes of a series apart; NaN where one is not stated.
