@@ -162,8 +162,8 @@ pub(crate) struct ExportArgs {
     /// spacing (0.1), or in mm (0.05mm); at most one voxel
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
-    /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0 they follow the faces
-    /// of voxels [default: 0.5]
+    /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0, and where labels are
+    /// thin, they follow the faces of voxels [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth)]
     pub(crate) smooth: Option<f64>,
     /// In a mask set only the skin, not what it encloses

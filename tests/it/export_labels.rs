@@ -74,6 +74,37 @@ fn bodies() -> Map {
     })
 }
 
+/// Labels thinner than what smoothes them keep their volume, whatever the smoothing; a ball is as smooth as before.
+#[test]
+fn thin_labels_keep_their_volume() {
+    let boxes: [([u32; 3], [u32; 3]); 5] = [
+        ([5, 5, 5], [1, 1, 20]),
+        ([12, 5, 5], [2, 2, 20]),
+        ([20, 5, 5], [1, 20, 20]),
+        ([28, 5, 5], [3, 3, 3]),
+        ([28, 15, 5], [1, 1, 1]),
+    ];
+    let ball = |p: [u32; 3]| p.iter().map(|c| (f64::from(*c) - 30.3).powi(2)).sum::<f64>() < 64.0;
+    let map = Map::new([40; 3], |p| {
+        let holds =
+            |(low, side): &([u32; 3], [u32; 3])| (0..3).all(|a| (low[a]..low[a] + side[a]).contains(&p[a]));
+        let within = boxes.iter().position(holds).map_or(0, |at| at as u16 + 1);
+        if within == 0 && ball(p) { 6 } else { within }
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.oct");
+    map.build(&model);
+    for smooth in [None, Some(0.4), Some(0.2), Some(0.05), Some(0.0)] {
+        let found = Surfaces::read(&exported(&model, "m.ply", smooth).0);
+        found.assert_closed("thin");
+        for (label, volume) in found.volumes() {
+            let part = volume / map.voxels()[&label] as f64;
+            let least = 0.95;
+            assert!((least..1.001).contains(&part), "{label} {smooth:?}: {part}");
+        }
+    }
+}
+
 /// A PLY of labels.
 struct Surfaces {
     corners: Vec<[f32; 3]>,

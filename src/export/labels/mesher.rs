@@ -16,9 +16,11 @@ use crate::export::cases::{EDGES, others};
 use crate::export::dual::{Near, distance, placed};
 use crate::export::patch::corner_at;
 use crate::export::write::unit;
+use crate::format::cell::{CORNERS, Plane, at_corner};
 use crate::format::{CornerLabels, Walls};
 use crate::geom::Affine;
 use crate::load::ModelView;
+use crate::render::normals::blend::find;
 
 /// Columns and rows before the first cell of the box.
 pub(super) const MARGIN: u32 = 4;
@@ -94,7 +96,72 @@ impl Stored<'_> {
         let part = |number: u16| self.part_of.get(usize::from(number)).copied().unwrap_or(0);
         std::array::from_fn(|corner| part(walls.corner(corner)))
     }
+
+    /// True if a wall of a cell comes so near to the centre of a voxel whose label is thin there that little is left of it.
+    fn would_lose(&self, cell: [u32; 3], walls: &Walls, corners: &CornerLabels) -> bool {
+        let thin = |corner: usize, axis: usize, voxels: u32| {
+            corners[corner ^ 1 << axis] != corners[corner] && self.is_thin(cell, corner, axis, voxels)
+        };
+        let of_plane = |corner: usize, plane: &Plane| {
+            let n = plane.normal;
+            let ahead = at_corner(n, corner) - plane.offset;
+            let across = (0..3).fold(0, |most, axis| if n[axis].abs() > n[most].abs() { axis } else { most });
+            if ahead.abs() <= TOUCHING {
+                // The edge of something thin is as thin further in; a step of a body is not.
+                let is_edge =
+                    |axis: usize| thin(corner, axis, 2) && self.is_thin_within(cell, corner, [across, axis]);
+                return thin(corner, across, 3) || (0..3).any(|axis| axis != across && is_edge(axis));
+            }
+            // Parts of a stored normal are of half voxels.
+            let square = n.iter().map(|n| n * n).sum::<i32>();
+            f64::from(ahead * ahead) < 4.0 * NEAR * NEAR * f64::from(square) && thin(corner, across, 2)
+        };
+        let mut own = (0..CORNERS).filter(|corner| corners[*corner] != 0);
+        own.any(|corner| walls.planes().iter().any(|plane| of_plane(corner, plane)))
+    }
+
+    /// True if the label of a cell's corner is as thin along the second axis two voxels further in along the first.
+    #[cold]
+    fn is_thin_within(&self, cell: [u32; 3], corner: usize, [across, axis]: [usize; 2]) -> bool {
+        let is_high = corner >> across & 1 == 1;
+        let mut cell = cell;
+        cell[across] = if is_high { cell[across] + 2 } else { cell[across].saturating_sub(2) };
+        let Some(walls) = find(self.view, cell).and_then(|voxel| self.view.walls(voxel.get())) else {
+            return false;
+        };
+        let corners = self.corners(&walls);
+        corners[corner ^ 1 << axis] != corners[corner] && self.is_thin(cell, corner, axis, 2)
+    }
+
+    /// True if the label of a cell's corner ends within so many voxels, from the corner on along an axis.
+    #[cold]
+    fn is_thin(&self, cell: [u32; 3], corner: usize, axis: usize, voxels: u32) -> bool {
+        let mut cell = cell;
+        // The cell beyond the corner, in which the label's next voxels are.
+        for _ in 0..voxels {
+            let is_high = corner >> axis & 1 == 1;
+            let Some(next) = (if is_high { cell[axis].checked_add(1) } else { cell[axis].checked_sub(1) })
+            else {
+                return true;
+            };
+            cell[axis] = next;
+            let Some(walls) = find(self.view, cell).and_then(|voxel| self.view.walls(voxel.get())) else {
+                continue;
+            };
+            let corners = self.corners(&walls);
+            if corners[corner ^ 1 << axis] != corners[corner] {
+                return true;
+            }
+        }
+        false
+    }
 }
+
+/// A wall touches a corner of its cell if it is so near, in parts of its stored normal: where labels are up to three voxels
+/// thin across it, or at the edge of up to two, the samples around outweigh them. Those of up to two voxels across it also
+/// lose most where it is this near to the corner, in voxels.
+const TOUCHING: i32 = 2;
+const NEAR: f64 = 0.3;
 
 /// A knot: the axis across its face, the cell above that, and the corner of that cell that it goes around.
 type Knot = (usize, [u32; 3], usize);
@@ -196,7 +263,11 @@ impl<'a> Mesher<'a> {
             }
             let corners = stored.corners(&walls);
             if corners.iter().any(|label| *label != corners[0]) {
-                let spot = self.placing.by_walls(&walls, &corners);
+                let place = [cell.x, cell.y, stored.low[2] + z];
+                let spot = match stored.would_lose(place, &walls, &corners) {
+                    false => self.placing.by_walls(&walls, &corners),
+                    true => self.placing.in_the_middle(&walls, &corners),
+                };
                 self.cell([x, y, z], corners, &spot)?;
             }
         }

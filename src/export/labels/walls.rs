@@ -167,6 +167,11 @@ impl Placing<'_> {
         spot
     }
 
+    /// A corner where the walls of voxels meet, with the normals of the stored walls.
+    pub(super) fn in_the_middle(&self, walls: &Walls, corners: &CornerLabels) -> Spot {
+        Spot { at: [0.0; 3], sheet: None, ..self.by_walls(walls, corners) }
+    }
+
     fn on_plane(&self, plane: &Plane, is_behind: bool) -> Spot {
         let plane = in_voxels(plane);
         let out = self.in_mm(plane.0);
