@@ -98,7 +98,7 @@ pub fn view(
     let answering = AtomicUsize::new(0);
     let (mut waiting, mut last) = (Vec::new(), Instant::now());
     std::thread::scope(|scope| {
-        while !stopped() && !request.idle.is_some_and(|idle| last.elapsed() > idle) {
+        while !stopped() && request.idle.is_none_or(|idle| last.elapsed() <= idle) {
             if accept(&listener, &mut waiting) || answering.load(Ordering::Acquire) > 0 {
                 last = Instant::now();
             }

@@ -970,7 +970,7 @@ fn a_stated_cap_works() {
     let build = |bytes: u64| {
         let options = BuildOptions { memory: MemoryCap::Share(bytes), threads: 1, ..BuildOptions::default() };
         build_mesh(
-            &[path.clone()],
+            std::slice::from_ref(&path),
             &on_grid(exact_grid([24; 3])),
             &options,
             &folder.path().join("m.oct"),

@@ -213,8 +213,8 @@ fn cells_have_the_colours_and_parts_of_the_mesh_at_their_planes() {
     // Without colours the bytes are those of a mesh that never had any.
     let normals = Channels::default();
     let stl = put(folder.path(), "a.stl", &body.stl());
-    let [plain, bare] =
-        [&ply, &stl].map(|path| build_as(SurfaceKind::Cells, &[path.clone()], normals, (1, 8)).unwrap());
+    let [plain, bare] = [&ply, &stl]
+        .map(|path| build_as(SurfaceKind::Cells, std::slice::from_ref(path), normals, (1, 8)).unwrap());
     assert!(plain == bare);
 }
 

@@ -450,8 +450,8 @@ fn slices_of_several_formats_are_one_volume_each_as_its_header_says() {
         image.raw(0x7fe0_0010, "OB", &[250, 2, 3, 4]);
     };
     let inverse = |image: &mut Elements| _ = image.set(0x0028_0004, "CS", "MONOCHROME1");
-    let cases: [(&dyn Fn(&mut Elements), f32, bool); 3] =
-        [(&signed, -1027.0, true), (&bytes, -774.0, true), (&inverse, -1023.0, false)];
+    type Case<'a> = (&'a dyn Fn(&mut Elements), f32, bool);
+    let cases: [Case<'_>; 3] = [(&signed, -1027.0, true), (&bytes, -774.0, true), (&inverse, -1023.0, false)];
     for (edit, first, differs) in cases {
         let folder = series(edit);
         let volume = open_unprepared(&[folder.path().to_path_buf()], &OpenOptions::default()).unwrap();
@@ -467,7 +467,7 @@ fn slices_of_several_formats_are_one_volume_each_as_its_header_says() {
 #[test]
 fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
     let mhd = |field: &str, value: &str| {
-        let mut fields = vec![
+        let mut fields = [
             ("ObjectType", "Image"),
             ("NDims", "3"),
             ("DimSize", "4 3 5"),
@@ -481,7 +481,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
         format!("{}ElementDataFile = LOCAL\n", lines.concat())
     };
     let nrrd = |field: &str, value: &str| {
-        let mut fields = vec![
+        let mut fields = [
             ("type", "uchar"),
             ("dimension", "3"),
             ("sizes", "4 3 5"),
@@ -495,7 +495,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
         format!("NRRD0004\n{}\n", lines.concat())
     };
     let vtk = |field: &str, value: &str| {
-        let mut fields = vec![
+        let mut fields = [
             ("DIMENSIONS", "4 3 5"),
             ("SPACING", "1 1 1"),
             ("ORIGIN", "0 0 0"),
@@ -520,7 +520,8 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
         let (_folder, path) = header(name, head, 60);
         open_unprepared(&[path], &OpenOptions::default()).map(|_| ()).map_err(|error| error.to_string())
     };
-    let cases: [(&str, &dyn Fn(&str, &str) -> String, &[(&str, &str)]); 4] = [
+    type Case<'a> = (&'a str, &'a dyn Fn(&str, &str) -> String, &'a [(&'a str, &'a str)]);
+    let cases: [Case<'_>; 4] = [
         (
             "a.mha",
             &mhd,

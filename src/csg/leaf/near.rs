@@ -34,7 +34,11 @@ impl Near {
         let mut near = Self { low, shifts: whole, sides: [1; 3], starts: Vec::new(), numbers: Vec::new() };
         let count = triangles.len();
         let mut entries = count;
-        while count >= FEW {
+        if count < FEW {
+            near.fill(triangles, entries);
+            return near;
+        }
+        loop {
             // Halved along the axis that leaves fewest triangles in a box.
             let halved = (0..3).filter(|k| near.shifts[*k] > 0).map(|k| {
                 let (mut shifts, mut sides) = (near.shifts, near.sides);

@@ -88,7 +88,8 @@ fn shells(p: [u32; 3], shells: &[(f64, u8)], rough: f64) -> u8 {
 
 #[test]
 fn labels_in_each_other_are_labels() {
-    let maps: [(&str, &[(f64, u8)], f64); 11] = [
+    type Map<'a> = (&'a str, &'a [(f64, u8)], f64);
+    let maps: [Map<'_>; 11] = [
         ("tumour", &[(21.0, 2), (14.0, 4), (8.0, 1)], 0.0),
         ("tumour, rough", &[(21.0, 2), (14.0, 4), (8.0, 1)], 1.0),
         ("tissue classes", &[(22.0, 1), (18.0, 2), (14.0, 3), (10.0, 4), (5.0, 5)], 0.0),
@@ -138,7 +139,8 @@ fn pictures_in_few_steps_are_not_labels() {
     let scan =
         |p: [u32; 3], rough: f64| ((head(p, 0.0) + 1100.0 + rough * noise(p)) / 2200.0).clamp(0.0, 0.999);
     let steps = |part: f64, n: f64, step: u8| (part * n).clamp(0.0, n - 1.0) as u8 * step;
-    let pictures: [(&str, &dyn Fn([u32; 3]) -> u8); 12] = [
+    type Picture<'a> = (&'a str, &'a dyn Fn([u32; 3]) -> u8);
+    let pictures: [Picture<'_>; 12] = [
         ("ramp", &|p| steps(f64::from(p[0]) / 64.0, 6.0, 1)),
         ("slanted ramp", &|p| steps(p.iter().map(|c| f64::from(*c)).sum::<f64>() / 152.0, 6.0, 1)),
         ("from the middle", &|p| steps(1.0 - from_middle(p) / 52.0, 6.0, 1)),
