@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use super::CsgOptions;
 use super::bounds;
 use super::flat::{self, Flat, Make};
-use super::leaf::{self, Leaf};
+use super::leaf::{self, BINNED, Leaf};
 use super::place::LatticeGrid;
 use super::program;
 use super::read::{too_small, unusable};
@@ -29,8 +29,7 @@ use crate::volume::{SourceError, VolumeSource};
 /// Triangles of a leaf that take no more have room always.
 const FEW_BYTES: u64 = 64 << 10;
 
-/// Fewest triangles of a body that goes through bins, and most bodies that do.
-const BINNED: usize = 256;
+/// Most bodies that go through bins.
 const MOST_BINNED: usize = 8;
 
 /// Does a leaf lie where its file says?
@@ -184,8 +183,7 @@ impl<'a, 't> Front<'a, 't> {
     ) -> Result<Option<SampledLeaf<'a>>, BuildError> {
         let Leaf::Body(body) = leaf else { return Ok(None) };
         let surface = body.surface();
-        let is_large = surface.0.len() >= BINNED && *bodies < MOST_BINNED;
-        if !is_large || self.options.volume_surface() != SurfaceKind::Cells {
+        if !body.is_large() || *bodies == MOST_BINNED || self.options.volume_surface() != SurfaceKind::Cells {
             return Ok(None);
         }
         let large = |node: &Node| match node {

@@ -191,7 +191,8 @@ impl Front<'_> {
             let error = described.map_or(error, |bytes| too_small(self.name(), self.options.memory, bytes));
             let named = error.minimum_bytes();
             match named.and_then(|_| self.sufficient_bytes().ok()) {
-                Some(bytes) => error.with_minimum(dry.smallest_limit_with(bytes)),
+                // A quarter more: what is resident differs from one size of cap to another.
+                Some(bytes) => error.with_minimum(dry.smallest_limit_with(bytes + bytes / 4)),
                 None => error,
             }
         })

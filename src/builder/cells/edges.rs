@@ -123,6 +123,19 @@ impl CellEdges {
         self.forget();
     }
 
+    /// A crossing as it is kept, of an edge whose lower end is inside or not: its place and its normal rounded, the
+    /// normal turned outwards.
+    #[expect(clippy::cast_possible_truncation, reason = "rounded to 16 bits")]
+    pub(crate) fn kept(crossing: &EdgeCrossing, low_inside: bool) -> EdgeCrossing {
+        let EdgeCrossing { low, axis, along, normal } = *crossing;
+        let turned = |along: f64| if low_inside { 1.0 - along } else { along };
+        let away = f64::from(rounded(turned(along).clamp(0.0, 1.0) * PARTS)) / PARTS;
+        let length = normal.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let sign = if (normal[axis] >= 0.0) == low_inside { NORMAL } else { -NORMAL };
+        let normal = normal.map(|c| f64::from(rounded(c / length * sign) as i16));
+        EdgeCrossing { low, axis, along: turned(away), normal }
+    }
+
     /// Begins with those edges of others whose ends differ by `inside`.
     pub(crate) fn begin_among(&mut self, others: &Self, inside: impl Fn([i32; 3]) -> bool) {
         self.corner = others.corner;

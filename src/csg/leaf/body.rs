@@ -17,6 +17,9 @@ use crate::mesh::{
 /// How far from a voxel its nearest triangle is sought, squared: two voxels.
 const NEAR: f64 = 4.0 * (STEPS as f64) * (STEPS as f64) + 1.0;
 
+/// Fewest triangles of a body that goes through bins.
+pub(in crate::csg) const BINNED: usize = 256;
+
 #[derive(Debug)]
 pub(in crate::csg) struct Body {
     triangles: Vec<Triangle>,
@@ -97,6 +100,11 @@ impl Body {
                 each(t);
             }
         });
+    }
+
+    /// True where it may go through the bins of a mesh.
+    pub(in crate::csg) fn is_large(&self) -> bool {
+        self.triangles.len() >= BINNED
     }
 
     pub(in crate::csg) fn surface(&self) -> (&[Triangle], Rule) {

@@ -1,7 +1,7 @@
 //! Where leaves are crossed between two neighbouring middles, and which way they face there.
 
 use super::{Body, Leaf};
-use crate::builder::EdgeCrossing;
+use crate::builder::{CellEdges, EdgeCrossing};
 use crate::csg::place::centre;
 use crate::mesh::{STEPS, cross_edges};
 
@@ -51,7 +51,7 @@ impl Leaf {
     }
 }
 
-/// The crossing of a body that is next to its outside end.
+/// The crossing of a body that is next to its outside end; of a large one as cells keep it, which may have it from bins.
 pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCrossing> {
     let mut high = low;
     high[axis] += 1;
@@ -62,13 +62,14 @@ pub(super) fn of_body(body: &Body, low: [i32; 3], axis: usize) -> Option<EdgeCro
             if crossing.low != low || crossing.axis != axis {
                 return;
             }
+            let crossing = if body.is_large() { CellEdges::kept(crossing, low_inside) } else { *crossing };
             let is_better = |known: EdgeCrossing| {
                 let farther =
                     if low_inside { crossing.along - known.along } else { known.along - crossing.along };
                 farther > 0.0 || (farther == 0.0 && crossing.normal < known.normal)
             };
             if best.is_none_or(is_better) {
-                best = Some(*crossing);
+                best = Some(crossing);
             }
         });
     });

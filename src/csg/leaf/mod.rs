@@ -27,7 +27,7 @@ use super::place::centre;
 use super::tree::boxed;
 use crate::builder::{Cover, VoxelBox};
 use crate::mesh::Crossings;
-pub(super) use body::Body;
+pub(super) use body::{BINNED, Body};
 pub(super) use curved::{Curved, Round};
 pub(super) use extent::Extent;
 pub(super) use make::place;
