@@ -23,7 +23,7 @@
 //! | `typed` | from samples to a solid: start here for volumes |
 //! | `solid`, `volume`, `cells`, `file_solid` | any solid; a volume's skin; a volume's cells, which `oct build` makes; one from files |
 //! | `labels` | the cells between the labels of a volume |
-//! | `choose`, `histogram`, `range`, `classify`, `occupancy` | which voxels are inside |
+//! | `choose`, `histogram`, `evidence`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
 //! | `gradient`, `estimator`, `lanes`, `item` | normals and the other channels of a record |
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
@@ -67,6 +67,7 @@ mod classify;
 mod column;
 mod error;
 mod estimator;
+mod evidence;
 mod file_solid;
 mod gradient;
 mod histogram;

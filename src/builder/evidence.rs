@@ -1,0 +1,444 @@
+//! Counts of a pass over a volume that tell paddings and maps of labels from a mixture of values.
+
+use std::collections::BTreeSet;
+use std::ops::Range;
+
+use super::range::Ordered;
+use crate::geom::Dims;
+use crate::volume::{ScalarType, VolumeSource};
+
+/// A value at an end of the range, and how often it is there.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct End {
+    pub(super) value: f64,
+    pub(super) count: u64,
+}
+
+impl End {
+    /// Another sample, or several of one value: what lies farther out takes its place.
+    #[inline]
+    pub(super) fn add(&mut self, other: End, is_farther: bool) {
+        if is_farther {
+            *self = other;
+        } else if other.value == self.value {
+            self.count += other.count;
+        }
+    }
+}
+
+/// Counts of a pass that tell paddings and labels from a mixture. What has become impossible is not counted any more.
+#[derive(Clone, Debug)]
+pub(super) struct Evidence {
+    /// May there still be labels, and padding?
+    pub(super) may_be_map: bool,
+    pub(super) may_be_padded: bool,
+    /// Parts whose neighbours were counted.
+    pub(super) parts: u64,
+    /// Samples outside the circle, or ellipse, that a slice has room for, in the whole volume; those seen so far, and the
+    /// ends of their range.
+    pub(super) all_outside: u64,
+    pub(super) outside: u64,
+    pub(super) least: End,
+    pub(super) most: End,
+    /// The smallest value above 0.
+    pub(super) first: f64,
+    /// Neighbours that are alike, but for those of 0; and those that differ.
+    pub(super) alike: u64,
+    pub(super) differ: u64,
+    /// Of those that differ, the ones of 0 and another value than the smallest that has 0 for a neighbour.
+    pub(super) jumps: u64,
+    pub(super) nearest: End,
+    /// Samples at the ends of rows of the volume, and those of them that are 0.
+    pub(super) rim: u64,
+    pub(super) rim_zeros: u64,
+    /// Pairs of values that are neighbours, in order.
+    pub(super) pairs: Vec<Pair>,
+    /// True if there are more of them than [`MAX_PAIRS`].
+    pub(super) is_crowded: bool,
+}
+
+/// Words of the evidence in a file, without its pairs.
+pub(super) const EVIDENCE_WORDS: usize = 15;
+
+/// Two values that are neighbours in a row, the lower one first.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct Pair {
+    pub(super) values: [u64; 2],
+    /// Places where they are, of the first [`PAIRS_OF_PART`] of each part; and those where the sample next to either has
+    /// its value, too.
+    pub(super) count: u64,
+    pub(super) clean: u64,
+    /// Single samples of one of them between two of the other.
+    pub(super) spikes: u64,
+}
+
+impl Pair {
+    pub(super) fn words(&self) -> [u64; 5] {
+        [self.values[0], self.values[1], self.count, self.clean, self.spikes]
+    }
+}
+
+/// Pairs of values that are told apart, and places of a part that are looked at.
+pub(super) const MAX_PAIRS: usize = 1024;
+const PAIRS_OF_PART: usize = 2048;
+
+/// A part of outside samples that are padding, at least; a part of those within that are, at most.
+const OUTSIDE: f64 = 0.95;
+const WITHIN: f64 = 0.1;
+/// Distance of padding to all other values, as a part of the whole range, at least. What is nearer does no harm.
+const APART: f64 = 0.15;
+/// One of so many samples at either end of the others does not count.
+const STRAY: u64 = 1000;
+/// Values of a mixture, at least.
+const FEW: usize = 16;
+/// Shortest side of a slice that has a circle.
+const ROUND: u32 = 16;
+
+/// Labels of a map, at most.
+pub(super) const MAX_LABELS: usize = 1024;
+/// Parts of the pairs of neighbours outside 0 that are alike in a map of labels, at least; and of those that differ
+/// that jump to 0 from a value that is not the nearest to it. A picture in few greys has as wide regions, but one after
+/// the other.
+const FLAT: f64 = 0.6;
+const JUMPS: f64 = 0.2;
+/// Flat part of maps whose labels lie in each other in any order, and the part of the differences that skip values between
+/// them with more than a sample on either side: a picture's edges pass through these greys.
+const NESTED_FLAT: f64 = 0.5;
+const SKIPS: f64 = 0.1;
+/// The same where labels lie in each other in order: hardly any skips; the flat part where the steps between the values
+/// are even, as those of greys; the part of the ends of rows that are 0; and labels, at most.
+const NO_SKIPS: f64 = 0.05;
+const EVEN_FLAT: f64 = 0.73;
+const RIM: f64 = 0.9;
+const ORDERED: usize = 16;
+/// Greys of a display in even steps reach this far.
+const DISPLAY: u64 = 250;
+/// Part of the differences that are next to single samples unlike both neighbours, as in noise, at most where little is
+/// flat; two values that meet in this way alone, and their part of the differences, at most.
+const SPIKES: f64 = 0.25;
+const ROUGH_FLAT: f64 = 0.75;
+const ALL_SPIKES: f64 = 0.8;
+const NOISE: f64 = 0.05;
+
+/// May the samples of a source be labels? A picture that a device has taken holds none, however few its greys are, and
+/// parts of voxels are not labels.
+pub(super) fn may_be_map(source: &dyn VolumeSource) -> bool {
+    let is_fractional = source.info().description.kind.is_fractional();
+    !is_fractional && source.modality().is_none_or(|modality| modality == "SEG")
+}
+
+/// Are all samples whole numbers, and none below 0?
+pub(super) fn are_whole<T: Ordered>(samples: &[T]) -> bool {
+    match T::TYPE {
+        ScalarType::U8 | ScalarType::U16 | ScalarType::U32 => true,
+        ScalarType::I8 | ScalarType::I16 | ScalarType::I32 => {
+            samples.iter().fold(true, |all, sample| all & (*sample >= T::zeroed()))
+        }
+        ScalarType::F32 | ScalarType::F64 => samples.iter().all(|sample| {
+            let v = sample.to_f64();
+            v >= 0.0 && v.trunc() == v
+        }),
+    }
+}
+
+/// How many columns at either end of a line lie outside the ellipse of a slice, one less to spare.
+pub(super) fn columns_outside(dims: Dims, y: u32) -> u32 {
+    let down = (f64::from(y) + 0.5) / f64::from(dims.ny()) - 0.5;
+    let across = f64::from(dims.nx()) * (0.5 - (0.25 - down * down).max(0.0).sqrt());
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "below a side")]
+    let ends = (across as u32).saturating_sub(1);
+    ends
+}
+
+/// The samples of a volume that lie outside; 0 if its slices are too narrow.
+pub(super) fn outside_samples(dims: Dims) -> u64 {
+    if dims.nx().min(dims.ny()) < ROUND {
+        return 0;
+    }
+    let line = |y| u64::from(2 * columns_outside(dims, y)).min(dims.nx().into());
+    (0..dims.ny()).map(line).sum::<u64>() * u64::from(dims.nz())
+}
+
+impl Evidence {
+    pub(super) fn new(may_be_map: bool, all_outside: u64) -> Self {
+        let [least, most] = [f64::INFINITY, f64::NEG_INFINITY].map(|value| End { value, count: 0 });
+        Self {
+            may_be_map,
+            may_be_padded: all_outside > 0,
+            parts: 0,
+            all_outside,
+            outside: 0,
+            least,
+            most,
+            first: f64::INFINITY,
+            alike: 0,
+            differ: 0,
+            jumps: 0,
+            nearest: least,
+            rim: 0,
+            rim_zeros: 0,
+            pairs: Vec::new(),
+            is_crowded: false,
+        }
+    }
+
+    pub(super) fn join(&mut self, other: &Self) {
+        self.may_be_map &= other.may_be_map;
+        self.may_be_padded &= other.may_be_padded;
+        self.outside += other.outside;
+        self.least.add(other.least, other.least.value < self.least.value);
+        self.most.add(other.most, other.most.value > self.most.value);
+        self.first = self.first.min(other.first);
+        self.alike += other.alike;
+        self.differ += other.differ;
+        self.jumps += other.jumps;
+        self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
+        self.rim += other.rim;
+        self.rim_zeros += other.rim_zeros;
+        self.is_crowded |= other.is_crowded;
+        other.pairs.iter().for_each(|pair| self.add_pair(*pair));
+    }
+
+    /// Adds a pair, or places of one; what is crowded has none.
+    pub(super) fn add_pair(&mut self, pair: Pair) {
+        match self.pairs.binary_search_by_key(&pair.values, |pair| pair.values) {
+            Ok(at) => {
+                self.pairs[at].count += pair.count;
+                self.pairs[at].clean += pair.clean;
+                self.pairs[at].spikes += pair.spikes;
+            }
+            Err(_) if self.pairs.len() == MAX_PAIRS => self.is_crowded = true,
+            Err(at) => self.pairs.insert(at, pair),
+        }
+        if self.is_crowded {
+            self.pairs.clear();
+        }
+    }
+
+    pub(super) fn words(&self) -> [u64; EVIDENCE_WORDS] {
+        let Self { least, most, nearest, .. } = *self;
+        let [least_count, most_count, nearest_count] = [least, most, nearest].map(|end| end.count);
+        let [least, most, nearest] = [least, most, nearest].map(|end| end.value.to_bits());
+        let ends = [least, least_count, most, most_count, nearest, nearest_count];
+        let may_be = [u64::from(self.may_be_map), u64::from(self.may_be_padded)];
+        let counts = [self.outside, self.first.to_bits(), self.alike, self.differ, self.jumps];
+        let counts = counts.into_iter().chain([self.rim, self.rim_zeros]);
+        let mut words = [0; EVIDENCE_WORDS];
+        words.iter_mut().zip(may_be.into_iter().chain(ends).chain(counts)).for_each(|(word, of)| *word = of);
+        words
+    }
+
+    pub(super) fn parse(words: &[u64; EVIDENCE_WORDS]) -> Self {
+        let [map, padded, rest @ ..] = *words;
+        let [least, least_count, most, most_count, nearest, nearest_count, counts @ ..] = rest;
+        let [outside, first, alike, differ, jumps, rim, rim_zeros] = counts;
+        let end = |value, count| End { value: f64::from_bits(value), count };
+        Self {
+            may_be_map: map != 0,
+            may_be_padded: padded != 0,
+            outside,
+            least: end(least, least_count),
+            most: end(most, most_count),
+            nearest: end(nearest, nearest_count),
+            first: f64::from_bits(first),
+            alike,
+            differ,
+            jumps,
+            rim,
+            rim_zeros,
+            ..Self::new(true, 0)
+        }
+    }
+
+    /// Neighbours along rows; a row's last sample counts as that of the next one's first. `counted` is what was counted
+    /// before, of which a map has few values.
+    pub(super) fn add_edges<T: Ordered>(&mut self, samples: &[T], counted: &[u32]) {
+        let Some(first) = samples.first().filter(|_| self.may_be_map) else { return };
+        self.parts += 1;
+        if self.parts.is_power_of_two() {
+            self.may_be_map = counted.iter().filter(|n| **n > 0).count() <= MAX_LABELS + 1;
+        }
+        self.may_be_map &= are_whole(samples);
+        if !self.may_be_map {
+            return;
+        }
+        let zero = T::zeroed();
+        let neighbours = || samples.iter().zip(&samples[1..]);
+        let is_jump = |a: &T, b: &T| (a != b) & ((*a == zero) | (*b == zero));
+        // Sums of bits, without branches; a part has fewer samples than 2^32.
+        let differ = neighbours().map(|(a, b)| u32::from(a != b)).sum::<u32>();
+        let alike = neighbours().map(|(a, b)| u32::from((a == b) & (*a != zero))).sum::<u32>();
+        let jumps = neighbours().map(|(a, b)| u32::from(is_jump(a, b))).sum::<u32>();
+        self.alike += u64::from(alike) + u64::from(*first != zero);
+        self.differ += u64::from(differ);
+        self.jumps += u64::from(jumps);
+        let above = samples.iter().filter(|sample| **sample > zero);
+        let smallest = above.fold(None, |low: Option<&T>, s| low.filter(|low| *low <= s).or(Some(s)));
+        self.first = smallest.map_or(self.first, |smallest| self.first.min(smallest.to_f64()));
+        if jumps > 0 {
+            for (a, b) in neighbours().filter(|(a, b)| is_jump(a, b)) {
+                // Neither is below 0.
+                let other = a.to_f64().max(b.to_f64());
+                self.nearest.add(End { value: other, count: 1 }, other < self.nearest.value);
+            }
+        }
+    }
+
+    /// The pairs of values in the rows of a part, and the ends of rows of the volume.
+    pub(super) fn add_rows<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
+        let (Range { start, end }, mut left) = (part.columns.clone(), PAIRS_OF_PART);
+        if !self.may_be_map {
+            return;
+        }
+        for row in samples.chunks(part.columns.len().max(1)) {
+            let first = row.first().filter(|_| start == 0);
+            for sample in first.into_iter().chain(row.last().filter(|_| end == dims.nx())) {
+                self.rim += 1;
+                self.rim_zeros += u64::from(*sample == T::zeroed());
+            }
+            if !self.is_crowded {
+                self.add_pairs(row, &mut left);
+            }
+        }
+    }
+
+    /// The pairs of a row of whole numbers, `left` of them at most.
+    pub(super) fn add_pairs<T: Ordered>(&mut self, row: &[T], left: &mut usize) {
+        for (at, w) in row.windows(2).enumerate().filter(|(_, w)| w[0] != w[1]).take(*left) {
+            let before = at.checked_sub(1).map(|at| row[at]);
+            let is_wide = before == Some(w[0]) && row.get(at + 2) == Some(&w[1]);
+            #[expect(
+                clippy::cast_possible_truncation,
+                clippy::cast_sign_loss,
+                reason = "whole, and not below 0"
+            )]
+            let [a, b] = [w[0], w[1]].map(|sample| sample.to_f64() as u64);
+            let (clean, spikes) = (u64::from(is_wide), u64::from(before == Some(w[1])));
+            self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes });
+            *left -= 1;
+        }
+    }
+
+    /// Samples of a part that lie outside.
+    pub(super) fn add_outside<T: Ordered>(&mut self, dims: Dims, part: &Part, samples: &[T]) {
+        if !self.may_be_padded {
+            return;
+        }
+        let nx = dims.nx();
+        for (row, y) in samples.chunks(part.columns.len().max(1)).zip(part.lines.clone()) {
+            let ends = columns_outside(dims, y);
+            let Range { start, end } = part.columns;
+            // Columns of this part at the low end, and those from the high end on.
+            let low = ends.clamp(start, end) - start;
+            let high = (nx - ends).clamp(start + low, end) - start;
+            for samples in [row.get(..low as usize), row.get(high as usize..)].into_iter().flatten() {
+                self.add_run(samples);
+            }
+        }
+        // Too many others than either end of the range for what is wanted of all.
+        let most = self.all_outside as f64 * (1.0 - OUTSIDE);
+        let others = |end: &End| (self.outside - end.count) as f64;
+        self.may_be_padded = others(&self.least).min(others(&self.most)) <= most + 1.0;
+    }
+
+    /// Samples outside, one after the other.
+    pub(super) fn add_run<T: Ordered>(&mut self, samples: &[T]) {
+        let Some(first) = samples.first() else { return };
+        self.outside += samples.len() as u64;
+        let of = |value: T| samples.iter().map(|sample| u64::from(*sample == value)).sum::<u64>();
+        // What is not a number is neither.
+        let is_number = |value: T| T::NO_NUMBER.is_none() || !value.to_f64().is_nan();
+        let (mut low, mut high) = (*first, *first);
+        for sample in samples {
+            low = if *sample < low || !is_number(low) { *sample } else { low };
+            high = if *sample > high || !is_number(high) { *sample } else { high };
+        }
+        let least = End { value: low.to_f64(), count: of(low) };
+        let most = End { value: high.to_f64(), count: if low == high { least.count } else { of(high) } };
+        self.least.add(least, least.value < self.least.value);
+        self.most.add(most, most.value > self.most.value);
+    }
+
+    /// The number of labels, if these are some; `values` are as many as there are different samples.
+    pub(super) fn labels(&self, values: usize) -> Option<usize> {
+        // Two values are told apart by any threshold between them.
+        if !self.may_be_map || !(3..=MAX_LABELS + 1).contains(&values) {
+            return None;
+        }
+        let flat = part(self.alike, self.alike + self.differ);
+        let sum = |of: fn(&Pair) -> u64| self.pairs.iter().map(of).sum();
+        let (all, spikes) = (sum(|pair| pair.count), sum(|pair| pair.spikes));
+        let is_rough = part(spikes, all) > SPIKES && flat < ROUGH_FLAT;
+        let touch_none = flat >= FLAT && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
+        let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
+        is_map.then_some(values - 1)
+    }
+
+    /// True if the values lie in each other as labels do, in any order or in that of their numbers.
+    pub(super) fn are_nested(&self, flat: f64, all: u64) -> bool {
+        let values: Vec<u64> = self.values().into_iter().collect();
+        let rank = |value: &u64| values.partition_point(|other| other < value);
+        let [mut skips, mut clean, mut noise] = [0; 3];
+        for Pair { values: [low, high], count, clean: wide, spikes } in &self.pairs {
+            if rank(high) > rank(low) + 1 {
+                skips += count;
+                clean += wide;
+            }
+            noise += if part(2 * spikes, *count) > ALL_SPIKES { *count } else { 0 };
+        }
+        let steps = || values.windows(2).map(|w| w[1] - w[0]);
+        let (least, most) = (steps().min().unwrap_or(0), steps().max().unwrap_or(0));
+        let is_even = most < 2 * least;
+        let is_display = is_even && least > 1 && values.last().is_some_and(|last| last + most >= DISPLAY);
+        let is_ordered = part(skips, all) <= NO_SKIPS
+            && flat >= if is_even { EVEN_FLAT } else { FLAT }
+            && values.len() <= ORDERED + 1
+            && part(self.rim_zeros, self.rim) >= RIM
+            && !(is_display && values.len() > 3);
+        let is_unordered = part(clean, all) >= SKIPS && flat >= NESTED_FLAT;
+        part(noise, all) <= NOISE && (is_unordered || is_ordered)
+    }
+
+    /// The values of the pairs.
+    pub(super) fn values(&self) -> BTreeSet<u64> {
+        self.pairs.iter().flat_map(|pair| pair.values).collect()
+    }
+
+    /// The bin of a value that pads what lies outside the circle.
+    pub(super) fn padding(&self, counts: &[u64], value: &dyn Fn(usize) -> f64) -> Option<usize> {
+        let total: u64 = counts.iter().sum();
+        let first = counts.iter().position(|n| *n > 0)?;
+        let last = counts.iter().rposition(|n| *n > 0)?;
+        if !self.may_be_padded || counts.iter().filter(|n| **n > 0).count() <= FEW {
+            return None;
+        }
+        [(first, self.least), (last, self.most)].into_iter().find_map(|(bin, end)| {
+            let is_outside = (value(bin) - end.value).abs() <= (value(1) - value(0)).abs()
+                && part(end.count, self.outside) >= OUTSIDE
+                && part(counts[bin].saturating_sub(end.count), total - self.outside) <= WITHIN;
+            let stray = (total - counts[bin]) / STRAY;
+            let reached = |bins: &mut dyn Iterator<Item = usize>| {
+                let mut seen = 0;
+                bins.filter(|at| *at != bin).find(|at| {
+                    seen += counts[*at];
+                    seen > stray
+                })
+            };
+            let (low, high) = (reached(&mut (first..=last))?, reached(&mut (first..=last).rev())?);
+            let (near, far) = if bin == first { (low, high) } else { (high, low) };
+            let is_apart = near.abs_diff(bin) as f64 >= APART * far.abs_diff(bin) as f64;
+            (is_outside && is_apart).then_some(bin)
+        })
+    }
+}
+
+/// One number as a part of another.
+pub(super) fn part(of: u64, all: u64) -> f64 {
+    of as f64 / (all.max(1) as f64)
+}
+
+/// Where samples that a worker is given lie.
+pub(super) struct Part {
+    pub(super) columns: Range<u32>,
+    pub(super) lines: Range<u32>,
+}
