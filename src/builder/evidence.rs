@@ -51,6 +51,10 @@ pub(super) struct Evidence {
     /// Samples at the ends of rows of the volume, and those of them that are 0.
     pub(super) rim: u64,
     pub(super) rim_zeros: u64,
+    /// Places of pairs, and those where the sample next to either has its value, too: not stored, as slices are looked at
+    /// again.
+    pub(super) steps: u64,
+    pub(super) wide: u64,
     /// Pairs of values that are neighbours, in order.
     pub(super) pairs: Vec<Pair>,
     /// True if there are more of them than [`MAX_PAIRS`].
@@ -111,6 +115,8 @@ const NO_SKIPS: f64 = 0.05;
 const EVEN_FLAT: f64 = 0.73;
 const RIM: f64 = 0.9;
 const ORDERED: usize = 16;
+/// Part of the differences of a map that have a flat side before and behind, at least.
+const HARD: f64 = 0.2;
 /// Greys of a display in even steps reach this far.
 const DISPLAY: u64 = 250;
 /// Part of the differences that are next to single samples unlike both neighbours, as in noise, at most where little is
@@ -177,6 +183,8 @@ impl Evidence {
             nearest: least,
             rim: 0,
             rim_zeros: 0,
+            steps: 0,
+            wide: 0,
             pairs: Vec::new(),
             is_crowded: false,
         }
@@ -195,6 +203,8 @@ impl Evidence {
         self.nearest.add(other.nearest, other.nearest.value < self.nearest.value);
         self.rim += other.rim;
         self.rim_zeros += other.rim_zeros;
+        self.steps += other.steps;
+        self.wide += other.wide;
         self.is_crowded |= other.is_crowded;
         other.pairs.iter().for_each(|pair| self.add_pair(*pair));
     }
@@ -296,9 +306,7 @@ impl Evidence {
                 self.rim += 1;
                 self.rim_zeros += u64::from(*sample == T::zeroed());
             }
-            if !self.is_crowded {
-                self.add_pairs(row, &mut left);
-            }
+            self.add_pairs(row, &mut left);
         }
     }
 
@@ -314,7 +322,11 @@ impl Evidence {
             )]
             let [a, b] = [w[0], w[1]].map(|sample| sample.to_f64() as u64);
             let (clean, spikes) = (u64::from(is_wide), u64::from(before == Some(w[1])));
-            self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes });
+            self.steps += 1;
+            self.wide += clean;
+            if !self.is_crowded {
+                self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes });
+            }
             *left -= 1;
         }
     }
@@ -372,6 +384,12 @@ impl Evidence {
         let touch_none = flat >= FLAT && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
         let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
         is_map.then_some(values - 1)
+    }
+
+    /// True if values change where either side is flat, as labels do, and not by way of values between them, as the edges
+    /// of a mask that is soft.
+    pub(super) fn is_hard(&self) -> bool {
+        part(self.wide, self.steps) >= HARD
     }
 
     /// True if the values lie in each other as labels do, in any order or in that of their numbers.

@@ -189,7 +189,7 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
     }
     let seen = seen();
     let values = if seen.is_crowded { MAX_LABELS } else { seen.values().len() };
-    Ok(seen.labels(values).is_some())
+    Ok(seen.is_hard() && seen.labels(values).is_some())
 }
 
 /// Adds samples to what tells maps of labels.

@@ -24,7 +24,7 @@ use std::time::{Duration, Instant};
 
 use crate::error::Error;
 use crate::load::survive_torn_files;
-use crate::platform::FileExt;
+use crate::platform::{FileExt, open_files_limit};
 use crate::scratch::unnamed;
 
 use sheet::Entry;
@@ -96,15 +96,17 @@ pub fn view(
     };
     ready(&format!("http://127.0.0.1:{port}/{}/", server.secret));
     let answering = AtomicUsize::new(0);
+    let few = few_files();
     let (mut waiting, mut last) = (Vec::new(), Instant::now());
     std::thread::scope(|scope| {
         while !stopped() && request.idle.is_none_or(|idle| last.elapsed() <= idle) {
-            if accept(&listener, &mut waiting) || answering.load(Ordering::Acquire) > 0 {
+            if accept(&listener, &mut waiting, few.min(MAX_WAITING)) || answering.load(Ordering::Acquire) > 0
+            {
                 last = Instant::now();
             }
             for mut client in std::mem::take(&mut waiting) {
                 match client.ask() {
-                    Ok(true) if answering.load(Ordering::Acquire) < MAX_CLIENTS => {
+                    Ok(true) if answering.load(Ordering::Acquire) < few.min(MAX_CLIENTS) => {
                         answering.fetch_add(1, Ordering::AcqRel);
                         let (server, answering) = (&server, &answering);
                         scope.spawn(move || {
@@ -123,8 +125,15 @@ pub fn view(
     Ok(())
 }
 
-/// Takes new clients; true if there were some.
-fn accept(listener: &TcpListener, waiting: &mut Vec<Client>) -> bool {
+/// Files for each kind of use: of those that a process may have open an eighth.
+fn few_files() -> usize {
+    let most =
+        open_files_limit().map_or(MAX_WAITING, |limit| usize::try_from(limit / 8).unwrap_or(MAX_WAITING));
+    most.max(4)
+}
+
+/// Takes new clients, and keeps so many; true if there were some.
+fn accept(listener: &TcpListener, waiting: &mut Vec<Client>, most: usize) -> bool {
     let mut any = false;
     for _ in 0..MAX_WAITING {
         match listener.accept() {
@@ -141,7 +150,7 @@ fn accept(listener: &TcpListener, waiting: &mut Vec<Client>) -> bool {
                 break;
             }
         }
-        waiting.drain(..waiting.len().saturating_sub(MAX_WAITING));
+        waiting.drain(..waiting.len().saturating_sub(most));
     }
     any
 }
@@ -342,7 +351,7 @@ impl Server<'_> {
             return Err(changed);
         }
         open.push(Arc::clone(&subject));
-        let before = open.len().saturating_sub(MAX_OPEN);
+        let before = open.len().saturating_sub(few_files().min(MAX_OPEN));
         open.drain(..before);
         Ok(subject)
     }

@@ -28,6 +28,7 @@ use infobyte::render::selfcheck::mismatches;
 use infobyte::source::OpenOptions;
 use infobyte::volume::{VolumeSource, Voxels, Workspace};
 use infobyte::{NamedView, Projection, RayCaster, RenderRequest, Samples, ViewPoint};
+use sha2::{Digest, Sha256};
 
 use crate::common::frames::{Spec, encapsulated};
 use crate::common::models::{build_csg, build_mesh, skin_options};
@@ -196,9 +197,13 @@ fn part(bytes: &[u8]) -> bool {
     let digest: String = head[..32].iter().map(|byte| format!("{byte:02x}")).collect();
     let word = |at: usize| u32::from_le_bytes(std::array::from_fn(|i| head[at + i]));
     let (parts, dims) = (word(36), [word(40), word(44), word(48)]);
-    let text = format!(
-        r#"{{"program":"p","digest":"{digest}","dims":{dims:?},"parts":{parts},"folder":"/","command":[]}}"#
-    );
+    let [x, y, z] = dims;
+    let text = |checksum: &str| {
+        format!(
+            r#"{{"program":"p","digest":"{digest}","dims":[{x},{y},{z}],"parts":{parts},"folder":"/","command":[],"checksum":"{checksum}"}}"#
+        )
+    };
+    let text = text(&format!("{:x}", Sha256::digest(text(""))));
     let plan = match Plan::read(&put("plan.json", text.as_bytes())) {
         Ok(plan) => plan,
         Err(refused) => return told(&refused.to_string()),

@@ -120,7 +120,7 @@ fn folders_and_files_without_images_are_refused() {
     for (name, told, words) in [
         ("a.json", "{\"dims\": [2, 2, 2], \"dtyp\": \"u8\"}", ["a.json", "without the key dtype"]),
         ("a.json", "{\"dims\": [2, 2, 2], \"dtype\": \"u8\",}", ["a.json", "cannot be parsed"]),
-        ("a.raw.json", "{\"dims\": [2, 2, 2], \"dtype\": \"u9\"}", ["a.raw.json", "dtype is not known"]),
+        ("a.raw.json", "{\"dims\": [2, 2, 2], \"dtype\": \"u9\"}", ["a.raw.json", "dtype `u9` is not known"]),
     ] {
         let beside = stage.file(name, told.as_bytes());
         stage.refused(&raw, &[], 3, &words);

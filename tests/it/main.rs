@@ -44,6 +44,7 @@ mod mesh_command;
 mod mesh_containers;
 mod mesh_foreign;
 mod mesh_looks;
+mod mesh_seldom;
 mod mesh_solids;
 mod normals;
 mod oracle;
