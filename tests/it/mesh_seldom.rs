@@ -1,5 +1,6 @@
 //! Meshes as other programs seldom write them: forms that are read, numbers that are refused, faces that are not convex.
 
+#![allow(clippy::cast_possible_truncation, reason = "numbers here are small by construction")]
 use super::mesh_foreign::{body, build, build_on, changed, obj, vertices};
 use crate::prelude::*;
 use containers::{RELATIONS, buffer, description, glb, object, text as model_text};
