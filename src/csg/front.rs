@@ -30,7 +30,7 @@ use crate::volume::{SourceError, VolumeSource};
 const FEW_BYTES: u64 = 64 << 10;
 
 /// Most bodies that go through bins.
-const MOST_BINNED: usize = 8;
+const MAX_BINNED: usize = 8;
 
 /// Does a leaf lie where its file says?
 fn is_unmoved(affine: &Affine) -> bool {
@@ -183,14 +183,14 @@ impl<'a, 't> Front<'a, 't> {
     ) -> Result<Option<SampledLeaf<'a>>, BuildError> {
         let Leaf::Body(body) = leaf else { return Ok(None) };
         let surface = body.surface();
-        if !body.is_large() || *bodies == MOST_BINNED || self.options.volume_surface() != SurfaceKind::Cells {
+        if !body.is_large() || *bodies == MAX_BINNED || self.options.volume_surface() != SurfaceKind::Cells {
             return Ok(None);
         }
         let large = |node: &Node| match node {
             Node::Leaf { shape, .. } => matches!(&**shape, Shape::Faces(f) if f.triangles.len() >= BINNED),
             _ => false,
         };
-        let parts = meshes + self.tree.nodes.iter().filter(|node| large(node)).count().min(MOST_BINNED);
+        let parts = meshes + self.tree.nodes.iter().filter(|node| large(node)).count().min(MAX_BINNED);
         let made = triangles_part(surface, place.dims, parts, self.options, &self.scratch, self.progress)?;
         *bodies += usize::from(made.is_some());
         Ok(made.map(|solid| SampledLeaf { solid: Box::new(solid), gives_outwards: false }))
