@@ -75,6 +75,9 @@ pub(crate) enum Command {
     /// Report whether two models touch, and where
     #[command(after_help = examples::INTERSECT)]
     Intersect(IntersectArgs),
+    /// List the pores that a model encloses, or its separate bodies
+    #[command(after_help = examples::PORES)]
+    Pores(PoresArgs),
     /// Render a picture of a model
     #[command(after_help = examples::RENDER)]
     Render(RenderArgs),
@@ -117,6 +120,7 @@ impl Command {
             Self::Strip(args) => args.files.json,
             Self::Export(args) => args.json,
             Self::Intersect(args) => args.json,
+            Self::Pores(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,
             Self::Demo(args) => args.json,
@@ -197,6 +201,28 @@ pub(crate) struct IntersectArgs {
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct PoresArgs {
+    /// The model of cells (mapped or packed)
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// List separate bodies instead
+    #[arg(long)]
+    pub(crate) bodies: bool,
+    /// Write a table of all of them
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Leave out what has fewer voxels
+    #[arg(long, value_name = "N", default_value_t = 1)]
+    pub(crate) least: u64,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
 }
 
 #[derive(Debug, Args)]

@@ -33,6 +33,7 @@ use infobyte::jobs::names::read_label_names;
 use infobyte::jobs::opened::open_model;
 use infobyte::jobs::pack::StripRequest;
 use infobyte::jobs::picture::Outputs;
+use infobyte::jobs::pores::PoresRequest;
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
@@ -156,6 +157,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         }
         Command::Export(args) => export(&args),
         Command::Intersect(args) => intersect(&args),
+        Command::Pores(args) => pores(&args),
         Command::View(args) => view(&args),
         Command::Render(args) => render(&args),
         Command::Thumbnail(args) => thumbnail(&args),
@@ -471,6 +473,18 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
         row[3] += by;
     }
     let report = jobs::intersect::intersect([&args.one, &args.other], &placement)?;
+    Ok(print(args.json, || &report, || report.text())?)
+}
+
+fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
+    platform::tell_of(&args.model, args.json);
+    let request = PoresRequest { bodies: args.bodies, least: args.least };
+    let bars = Bars::new(args.json || args.quiet);
+    let report = jobs::pores::pores(&args.model, request, args.csv.as_deref(), None, &bars);
+    bars.finish();
+    let report = report?;
     Ok(print(args.json, || &report, || report.text())?)
 }
 

@@ -23,7 +23,7 @@ use crate::render::RenderError;
 use crate::scene::SceneError;
 use crate::text::names::{
     CHANNELS, EACH, ERROR, FORCE, FORM, GRADIENT, INFO, LABELS, LEGEND, LEVELS, LOD, OUT, OUTPUT, PORT,
-    RANGE, SECTION, SKIN, SMOOTH, VIEW, VISIBLE_FROM,
+    RANGE, SECTION, SKIN, SMOOTH, SURFACE, VIEW, VISIBLE_FROM,
 };
 use crate::text::{Short, shown, writing};
 use crate::volume::SourceError;
@@ -74,6 +74,8 @@ pub enum Error {
 pub enum UsageError {
     #[error("{}: keeps only what can be seen ({VISIBLE_FROM} {seen_from}), so that its inside is not known; build it without {VISIBLE_FROM}, or write its skin with {FORM} points, or a mask with {SKIN}", shown(.path))]
     KeepsPart { path: PathBuf, seen_from: String },
+    #[error("{}: is a skin of voxels, which is too coarse to measure; build it with {SURFACE} cells", shown(.path))]
+    TooCoarse { path: PathBuf },
     #[error("{}: has labels, and cannot be {doing} yet with them; build one of its labels by its range of values ({RANGE})", shown(.path))]
     Labels {
         path: PathBuf,

@@ -52,6 +52,10 @@ pub(crate) const INTERSECT: &str = "Examples:
   oct intersect jaw.oct implant.oct
   oct intersect jaw.oct implant.oct --move 12.5,-3,40";
 
+pub(crate) const PORES: &str = "Examples:
+  oct pores casting.oct --csv pores.csv
+  oct pores print.oct --bodies --least 100";
+
 pub(crate) const VIEW: &str = "Examples:
   oct view models/
   oct view head.oct --port 8080 --idle 600";

@@ -22,6 +22,7 @@
 //! | `labels` | the same for models of labels, a part for each label |
 //! | `mask` | NRRD and NIfTI |
 //! | [`Mesh`] | triangles in memory |
+//! | `regions` | samples as runs of one label, with the cells between two slices |
 //! | `tint` | colours of vertices |
 //! | `write` | STL, PLY, OBJ, GLB and 3MF |
 
@@ -35,6 +36,7 @@ mod labels;
 mod mask;
 mod mesh;
 mod patch;
+mod regions;
 mod signs;
 mod tint;
 mod write;
@@ -42,12 +44,13 @@ mod write;
 pub use fault::ExportFault;
 pub(crate) use labels::{LabelMesh, part_name};
 pub use mesh::Mesh;
+pub(crate) use regions::{LayerCell, RegionFrame, RegionSlice, Run};
 
 use std::fs::File;
 use std::io::{self, Seek};
 use std::path::Path;
 
-use crate::enclosed::{Fates, Outward, SkinSlices, SkinVoxel, Sweep, extent};
+use crate::enclosed::{Fates, Outward, Rows, SkinSlices, SkinVoxel, Sweep, extent};
 use crate::format::normal;
 use crate::geom::{Affine, Dims, VoxelIndex};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
@@ -62,7 +65,7 @@ use decimate::Decimator;
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
-use signs::{Boxes, Extent};
+use signs::{Boxes, Extent, Item};
 use tint::{Lights, UNCOLORED};
 use write::{Glb, Obj, Output, PartHead, Ply, Sink, Stl, ThreeMf, Vertex, unit};
 
@@ -233,6 +236,8 @@ enum Product<'a> {
     /// Made on another thread.
     Slices(Slices),
     Mask(Mask),
+    /// Samples, and the cells between them and those before.
+    Regions(&'a mut dyn FnMut(&Bits, &Rows<Item>) -> io::Result<()>),
 }
 
 /// First box of the skin along each axis, and the one behind the last.
@@ -500,6 +505,7 @@ impl Exporter<'_> {
                     mask.slice(samples, [x, y])?;
                 }
             }
+            Product::Regions(work) => work(samples, &below.items)?,
         }
         *slices += 1;
         Ok(())

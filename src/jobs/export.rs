@@ -44,6 +44,11 @@ pub struct ExportRequest {
 }
 
 impl ExportRequest {
+    /// All of a form.
+    pub(super) fn of(form: ExportForm) -> Self {
+        Self { form, skin_only: false, error: None, smooth: None }
+    }
+
     /// Does it depend on what is inside, not on the skin alone?
     fn needs_inside(&self) -> bool {
         self.form.has_triangles() || self.form.is_mask() && !self.skin_only
@@ -150,7 +155,7 @@ pub fn export(
 }
 
 /// Gives what was written its name, unless the job is stopped; its size.
-fn commit(out: AtomicFile, output: &Path, progress: &dyn Progress) -> Result<u64, Error> {
+pub(super) fn commit(out: AtomicFile, output: &Path, progress: &dyn Progress) -> Result<u64, Error> {
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let bytes = out.file().metadata().map_err(unwritable)?.len();
     if progress.stopped() {
@@ -212,7 +217,7 @@ fn refuse_wide(model: &Model, input: &Path, request: ExportRequest) -> Result<()
 }
 
 /// Refuses an output that is the input.
-fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
+pub(super) fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     match (input.canonicalize(), output.canonicalize()) {
         (Ok(from), Ok(to)) if from == to => {
             Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into())
@@ -221,7 +226,7 @@ fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     }
 }
 
-fn exporter_of<'a>(
+pub(super) fn exporter_of<'a>(
     model: &'a Model,
     view: &'a ModelView<'a>,
     space: &'a GridSpace,
@@ -245,7 +250,7 @@ fn folder_of(output: &Path) -> &Path {
 }
 
 /// Why an export failed.
-fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
+pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Path) -> Error {
     match stop {
         // Checking all of it says what is wrong.
         ExportStop::Damaged => {
@@ -379,13 +384,17 @@ fn fault_of(cause: &io::Error) -> Option<ExportFault> {
 
 /// Oddities in sentences.
 fn warnings(unknown_voxels: u64, is_far: bool) -> Vec<String> {
-    let unknown = format!(
-        "{unknown_voxels} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier"
-    );
     let far =
         "the model lies so far from the origin that 32-bit coordinates are off by more than 1/128 of a voxel";
-    let all = [(unknown_voxels > 0, unknown), (is_far, far.to_owned())];
-    all.into_iter().filter_map(|(told, sentence)| told.then_some(sentence)).collect()
+    unknown_inside(unknown_voxels).into_iter().chain(is_far.then(|| far.to_owned())).collect()
+}
+
+/// The warning of enclosed boxes that may be inside or outside.
+pub(super) fn unknown_inside(voxels: u64) -> Option<String> {
+    let sentence = format!(
+        "{voxels} voxel(s) are enclosed, and the normals do not tell whether they are inside; they were taken to be what is likelier"
+    );
+    (voxels > 0).then_some(sentence)
 }
 
 impl ExportReport {

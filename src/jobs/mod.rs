@@ -22,6 +22,7 @@ pub mod opened;
 pub mod pack;
 pub mod parts;
 pub mod picture;
+pub mod pores;
 mod relief;
 pub mod render;
 #[doc(hidden)]

@@ -21,6 +21,7 @@ use super::intersect::IntersectReport;
 use super::pack::PackReport;
 use super::parts::{MergeReport, PartReport, PlanReport, StageReport};
 use super::picture::PictureReport;
+use super::pores::PoresReport;
 use super::report::Report;
 use super::scan::{Listed, ScanReport};
 use super::verify::VerifyReport;
@@ -52,6 +53,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("pack", "`oct pack --json`, `oct unpack --json` and `oct strip --json`", schema::<PackReport>()),
         ("export", "`oct export --json`", schema::<ExportReport>()),
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),
+        ("pores", "`oct pores --json`", schema::<PoresReport>()),
         ("render", "`oct render --json` and `oct thumbnail --json`", schema::<PictureReport>()),
         ("scan", "`oct scan --json`", schema::<List<ScanReport, Listed>>()),
         ("batch", "`oct batch --json`, and its `report.json`", schema::<List<BatchReport, Item>>()),

@@ -34,7 +34,7 @@ use parts::Parts;
 use walls::Placing;
 
 /// The corner of a cell that is high along all axes.
-const HIGH: usize = 7;
+pub(super) const HIGH: usize = 7;
 
 /// Numbers that a label may have, and 0.
 const NUMBERS: usize = 1 << 16;
@@ -109,7 +109,7 @@ impl Exporter<'_> {
     }
 
     /// Calls `work` with the cells of every slice of the model's box.
-    fn label_slices(
+    pub(super) fn label_slices(
         &self,
         bounds: Bounds,
         progress: &dyn Progress,

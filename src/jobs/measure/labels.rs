@@ -77,7 +77,7 @@ struct WallArea {
 }
 
 /// The walls of a cell whose edges are these axes: the labels behind and in front, and the area.
-fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 2], f64)> {
+pub(in crate::jobs) fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 2], f64)> {
     let planes = walls.planes();
     let mut found = Vec::new();
     for (i, plane) in planes.iter().enumerate() {

@@ -1,0 +1,414 @@
+//! `oct pores`: the cavities that a model encloses, or its separate bodies, one by one.
+
+mod components;
+
+use std::f64::consts::PI;
+use std::fmt::Write as _;
+use std::fs::File;
+use std::io::{self, BufWriter, Seek, Write};
+use std::path::Path;
+use std::time::Instant;
+
+use serde::Serialize;
+
+use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
+use super::measure::wall_areas;
+use super::opened::open_model;
+use super::verify::verify_unless_packed;
+use super::within::Within;
+use crate::atomic::AtomicFile;
+use crate::budget::peak_rss_bytes;
+use crate::error::{Error, UsageError};
+use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
+use crate::geom::Affine;
+use crate::load::{Model, ModelView, NodeView};
+use crate::progress::Progress;
+use crate::render::GridSpace;
+use crate::text::{Short, data, shown};
+
+use components::{Component, Components, Side, Sought};
+
+/// Rows that the text for people shows.
+const SHOWN: usize = 10;
+
+/// Rows of the largest that a report holds.
+const LARGEST: usize = 20;
+
+/// A component whose equivalent diameter is less than this many voxels is below the resolution: the smallest structure
+/// that can still be measured (VDI/VDE 2630-1.3).
+const RESOLVED_VOXELS: f64 = 3.0;
+
+/// Which components are measured.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct PoresRequest {
+    /// True for bodies, false for pores.
+    pub bodies: bool,
+    /// Components of fewer samples are left out.
+    pub least: u64,
+}
+
+/// A pore, or a body. Lengths are in mm (LPS).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Pore {
+    /// Number, from 1 on: in the order of last slices, in each by first samples.
+    pub id: u64,
+    /// Label of a body of a model of labels.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<u16>,
+    /// Samples times the volume of a voxel.
+    pub volume_mm3: f64,
+    /// Area of the surface around it.
+    pub area_mm2: f64,
+    /// Mean of its samples' places.
+    pub at_mm: [f64; 3],
+    /// Least and greatest coordinates of its voxels.
+    pub box_mm: [[f64; 3]; 2],
+    /// Diameter of a ball of its volume.
+    pub equivalent_diameter_mm: f64,
+    /// Area of that ball over its area, at most 1.
+    pub sphericity: f64,
+    /// Samples.
+    pub samples: u64,
+    /// True if its equivalent diameter is less than three voxels, along the axis where voxels are longest.
+    pub below_resolution: bool,
+}
+
+/// Columns of the table.
+const COLUMNS: &str = "id,label,volume_mm3,area_mm2,x,y,z,x_min,y_min,z_min,x_max,y_max,z_max,equivalent_diameter_mm,\
+                       sphericity,samples,below_resolution\n";
+
+impl Pore {
+    /// The row of the table.
+    fn row(&self) -> String {
+        let label = self.label.map(|label| label.to_string()).unwrap_or_default();
+        let [x, y, z] = self.at_mm;
+        let [low, high] = self.box_mm.map(|[x, y, z]| format!("{x},{y},{z}"));
+        format!(
+            "{},{label},{},{},{x},{y},{z},{low},{high},{},{},{},{}\n",
+            self.id,
+            self.volume_mm3,
+            self.area_mm2,
+            self.equivalent_diameter_mm,
+            self.sphericity,
+            self.samples,
+            self.below_resolution
+        )
+    }
+}
+
+/// What was found.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct PoresReport {
+    /// Input as named on the command line.
+    pub input: String,
+    /// Pores.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pores: Option<u64>,
+    /// Bodies, if these were asked for.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub bodies: Option<u64>,
+    /// Volume of the pores over that of solid and pores.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub porosity: Option<f64>,
+    /// Volume of the pores.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pore_volume_mm3: Option<f64>,
+    /// Volume inside: samples times the volume of a voxel.
+    pub solid_volume_mm3: f64,
+    /// How many are below the resolution.
+    pub below_resolution: u64,
+    /// How many were left out for their few samples.
+    pub left_out: u64,
+    /// The largest, at most 20.
+    pub largest: Vec<Pore>,
+    /// Sentences about the input.
+    pub warnings: Vec<String>,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
+    /// Seconds from start to end.
+    pub wall_s: f64,
+}
+
+/// Finds the pores of a model of cells, or its bodies.
+///
+/// Samples are those between the cells, at the volume's spacing. Pores are connected samples outside that the surface
+/// encloses; an opening of one sample joins them to the outside, and so does the border of the volume. Bodies are connected
+/// samples inside, of one label each. Volumes count samples; areas are those of the surface in the cells.
+///
+/// `table` becomes a CSV of them all; `listed` gets them in memory.
+///
+/// Memory: as [`export`](super::export::export) of a mask, and some 150 bytes for each component of a slice. Cost: one pass
+/// over the model.
+///
+/// # Errors
+/// The model is damaged, has a skin of voxels, or keeps only what can be seen; the table cannot be written, and then is as
+/// it was before.
+pub fn pores(
+    input: &Path,
+    request: PoresRequest,
+    table: Option<&Path>,
+    listed: Option<&mut Vec<Pore>>,
+    progress: &dyn Progress,
+) -> Result<PoresReport, Error> {
+    let start = Instant::now();
+    table.map_or(Ok(()), |table| refuse_input(input, table))?;
+    verify_unless_packed(input)?;
+    let model = open_model(input)?;
+    refuse(&model, input)?;
+    let unwritable = |cause| Error::Output { path: table.unwrap_or(input).to_path_buf(), cause };
+    let out = table.map(AtomicFile::create).transpose().map_err(unwritable)?;
+    let view = model.view();
+    let space = GridSpace::new(model.dims(), &model.affine())?;
+    let give_back = || model.give_back();
+    let exporter = exporter_of(&model, &view, &space, ExportRequest::of(ExportForm::Nrrd), &give_back);
+    let geometry = Geometry::of(&model.affine());
+    let is_labelled = !model.frame().labels.is_empty();
+    let begin = |frame| Found::begin(frame, request, is_labelled, out.as_ref(), listed.is_some());
+    let work = |found: &mut Found, slice: &RegionSlice| {
+        let sides = |cell: &LayerCell, add: &mut dyn FnMut(Side)| geometry.sides(&view, cell, add);
+        let done = found.components.slice(slice, &sides);
+        done.iter().try_for_each(|component| found.take(component, &geometry))
+    };
+    let (mut found, unknown) = exporter
+        .regions(is_labelled, progress, &begin, &work)
+        .map_err(|stop| failed(stop, &model, input, table.unwrap_or(input)))?;
+    let solid = found.components.solid;
+    let rest = found.components.finish();
+    rest.iter().try_for_each(|component| found.take(component, &geometry)).map_err(unwritable)?;
+    found.out.as_mut().map_or(Ok(()), Write::flush).map_err(unwritable)?;
+    model.check_unchanged(input)?;
+    if let Some(out) = out {
+        commit(out, table.unwrap_or(input), progress)?;
+    }
+    if let (Some(listed), Some(rows)) = (listed, found.listed.take()) {
+        *listed = rows;
+    }
+    let solid_volume_mm3 = count(solid) * geometry.voxel_mm3;
+    let pore_volume_mm3 = count(found.samples) * geometry.voxel_mm3;
+    let of_pores = |value: f64| (!request.bodies).then_some(value);
+    Ok(PoresReport {
+        input: data(input),
+        pores: (!request.bodies).then_some(found.rows),
+        bodies: request.bodies.then_some(found.rows),
+        porosity: of_pores(pore_volume_mm3 / (pore_volume_mm3 + solid_volume_mm3))
+            .filter(|part| part.is_finite()),
+        pore_volume_mm3: of_pores(pore_volume_mm3),
+        solid_volume_mm3,
+        below_resolution: found.below_resolution,
+        left_out: found.left_out,
+        largest: found.largest,
+        warnings: unknown_inside(unknown).into_iter().collect(),
+        peak_rss_bytes: peak_rss_bytes(),
+        wall_s: start.elapsed().as_secs_f64(),
+    })
+}
+
+/// Refuses a model that does not say what is inside.
+fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
+    if let Some(seen_from) = model.metadata().seen_from() {
+        return Err(
+            UsageError::KeepsPart { path: input.to_path_buf(), seen_from: seen_from.to_owned() }.into()
+        );
+    }
+    if model.view().cells().is_none() {
+        return Err(UsageError::TooCoarse { path: input.to_path_buf() }.into());
+    }
+    Ok(())
+}
+
+#[expect(clippy::cast_precision_loss, reason = "counts are below 2^48")]
+fn count(samples: u64) -> f64 {
+    samples as f64
+}
+
+/// From voxels to mm.
+struct Geometry {
+    affine: Affine,
+    columns: [[f64; 3]; 3],
+    voxel_mm3: f64,
+    longest_mm: f64,
+}
+
+impl Geometry {
+    /// `affine` leads from indices of cells to LPS mm.
+    fn of(affine: &Affine) -> Self {
+        Self {
+            affine: affine.starting_at([0.5; 3]),
+            columns: [0, 1, 2].map(|axis| affine.column(axis)),
+            voxel_mm3: affine.determinant().abs(),
+            longest_mm: affine.spacing_mm().into_iter().fold(0.0, f64::max),
+        }
+    }
+
+    /// The areas of a cell's surface, by the labels on its sides.
+    fn sides(&self, view: &ModelView<'_>, cell: &LayerCell, add: &mut dyn FnMut(Side)) {
+        if let Some(shape) = &cell.shape {
+            let area = Within::of(shape, &self.columns).area;
+            [(0, area), (1, area)].into_iter().for_each(add);
+        } else if let Some(walls) = view.walls(cell.number) {
+            let areas = wall_areas(&walls, &self.columns);
+            areas.into_iter().flat_map(|(labels, area)| labels.map(|label| (label, area))).for_each(add);
+        }
+    }
+
+    /// Least and greatest coordinates of the voxels of a range.
+    fn box_mm(&self, [low, high]: [[i64; 3]; 2]) -> [[f64; 3]; 2] {
+        let mut reach = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
+        for corner in 0..8 {
+            let at: [f64; 3] = std::array::from_fn(|a| {
+                if corner >> a & 1 == 1 { high[a] as f64 + 0.5 } else { low[a] as f64 - 0.5 }
+            });
+            for (axis, c) in self.affine.apply(at).into_iter().enumerate() {
+                reach[0][axis] = reach[0][axis].min(c);
+                reach[1][axis] = reach[1][axis].max(c);
+            }
+        }
+        reach
+    }
+
+    #[expect(clippy::cast_precision_loss, reason = "sums are rounded once")]
+    fn pore(&self, id: u64, component: &Component, is_labelled: bool) -> Pore {
+        let samples = count(component.samples);
+        let volume_mm3 = samples * self.voxel_mm3;
+        let ball_mm2 = (36.0 * PI * volume_mm3 * volume_mm3).cbrt();
+        let equivalent_diameter_mm = (6.0 * volume_mm3 / PI).cbrt();
+        Pore {
+            id,
+            label: Some(component.label).filter(|label| is_labelled && *label != 0),
+            volume_mm3,
+            area_mm2: component.area,
+            at_mm: self.affine.apply(component.sums.map(|sum| sum as f64 / samples)),
+            box_mm: self.box_mm(component.range),
+            equivalent_diameter_mm,
+            sphericity: if component.area > 0.0 { (ball_mm2 / component.area).min(1.0) } else { 1.0 },
+            samples: component.samples,
+            below_resolution: equivalent_diameter_mm < RESOLVED_VOXELS * self.longest_mm,
+        }
+    }
+}
+
+/// What was found so far.
+struct Found {
+    components: Components,
+    least: u64,
+    is_labelled: bool,
+    out: Option<BufWriter<File>>,
+    listed: Option<Vec<Pore>>,
+    rows: u64,
+    samples: u64,
+    below_resolution: u64,
+    left_out: u64,
+    largest: Vec<Pore>,
+}
+
+impl Found {
+    fn begin(
+        frame: RegionFrame,
+        request: PoresRequest,
+        is_labelled: bool,
+        out: Option<&AtomicFile>,
+        is_listed: bool,
+    ) -> io::Result<Self> {
+        let sought = if request.bodies { Sought::Bodies } else { Sought::Pores };
+        let begun = |out: &AtomicFile| {
+            let mut file = out.file().try_clone()?;
+            file.set_len(0)?;
+            file.rewind()?;
+            let mut file = BufWriter::new(file);
+            file.write_all(COLUMNS.as_bytes())?;
+            io::Result::Ok(file)
+        };
+        Ok(Self {
+            components: Components::new(sought, frame),
+            least: request.least,
+            is_labelled,
+            out: out.map(begun).transpose()?,
+            listed: is_listed.then(Vec::new),
+            rows: 0,
+            samples: 0,
+            below_resolution: 0,
+            left_out: 0,
+            largest: Vec::new(),
+        })
+    }
+
+    fn take(&mut self, component: &Component, geometry: &Geometry) -> io::Result<()> {
+        if component.samples < self.least {
+            self.left_out += 1;
+            return Ok(());
+        }
+        self.rows += 1;
+        self.samples += component.samples;
+        let pore = geometry.pore(self.rows, component, self.is_labelled);
+        self.below_resolution += u64::from(pore.below_resolution);
+        if let Some(out) = &mut self.out {
+            out.write_all(pore.row().as_bytes())?;
+        }
+        if let Some(listed) = &mut self.listed {
+            listed.push(pore.clone());
+        }
+        let at = self.largest.partition_point(|other| other.samples >= pore.samples);
+        if at < LARGEST {
+            self.largest.insert(at, pore);
+            self.largest.truncate(LARGEST);
+        }
+        Ok(())
+    }
+}
+
+impl PoresReport {
+    /// For people.
+    pub fn text(&self) -> String {
+        let mut text = self.head();
+        let columns = ["no.", "volume mm3", "diameter mm", "sphericity", "at x, y, z mm (LPS)"];
+        if !self.largest.is_empty() {
+            let [no, volume, diameter, sphericity, at] = columns;
+            let _ = writeln!(text, "  {no:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {at}");
+        }
+        for pore in self.largest.iter().take(SHOWN) {
+            let [x, y, z] = pore.at_mm.map(|c| Short(c).to_string());
+            let [volume, diameter, sphericity] =
+                [pore.volume_mm3, pore.equivalent_diameter_mm, pore.sphericity].map(|v| Short(v).to_string());
+            let note = if pore.below_resolution { "  below the resolution" } else { "" };
+            let _ = writeln!(
+                text,
+                "  {:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {x}, {y}, {z}{note}",
+                pore.id
+            );
+        }
+        for warning in &self.warnings {
+            let _ = writeln!(text, "  note: {warning}");
+        }
+        text
+    }
+
+    fn head(&self) -> String {
+        let input = shown(&self.input);
+        let solid = Short(self.solid_volume_mm3);
+        let small = |whats: &str| match (self.below_resolution, self.left_out) {
+            (0, 0) => String::new(),
+            (below, 0) => format!("  {below} {whats} smaller than three voxels\n"),
+            (below, left) => {
+                format!(
+                    "  {below} {whats} smaller than three voxels; {left} of fewer samples were left out\n"
+                )
+            }
+        };
+        match (self.pores, self.porosity, self.pore_volume_mm3) {
+            (Some(pores), porosity, Some(volume)) => {
+                let percent = Short(100.0 * porosity.unwrap_or(0.0));
+                let volume = Short(volume);
+                format!(
+                    "{input}: {pores} pore(s), {volume} mm3 in {solid} mm3 of solid: porosity {percent} %\n{}",
+                    small("pore(s)")
+                )
+            }
+            _ => {
+                let bodies = self.bodies.unwrap_or(0);
+                format!("{input}: {bodies} body(s), {solid} mm3\n{}", small("body(s)"))
+            }
+        }
+    }
+}
