@@ -101,7 +101,7 @@ impl Pore {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct PoresReport {
-    /// Input as named on the command line.
+    /// Input as named on the command line; several separated by blanks; `-` for standard input.
     pub input: String,
     /// Pores.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -120,10 +120,10 @@ pub struct PoresReport {
     /// How many are below the resolution.
     pub below_resolution: u64,
     /// How many were left out for their few samples.
-    pub left_out: u64,
+    pub below_least: u64,
     /// The largest, at most 20.
     pub largest: Vec<Pore>,
-    /// Sentences about the input.
+    /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
@@ -197,7 +197,7 @@ pub fn pores(
         pore_volume_mm3: of_pores(pore_volume_mm3),
         solid_volume_mm3,
         below_resolution: found.below_resolution,
-        left_out: found.left_out,
+        below_least: found.below_least,
         largest: found.largest,
         warnings: unknown_inside(unknown).into_iter().collect(),
         peak_rss_bytes: peak_rss_bytes(),
@@ -299,7 +299,7 @@ struct Found {
     rows: u64,
     samples: u64,
     below_resolution: u64,
-    left_out: u64,
+    below_least: u64,
     largest: Vec<Pore>,
 }
 
@@ -329,14 +329,14 @@ impl Found {
             rows: 0,
             samples: 0,
             below_resolution: 0,
-            left_out: 0,
+            below_least: 0,
             largest: Vec::new(),
         })
     }
 
     fn take(&mut self, component: &Component, geometry: &Geometry) -> io::Result<()> {
         if component.samples < self.least {
-            self.left_out += 1;
+            self.below_least += 1;
             return Ok(());
         }
         self.rows += 1;
@@ -387,7 +387,7 @@ impl PoresReport {
     fn head(&self) -> String {
         let input = shown(&self.input);
         let solid = Short(self.solid_volume_mm3);
-        let small = |whats: &str| match (self.below_resolution, self.left_out) {
+        let small = |whats: &str| match (self.below_resolution, self.below_least) {
             (0, 0) => String::new(),
             (below, 0) => format!("  {below} {whats} smaller than three voxels\n"),
             (below, left) => {

@@ -54,6 +54,7 @@ mod parts;
 mod picture_matrix;
 mod picture_memory;
 mod picture_normals;
+mod pores;
 mod prelude;
 mod privacy;
 mod real_files;
