@@ -151,6 +151,7 @@ pub mod intersect;
 pub mod jobs;
 pub mod load;
 mod mark;
+mod measure;
 #[cfg(test)]
 #[path = "../tests/it/common/memory_tree.rs"]
 mod memory_tree;

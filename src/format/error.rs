@@ -188,6 +188,8 @@ pub enum FormatError {
     LabelsApart { kind: SectionKind },
     #[error("{DAMAGED}the table of labels cannot be read, or is impossible (SPEC I20){AGAIN}")]
     LabelTable { bytes: u64 },
+    #[error("{DAMAGED}the quantity of the values cannot be read, or is impossible (SPEC I23){AGAIN}")]
+    Quantity { bytes: u64 },
     #[error("{DAMAGED}the labels of cells {first} to {last} are illegal (SPEC I21){AGAIN}")]
     LabelBlocks { first: u64, last: u64 },
     #[error("{DAMAGED}the labels of cell {} and its walls do not agree (SPEC I22){AGAIN}", .cell.get())]

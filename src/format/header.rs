@@ -10,6 +10,8 @@ pub const MAGIC: [u8; 8] = [0x89, b'O', b'C', b'T', 0x0d, 0x0a, 0x1a, 0x0a];
 pub(crate) const VERSION_MAJOR: u16 = 1;
 /// Minor version written; higher ones are read, too.
 pub(crate) const VERSION_MINOR: u16 = 0;
+/// Minor version of files with a quantity.
+pub(crate) const QUANTITY_MINOR: u16 = 1;
 /// Size of the header.
 pub const HEADER_BYTES: usize = 64;
 

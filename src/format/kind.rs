@@ -60,6 +60,8 @@ pub enum SectionKind {
     Meta,
     /// Labels with their names and colours (SPEC 4.10).
     LabelTable,
+    /// The measured quantity that values are (SPEC 4.13).
+    Quantity,
     /// First node of every depth.
     Levels,
     /// Infobytes.

@@ -25,9 +25,14 @@ impl SectionKind {
     pub fn all() -> impl Iterator<Item = Self> {
         let means = Channel::all().filter(|c| c.row().means.is_some()).map(Self::Means);
         let voxels = Channel::all().map(Self::Voxels);
-        let fixed = [Self::Meta, Self::LabelTable, Self::Levels, Self::Nodes, Self::Rank];
+        let fixed = [Self::Meta, Self::LabelTable, Self::Quantity, Self::Levels, Self::Nodes, Self::Rank];
         let of_leaves = [Self::CornerRank, Self::LeafNormals, Self::LeafOffsets, Self::LeafRank];
         fixed.into_iter().chain(means).chain(voxels).chain(of_leaves)
+    }
+
+    /// True for a section that is read whole when a file is opened.
+    pub(crate) fn is_small(self) -> bool {
+        matches!(self, Self::Meta | Self::LabelTable | Self::Quantity | Self::Levels)
     }
 
     /// The channel whose items or means the section holds.
@@ -48,6 +53,7 @@ impl SectionKind {
         match self {
             Self::Meta => *b"META",
             Self::LabelTable => *b"LTAB",
+            Self::Quantity => *b"QUAN",
             Self::Levels => *b"LEVL",
             Self::Nodes => *b"NODE",
             Self::Rank => *b"RANK",
@@ -65,6 +71,7 @@ impl SectionKind {
         match self {
             Self::Meta => "metadata",
             Self::LabelTable => "label_table",
+            Self::Quantity => "quantity",
             Self::Levels => "levels",
             Self::Nodes => "nodes",
             Self::Rank => "rank",
@@ -80,7 +87,7 @@ impl SectionKind {
     /// The codec of its packed section (SPEC 5.1): fixed, so that the same content gives the same bytes.
     pub(crate) fn codec(self) -> u8 {
         match self {
-            Self::Meta | Self::LabelTable | Self::Levels | Self::Rank => CODEC_NONE,
+            Self::Meta | Self::LabelTable | Self::Quantity | Self::Levels | Self::Rank => CODEC_NONE,
             Self::Nodes => CODEC_CUBES,
             Self::Means(_) => CODEC_DERIVED,
             Self::Voxels(channel) => channel.row().codec,

@@ -13,7 +13,9 @@ use super::measure::{LabelMeasures, Measures, measure, measure_labels};
 use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
-use crate::format::{Encoding, Label, Metadata, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR};
+use crate::format::{
+    Encoding, Label, Metadata, Quantity, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR,
+};
 use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault, Model};
 use crate::platform::open_file;
@@ -224,6 +226,9 @@ impl Info {
             let [bound, rms, p99, most] = [error.bound, error.rms, error.p99, error.most].map(Short);
             row("error", format!("within {bound} voxel of the cells: RMS {rms}, 99 % {p99}, most {most}"));
         }
+        if let Some(quantity) = &frame.quantity {
+            row("values", quantity_text(quantity));
+        }
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {
             row(name, text);
@@ -327,6 +332,21 @@ impl Measured {
             ("volume", volume),
         ]
     }
+}
+
+/// A measured quantity, for people.
+fn quantity_text(quantity: &Quantity) -> String {
+    let [name, unit, sign] =
+        [&quantity.name, &quantity.unit, &quantity.sign].map(|text| shown(text).to_string());
+    let [lo, hi] = quantity.range.map(Short);
+    let mut text = format!("{name}, colours from {lo} to {hi} {unit}");
+    if !sign.is_empty() {
+        let _ = write!(text, " ({sign})");
+    }
+    if let Some([lo, hi]) = quantity.tolerance.map(|tolerance| tolerance.map(Short)) {
+        let _ = write!(text, ", tolerance {lo} to {hi} {unit}");
+    }
+    text
 }
 
 /// Lowest and highest coordinates, for people.

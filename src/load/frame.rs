@@ -1,9 +1,9 @@
 //! The small parts of a file that say what the large ones are: header, table, metadata, levels.
 
 use crate::format::{
-    Channel, Encoding, FormatError, HEADER_BYTES, Header, Label, LabelForm, MAX_SECTIONS, METADATA_LIMIT,
-    Metadata, SectionEntry, SectionKind, SurfaceKind, WALL_BYTES, cell, label_directory_bytes, parse_labels,
-    parse_table, rank,
+    Channel, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, Header, Label, LabelForm, MAX_SECTIONS,
+    METADATA_LIMIT, Metadata, Quantity, SectionEntry, SectionKind, SurfaceKind, WALL_BYTES, align_up, cell,
+    label_directory_bytes, parse_labels, parse_table, rank,
 };
 use crate::geom::{Affine, Dims, Level};
 
@@ -26,6 +26,8 @@ pub struct Frame {
     pub levels: Vec<u64>,
     /// The labels, by number (SPEC 4.10); none of a model without them.
     pub labels: Vec<Label>,
+    /// The measured quantity that values are (SPEC 4.13); none of a model without one.
+    pub quantity: Option<Quantity>,
 }
 
 impl Frame {
@@ -41,7 +43,7 @@ impl Frame {
         if header.sections > MAX_SECTIONS {
             return Err(FormatError::SectionCount { sections: header.sections }.into());
         }
-        let table_end = HEADER_BYTES + usize::from(header.sections) * crate::format::ENTRY_BYTES;
+        let table_end = HEADER_BYTES + usize::from(header.sections) * ENTRY_BYTES;
         if len < table_end as u64 {
             return Err(FormatError::Truncated { expected: table_end as u64, got: len }.into());
         }
@@ -76,7 +78,12 @@ impl Frame {
         } else {
             Vec::new()
         };
-        let frame = Self { header, sections, metadata, metadata_bytes, levels, labels };
+        let has_quantity = sections.iter().any(|e| e.kind == Some(SectionKind::Quantity));
+        let quantity = match has_quantity {
+            true => Some(Quantity::parse(&read_small(source, &sections, SectionKind::Quantity)?)?),
+            false => None,
+        };
+        let frame = Self { header, sections, metadata, metadata_bytes, levels, labels, quantity };
         frame.check_item_counts()?;
         Ok(frame)
     }
@@ -134,6 +141,31 @@ impl Frame {
         }
     }
 
+    /// Gives each section its items and its place, where counts are known; tables and coded sections keep their items.
+    pub(crate) fn place_sections(&mut self) {
+        let (voxels, nodes, coarse) = (self.header.voxels, self.header.nodes, self.coarse_nodes());
+        let mut end = (HEADER_BYTES + self.sections.len() * ENTRY_BYTES) as u64;
+        for entry in &mut self.sections {
+            let items = match entry.kind {
+                Some(SectionKind::Meta) => self.metadata_bytes.len() as u64,
+                Some(SectionKind::Levels) => self.levels.len() as u64,
+                Some(SectionKind::Nodes) => nodes,
+                Some(SectionKind::Rank) => rank::directory_bytes(nodes).1,
+                Some(SectionKind::Means(_)) => coarse,
+                Some(SectionKind::Voxels(channel)) if !channel.row().is_sparse && !channel.row().is_coded => {
+                    voxels
+                }
+                _ => entry.items,
+            };
+            *entry = match entry.kind {
+                Some(kind) => SectionEntry::plain(kind, entry.item_bytes, items, align_up(end)),
+                None => SectionEntry { offset: align_up(end), ..*entry },
+            };
+            end = entry.end();
+        }
+        self.header.file_bytes = end;
+    }
+
     pub(super) fn refuse_packed(&self) -> Result<(), FormatError> {
         match self.header.encoding {
             Encoding::Mapped => Ok(()),
@@ -150,7 +182,9 @@ impl Frame {
             let Some(kind) = entry.kind else { continue };
             let (item_ok, items) = match kind {
                 // Checked before they were read.
-                SectionKind::Meta | SectionKind::LabelTable | SectionKind::Levels => continue,
+                SectionKind::Meta | SectionKind::LabelTable | SectionKind::Quantity | SectionKind::Levels => {
+                    continue;
+                }
                 SectionKind::Nodes => (entry.item_bytes == 1, n),
                 SectionKind::Rank => (entry.item_bytes == 1, rank::directory_bytes(n).1),
                 SectionKind::Means(channel) => {
@@ -169,7 +203,11 @@ impl Frame {
                         }
                         _ => v,
                     };
-                    let is_due = channel != Channel::Corners || entry.item_bytes == corner_bytes;
+                    let is_due = match channel {
+                        Channel::Corners => entry.item_bytes == corner_bytes,
+                        Channel::Value => entry.item_bytes == 2 || self.quantity.is_none(),
+                        _ => true,
+                    };
                     (is_due && channel.row().item_bytes.contains(&entry.item_bytes), items)
                 }
                 SectionKind::CornerRank => (entry.item_bytes == 8, cell::corner_blocks(v)),
@@ -228,6 +266,10 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
             _ => {}
         }
     }
+    let value = SectionKind::Voxels(Channel::Value);
+    if has(SectionKind::Quantity) && !has(value) {
+        return Err(FormatError::MissingSection(value));
+    }
     for kind in [SectionKind::LabelTable, SectionKind::Voxels(Channel::Label)] {
         if has(kind) != header.walls {
             return Err(FormatError::LabelsApart { kind });
@@ -239,8 +281,7 @@ fn check_presence(header: &Header, sections: &[SectionEntry]) -> Result<(), Form
         }
     }
     for entry in sections {
-        let small =
-            matches!(entry.kind, Some(SectionKind::Meta | SectionKind::LabelTable | SectionKind::Levels));
+        let small = entry.kind.is_some_and(SectionKind::is_small);
         if entry.codec != 0 && (!packed || small) {
             return Err(FormatError::ForbiddenCodec { kind: entry.kind, codec: entry.codec });
         }

@@ -19,7 +19,7 @@ use super::walls::WalledCells;
 /// a check of the means one more per channel and depth.
 const CURSOR_BYTES: usize = 16 << 10;
 
-/// Checks every invariant of a mapped file (SPEC I1 to I22).
+/// Checks every invariant of a mapped file (SPEC I1 to I23).
 ///
 /// Memory: under 2 MiB for any file. Cost: three passes over the nodes, two over the rest.
 ///

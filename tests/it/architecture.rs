@@ -39,12 +39,13 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "cpu exit fault format geom load render text"),
     ("enclosed", "format geom load"),
+    ("measure", "atomic format geom load"),
     ("page", "format geom load render text"),
     ("export", "cpu enclosed format geom load progress render scratch text"),
     (
         "jobs",
         "atomic budget builder discovery clean codec intersect cpu csg enclosed error exit export fault \
-         format geom load mesh page progress render scene scratch source synthetic text volume",
+         format geom load measure mesh page progress render scene scratch source synthetic text volume",
     ),
     (
         "python",

@@ -498,3 +498,44 @@ fn i20_and_i21_labels() {
         (with_content(&file, blocks, |b| b.push(0)), E::LabelBlocks { first: voxels, last: voxels }),
     ]);
 }
+
+#[test]
+fn i23_quantity() {
+    let file = sound();
+    let frame = frame(&file);
+    let mut record = vec![0, 1, 0, 0, 0, 0, 0, 0];
+    record.extend([-1.0_f64, 1.0, -0.5, 0.5].iter().flat_map(|n| n.to_le_bytes()));
+    for text in ["deviation", "mm", ""] {
+        record.extend((text.len() as u64).to_le_bytes());
+        record.extend(text.as_bytes());
+    }
+    let sections = |value_bytes: u8| {
+        let content = |e: &SectionEntry| (*e, file[e.offset as usize..e.end() as usize].to_vec());
+        let mut all: Vec<_> =
+            frame.sections.iter().filter(|e| e.kind != Some(VALUE_LOD)).map(content).collect();
+        let crc = crc32c::crc32c(&record);
+        let entry = SectionEntry::plain(SectionKind::Quantity, 1, record.len() as u64, 0);
+        all.insert(1, (SectionEntry { stored_crc: crc, content_crc: crc, ..entry }, record.clone()));
+        for (entry, bytes) in all.iter_mut().filter(|(entry, _)| entry.kind == Some(VALUE)) {
+            *bytes = vec![1; usize::from(value_bytes) * frame.header.voxels as usize];
+            *entry = SectionEntry::plain(VALUE, value_bytes, frame.header.voxels, 0);
+            (entry.stored_crc, entry.content_crc) = (crc32c::crc32c(bytes), crc32c::crc32c(bytes));
+        }
+        let Header { dims, nodes, voxels, .. } = frame.header;
+        join_sections(Encoding::Mapped, dims, nodes, voxels, &all)
+    };
+    let sound = sections(2);
+    assert_eq!(verify(sound.as_slice()).unwrap().quantity.unwrap().tolerance, Some([-0.5, 0.5]));
+    let quantity = SectionKind::Quantity;
+    let bytes = record.len() as u64;
+    Rule("I23").broken_by(vec![
+        torn_section(&sound, quantity),
+        (with_content(&sound, quantity, |b| b[0] = 2), E::Quantity { bytes }),
+        (with_content(&sound, quantity, |b| b.push(0)), E::Quantity { bytes: bytes + 1 }),
+    ]);
+    let items = frame.header.voxels;
+    Rule("I4").broken_by(vec![
+        (sections(1), E::SectionItems { kind: VALUE, item_bytes: 1, items, due: items }),
+        (with_entry(&sound, VALUE, |e| e.tag = *b"ZZZZ"), E::MissingSection(VALUE)),
+    ]);
+}

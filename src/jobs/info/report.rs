@@ -9,7 +9,9 @@ use super::{
     structure_bytes, to_f64,
 };
 use crate::enclosed::Enclosed;
-use crate::format::{Encoding, ErrorBound, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR};
+use crate::format::{
+    Encoding, ErrorBound, Quantity, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR,
+};
 use crate::geom::Affine;
 use crate::load::Frame;
 
@@ -145,6 +147,8 @@ pub struct InfoReport {
     pub ratio_to_paper_grid: f64,
     /// The labels, by number; empty for a model without them.
     pub labels: Vec<LabelFigures>,
+    /// The measured quantity that values are; null for a model without one.
+    pub quantity: Option<Quantity>,
     /// Measures of its skin.
     #[serde(flatten)]
     pub measured: MeasuredFigures,
@@ -267,6 +271,7 @@ impl Info {
             paper_bytes: paper_dims,
             ratio_to_paper: paper_dims / to_f64(bytes),
             ratio_to_paper_grid: paper_grid / to_f64(bytes),
+            quantity: frame.quantity.clone(),
             labels: super::label_figures(frame, self.measured.as_ref()),
             measured: self.measured.as_ref().map(MeasuredFigures::from).unwrap_or_default(),
         }

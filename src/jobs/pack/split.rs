@@ -13,7 +13,7 @@ use std::path::{Path, PathBuf};
 
 use super::stop::Stop;
 use super::stream::Writer;
-use super::strip::{complete, place_sections};
+use super::strip::complete;
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildFault};
@@ -390,7 +390,7 @@ fn lay_out(bucket: &Bucket, frame: &Frame, label: &Label) -> Result<Frame, Stop>
             _ => {}
         }
     }
-    place_sections(&mut own);
+    own.place_sections();
     Ok(own)
 }
 
@@ -450,7 +450,8 @@ fn write(
         (SectionKind::Levels, own.levels.iter().flat_map(|level| level.to_le_bytes()).collect()),
         (SectionKind::LabelTable, labels_to_bytes(&own.labels)?),
     ];
-    for (kind, bytes) in small {
+    let quantity = own.quantity.as_ref().map(|quantity| (SectionKind::Quantity, quantity.to_bytes()));
+    for (kind, bytes) in small.into_iter().chain(quantity) {
         out.write_all_at(&bytes, place(kind)?.offset).map_err(Stop::Output)?;
     }
     complete(&mut own, out)?;

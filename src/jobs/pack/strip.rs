@@ -13,10 +13,7 @@ use super::stop::Stop;
 use super::stream::Writer;
 use super::{PackReport, convert, decode};
 use crate::error::{Error, StripFault, UsageError};
-use crate::format::{
-    Channel, Channels, ENTRY_BYTES, Encoding, FormatError, HEADER_BYTES, SectionEntry, SectionKind,
-    SurfaceKind, align_up, rank,
-};
+use crate::format::{Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind};
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
 use crate::progress::Silent;
@@ -171,37 +168,13 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
     left.sections.retain(|entry| match entry.kind {
         Some(SectionKind::Voxels(channel)) => kept.contains(channel),
         Some(SectionKind::LabelTable) => kept.contains(Channel::Label),
+        Some(SectionKind::Quantity) => kept.contains(Channel::Value),
         Some(SectionKind::Means(channel)) => request.lod && kept.contains(channel),
         Some(_) => true,
         None => false,
     });
-    place_sections(&mut left);
+    left.place_sections();
     Ok(left)
-}
-
-/// Gives each section its items and its place, of a frame whose counts are known; tables and coded sections have theirs.
-pub(super) fn place_sections(left: &mut Frame) {
-    let (voxels, nodes, coarse) = (left.header.voxels, left.header.nodes, left.coarse_nodes());
-    let mut end = (HEADER_BYTES + left.sections.len() * ENTRY_BYTES) as u64;
-    for entry in &mut left.sections {
-        let items = match entry.kind {
-            Some(SectionKind::Meta) => left.metadata_bytes.len() as u64,
-            Some(SectionKind::Levels) => left.levels.len() as u64,
-            Some(SectionKind::Nodes) => nodes,
-            Some(SectionKind::Rank) => rank::directory_bytes(nodes).1,
-            Some(SectionKind::Means(_)) => coarse,
-            Some(SectionKind::Voxels(channel)) if !channel.row().is_sparse && !channel.row().is_coded => {
-                voxels
-            }
-            _ => entry.items,
-        };
-        *entry = match entry.kind {
-            Some(kind) => SectionEntry::plain(kind, entry.item_bytes, items, align_up(end)),
-            None => *entry,
-        };
-        end = entry.end();
-    }
-    left.header.file_bytes = end;
 }
 
 fn write_all(out: &File, entry: &SectionEntry, bytes: &[u8]) -> Result<(), Stop> {
