@@ -1,0 +1,156 @@
+//! The nearest point of a model's surface, and the side of it that a point lies on.
+//!
+//! ```text
+//!   cell with a plane, larger leaf --> one facet
+//!   cell with corners -------------> up to eight: each octant with the linear fit to its eight interpolated values
+//! ```
+//!
+//! A [`Surface`] is a model of cells in its orthonormal frame ([`Space`]); a [`Search`] asks it for one point after the
+//! other. An answer depends on the point and the surface only: facets that are as near go by their number and part.
+//!
+//! | part | what it holds |
+//! |---|---|
+//! | [`facet`] | a plane clipped to its box: bound, nearest point, area |
+//! | [`space`] | the frame |
+//! | [`tree`] | the search: from the last answer's cell, nearest child first |
+//! | [`side`] | inside or outside |
+
+mod facet;
+mod side;
+mod space;
+#[cfg(test)]
+mod tests;
+mod tree;
+
+pub(crate) use facet::Facet;
+pub(crate) use space::Space;
+#[allow(unused_imports, reason = "asked by the searches for deviation and thickness")]
+pub(crate) use tree::{Found, Query, Search};
+
+use crate::fault::{Fault, unfit};
+use crate::format::cell::CORNERS;
+use crate::geom::{Affine, BoxIndex, Dims};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
+use crate::text::names::SURFACE;
+
+/// A distance below this many voxels is 0: there the side is rounding.
+pub(crate) const ON: f64 = 1e-9;
+
+/// A box of the octree: number, lowest cell, and base-2 logarithm of its edge in cells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Place {
+    pub(crate) number: BoxIndex,
+    pub(crate) low: [u32; 3],
+    pub(crate) level: u32,
+}
+
+/// The surface of a model of cells.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Surface<'a> {
+    pub(crate) view: &'a ModelView<'a>,
+    cells: CellItems<'a>,
+    pub(crate) space: Space,
+    /// Cells along each axis.
+    pub(crate) dims: [u32; 3],
+}
+
+impl<'a> Surface<'a> {
+    /// The surface of a model; `affine` leads from the index of a cell (its middle at integers) to LPS mm.
+    ///
+    /// # Errors
+    /// A model without cells or with labels; a frame that [`Space::new`] refuses.
+    pub(crate) fn open(view: &'a ModelView<'a>, affine: &Affine, dims: Dims) -> Result<Self, Fault> {
+        let Some(cells) = view.cells() else {
+            return Err(unfit!(
+                "is a skin of voxels, which is too coarse to measure; build it with {SURFACE} cells"
+            ));
+        };
+        if cells.has_walls() {
+            return Err(unfit!(
+                "has labels, whose walls are not measured; build one label as a model of its own, by its range of values"
+            ));
+        }
+        Ok(Self { view, cells, space: Space::new(affine)?, dims: dims.to_array() })
+    }
+
+    /// A search that starts anywhere.
+    pub(crate) fn search(&self) -> Search<'a> {
+        Search::new(*self)
+    }
+
+    /// True for a larger leaf.
+    #[inline]
+    fn is_leaf(&self, place: Place) -> bool {
+        place.level > 0 && self.view.has_leaves() && self.view.is_leaf(place.number.node())
+    }
+
+    /// Number of a cell.
+    #[inline]
+    fn cell(&self, number: BoxIndex) -> u64 {
+        number.voxel(self.view.node_count()).get()
+    }
+
+    /// Middle and half edges of a box.
+    #[inline]
+    fn middle(&self, low: [u32; 3], level: u32) -> ([f64; 3], [f64; 3]) {
+        let half = f64::from(1_u32 << level) / 2.0;
+        let spacing = self.space.spacing;
+        (std::array::from_fn(|a| (f64::from(low[a]) + half) * spacing[a]), spacing.map(|s| half * s))
+    }
+
+    /// The surface in a cell or a larger leaf, facet by facet with the number of its part.
+    #[inline]
+    pub(crate) fn facets(&self, place: Place, mut each: impl FnMut(u8, Facet)) {
+        let (middle, half) = self.middle(place.low, place.level);
+        if place.level > 0 {
+            let plane = self.view.leaf_plane(place.number.node());
+            return each(0, Facet::new(middle, half, plane.normal, f64::from(plane.offset)));
+        }
+        match self.cells.shape(self.cell(place.number)) {
+            CellShape::Plane(plane) => {
+                each(0, Facet::new(middle, half, plane.normal, f64::from(plane.offset)));
+            }
+            CellShape::Corners(corners) => octants(&corners, middle, half, each),
+        }
+    }
+
+    /// True for a cell with corners, whose surface may be two sheets.
+    #[inline]
+    fn has_corners(&self, place: Place) -> bool {
+        place.level == 0 && self.cells.plane(self.cell(place.number)).is_none()
+    }
+
+    /// True where a place of the frame lies in a cell at the border of the volume, whose surface may be a cap of the build.
+    pub(crate) fn is_border(&self, at: [f64; 3]) -> bool {
+        (0..3).any(|a| {
+            let cell = (at[a] / self.space.spacing[a]).floor();
+            cell < 1.0 || cell >= f64::from(self.dims[a].saturating_sub(1))
+        })
+    }
+}
+
+/// The facets of a cell with corners.
+#[inline(never)]
+fn octants(corners: &[i8; CORNERS], middle: [f64; 3], half: [f64; 3], mut each: impl FnMut(u8, Facet)) {
+    let small = half.map(|h| h / 2.0);
+    for octant in 0..CORNERS as u8 {
+        // Sums of whole numbers: eight times the values at the octant's corners.
+        let value = |corner: usize| {
+            let at: [i32; 3] = std::array::from_fn(|a| i32::from(octant >> a & 1) + (corner as i32 >> a & 1));
+            (0..CORNERS).fold(0, |sum, c| {
+                let weight = |a: usize| if c >> a & 1 == 1 { at[a] } else { 2 - at[a] };
+                sum + weight(0) * weight(1) * weight(2) * i32::from(corners[c])
+            })
+        };
+        let values: [i32; CORNERS] = std::array::from_fn(value);
+        let mean: i32 = values.iter().sum();
+        let falls: [i32; 3] = std::array::from_fn(|a| {
+            (0..CORNERS).map(|c| if c >> a & 1 == 1 { -values[c] } else { values[c] }).sum()
+        });
+        if mean.abs() < falls.iter().map(|f| f.abs()).sum() {
+            let at =
+                std::array::from_fn(|a| middle[a] + if octant >> a & 1 == 1 { small[a] } else { -small[a] });
+            each(octant, Facet::new(at, small, falls, f64::from(mean)));
+        }
+    }
+}

@@ -1,0 +1,261 @@
+//! The search for the nearest point: depth first, the nearest child first, what is farther than the best left out.
+//!
+//! The last answer's cell is asked first: its distance is a true bound. The descent begins at the smallest box around that
+//! cell that holds the ball of this radius; the way to that box is kept, and repaired between neighbours.
+
+use crate::geom::{BoxIndex, Octant, dot};
+use crate::load::NodeView;
+
+use super::{Facet, Place, Surface};
+
+/// Most levels of boxes.
+const MAX_LEVELS: usize = 17;
+
+/// What is asked of a search.
+#[derive(Clone, Copy, Debug)]
+pub(crate) struct Query {
+    /// Greatest distance, in mm.
+    pub(crate) within: f64,
+    /// A direction of the frame (unit vector), and the least cosine of a facet's normal to it.
+    pub(crate) facing: Option<([f64; 3], f64)>,
+}
+
+impl Query {
+    /// However far.
+    pub(crate) const ANY: Self = Self { within: f64::INFINITY, facing: None };
+
+    /// Not farther than so many mm.
+    pub(crate) fn within(mm: f64) -> Self {
+        Self { within: mm, ..Self::ANY }
+    }
+
+    #[inline]
+    fn accepts(&self, facet: &Facet) -> bool {
+        self.facing.is_none_or(|(direction, least)| dot(direction, facet.normal) >= least - 1e-9)
+    }
+}
+
+/// The nearest point of a surface.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(crate) struct Found {
+    /// Squared distance, in mm2.
+    pub(crate) square: f64,
+    /// The point, in the frame.
+    pub(crate) point: [f64; 3],
+    /// Unit vector out of the facet, in the frame.
+    pub(crate) normal: [f64; 3],
+    /// The cell or larger leaf.
+    pub(crate) place: Place,
+    /// Number of its facet.
+    pub(crate) part: u8,
+    /// Height of the point asked for over the facet's plane.
+    pub(super) height: f64,
+}
+
+impl Found {
+    /// Distance in mm, without its sign.
+    pub(crate) fn distance(&self) -> f64 {
+        self.square.sqrt()
+    }
+
+    /// Nearer; of those as near the one of the lower number, then part.
+    #[inline]
+    fn is_before(&self, square: f64, place: Place, part: u8) -> bool {
+        (self.square, self.place.number, self.part) <= (square, place.number, part)
+    }
+}
+
+/// A search that keeps what it found last, as the start of the next one.
+///
+/// Memory: some boxes of each level. Cost: a microsecond where the surface is nearer than a few cells; at a distance of
+/// d cells it meets some 2 pi d.
+#[derive(Clone, Debug)]
+pub(crate) struct Search<'a> {
+    pub(crate) surface: Surface<'a>,
+    waiting: Vec<(f64, Place)>,
+    way: Way,
+    seed: Option<Place>,
+    best: Option<Found>,
+    limit: f64,
+}
+
+impl<'a> Search<'a> {
+    pub(super) fn new(surface: Surface<'a>) -> Self {
+        let (way, limit) = (Way::new(&surface), f64::INFINITY);
+        Self { surface, waiting: Vec::new(), way, seed: None, best: None, limit }
+    }
+
+    /// Forgets the last answer, so that the cost of the next one depends on its point only.
+    pub(crate) fn forget(&mut self) {
+        self.seed = None;
+    }
+
+    /// The nearest point of the surface to a point of the frame, or `None` within the given distance.
+    pub(crate) fn nearest(&mut self, point: [f64; 3], query: &Query) -> Option<Found> {
+        self.best = None;
+        self.limit = query.within * query.within;
+        if self.surface.view.is_empty() || !point.iter().all(|c| c.is_finite()) {
+            return None;
+        }
+        let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
+        if let Some(seed) = self.seed {
+            self.ask(seed, point, query);
+            if self.best.is_some() {
+                start = self.around(seed, point);
+            }
+        }
+        self.descend(start, point, query);
+        if let Some(found) = &self.best {
+            self.seed = Some(found.place);
+        }
+        self.best
+    }
+
+    /// The box of the tree in which a cell of the grid lies: a cell, a larger leaf, or `None` where it is empty.
+    pub(super) fn at(&mut self, cell: [u32; 3]) -> Option<Place> {
+        self.way.go(&self.surface, cell)
+    }
+
+    /// The smallest box around a cell that holds the ball which the best distance bounds, as far as the grid goes.
+    fn around(&mut self, seed: Place, point: [f64; 3]) -> Place {
+        let depth = self.surface.view.depth();
+        let radius = self.slack().sqrt();
+        let spacing = self.surface.space.spacing;
+        let end = f64::from(1_u32 << depth);
+        let range = |a: usize| {
+            [point[a] - radius, point[a] + radius].map(|c| (c / spacing[a]).floor().clamp(0.0, end - 1.0))
+        };
+        let ranges = [0, 1, 2].map(range);
+        let holds = |level: u32| {
+            let edge = f64::from(1_u32 << level);
+            (0..3).all(|a| {
+                let low = f64::from(seed.low[a] >> level << level);
+                ranges[a][0] >= low && ranges[a][1] < low + edge
+            })
+        };
+        let level = (seed.level..depth).find(|level| holds(*level)).unwrap_or(depth);
+        self.way.go(&self.surface, seed.low);
+        self.way.place(level)
+    }
+
+    /// The best squared distance, and a little for what is as near but for rounding.
+    #[inline]
+    fn slack(&self) -> f64 {
+        let finest = self.surface.space.finest;
+        self.limit * (1.0 + 1e-10) + 1e-10 * finest * finest
+    }
+
+    fn descend(&mut self, start: Place, point: [f64; 3], query: &Query) {
+        self.waiting.clear();
+        self.waiting.push((0.0, start));
+        while let Some((square, place)) = self.waiting.pop() {
+            if square > self.slack() {
+                continue;
+            }
+            if place.level == 0 || self.surface.is_leaf(place) {
+                if self.seed != Some(place) || self.best.is_none() {
+                    self.ask(place, point, query);
+                }
+                continue;
+            }
+            self.open(place, point);
+        }
+    }
+
+    /// Puts the children of a node that are near enough on the stack, the nearest last.
+    #[inline]
+    fn open(&mut self, place: Place, point: [f64; 3]) {
+        let node = place.number.node();
+        let infobyte = self.surface.view.infobyte(node);
+        let first = self.surface.view.first_child(node);
+        let (level, spacing) = (place.level - 1, self.surface.space.spacing);
+        let (edge, most) = (f64::from(1_u32 << level), self.slack());
+        // Squared distances to the low and high half along each axis.
+        let halves: [[f64; 2]; 3] = std::array::from_fn(|a| {
+            let low = f64::from(place.low[a]) * spacing[a];
+            let middle = (f64::from(place.low[a]) + edge) * spacing[a];
+            let high = (f64::from(place.low[a]) + 2.0 * edge) * spacing[a];
+            let gap = |low: f64, high: f64| {
+                let d = (low - point[a]).max(point[a] - high).max(0.0);
+                d * d
+            };
+            [gap(low, middle), gap(middle, high)]
+        });
+        let begin = self.waiting.len();
+        let (mut rest, mut number) = (infobyte, first);
+        while rest != 0 {
+            let octant = Octant::low_bits(rest.trailing_zeros());
+            rest &= rest - 1;
+            let high = octant.high();
+            let [x, y, z] = [0, 1, 2].map(|a| halves[a][high[a] as usize]);
+            let square = x + y + z;
+            if square <= most {
+                let low = std::array::from_fn(|a| place.low[a] + (high[a] << level));
+                let child = (square, Place { number, low, level });
+                let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
+                self.waiting.insert(begin + before, child);
+            }
+            number = number.after(1);
+        }
+    }
+
+    /// Asks the facets of a cell or a larger leaf.
+    #[inline]
+    fn ask(&mut self, place: Place, point: [f64; 3], query: &Query) {
+        let surface = self.surface;
+        surface.facets(place, |part, facet| {
+            if facet.bound(point) > self.slack() || !query.accepts(&facet) {
+                return;
+            }
+            let (square, at) = facet.nearest(point);
+            if square > self.limit || self.best.is_some_and(|best| best.is_before(square, place, part)) {
+                return;
+            }
+            self.limit = square;
+            let height = facet.height(point);
+            self.best = Some(Found { square, point: at, normal: facet.normal, place, part, height });
+        });
+    }
+}
+
+/// The boxes on the way from the root to a cell.
+#[derive(Clone, Debug)]
+struct Way {
+    cell: [u32; 3],
+    boxes: [BoxIndex; MAX_LEVELS],
+    /// The lowest level of which the box is known.
+    reached: u32,
+    depth: u32,
+}
+
+impl Way {
+    fn new(surface: &Surface<'_>) -> Self {
+        let depth = surface.view.depth().min(MAX_LEVELS as u32 - 1);
+        Self { cell: [0; 3], boxes: [BoxIndex::ROOT; MAX_LEVELS], reached: depth, depth }
+    }
+
+    /// Follows the way to a cell of the grid, from where it parts from the one before.
+    fn go(&mut self, surface: &Surface<'_>, cell: [u32; 3]) -> Option<Place> {
+        let apart = (0..3).fold(0, |apart, a| apart | (cell[a] ^ self.cell[a]));
+        let mut level = (u32::BITS - apart.leading_zeros()).max(self.reached).min(self.depth);
+        self.cell = cell;
+        loop {
+            self.reached = level;
+            let place = self.place(level);
+            if level == 0 || surface.is_leaf(place) {
+                return Some(place);
+            }
+            level -= 1;
+            let high = cell.map(|c| c >> level & 1);
+            let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
+            *self.boxes.get_mut(level as usize)? = surface.view.child(place.number.node(), octant)?;
+        }
+    }
+
+    /// The box of a level on the way, as far as it is known.
+    fn place(&self, level: u32) -> Place {
+        let level = level.max(self.reached);
+        let number = self.boxes.get(level as usize).copied().unwrap_or(BoxIndex::ROOT);
+        Place { number, low: self.cell.map(|c| c >> level << level), level }
+    }
+}
