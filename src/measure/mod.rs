@@ -3,10 +3,16 @@
 //! | part | what it holds |
 //! |---|---|
 //! | [`nearest`] | nearest point of a surface, signed distance, normal and cell |
+//! | [`statistics`] | mean, RMS and percentiles by area |
+//! | [`places`] | connected places that stand out |
 //! | [`values`] | a writer of models with values |
 
 #[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod nearest;
+#[allow(dead_code, reason = "its callers come next")]
+pub(crate) mod places;
+#[allow(dead_code, reason = "its callers come next")]
+pub(crate) mod statistics;
 mod values;
 
 pub(crate) use values::write_values;

@@ -44,6 +44,16 @@ pub(crate) struct Place {
     pub(crate) level: u32,
 }
 
+/// A place of the surface, in the frame.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Sample {
+    pub(crate) point: [f64; 3],
+    /// Unit vector out of the surface.
+    pub(crate) normal: [f64; 3],
+    /// Area of the surface that it stands for, in mm2.
+    pub(crate) area: f64,
+}
+
 /// The surface of a model of cells.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Surface<'a> {
@@ -112,6 +122,24 @@ impl<'a> Surface<'a> {
             }
             CellShape::Corners(corners) => octants(&corners, middle, half, each),
         }
+    }
+
+    /// The place that stands for a cell: the centroid of its facet, of several the largest one, with the area of them all.
+    pub(crate) fn sample(&self, place: Place) -> Sample {
+        let (mut sample, mut largest) = (Sample::default(), -1.0);
+        self.facets(place, |_, facet| {
+            let (area, point) = facet.section();
+            sample.area += area;
+            if area > largest {
+                (largest, sample.point, sample.normal) = (area, point, facet.normal);
+            }
+        });
+        sample
+    }
+
+    /// The place of a cell, by its number and index.
+    pub(crate) fn cell_place(&self, cell: u64, low: [u32; 3]) -> Place {
+        Place { number: BoxIndex::new(self.view.node_count().saturating_add(cell)), low, level: 0 }
     }
 
     /// True for a cell with corners, whose surface may be two sheets.
