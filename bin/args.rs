@@ -8,6 +8,7 @@
 //! | [`parse`] | values of options, and the sentences for wrong ones |
 //! | [`examples`] | what stands below the help of each command |
 
+mod compare;
 mod examples;
 mod parse;
 mod parts;
@@ -22,6 +23,7 @@ use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
 
+pub(crate) use compare::CompareArgs;
 pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, ScanArgs};
@@ -75,6 +77,9 @@ pub(crate) enum Command {
     /// Report whether two models touch, and where
     #[command(after_help = examples::INTERSECT)]
     Intersect(IntersectArgs),
+    /// Measure how far one surface lies from another: a part from its drawing
+    #[command(after_help = examples::COMPARE)]
+    Compare(CompareArgs),
     /// List the pores that a model encloses, or its separate bodies
     #[command(after_help = examples::PORES)]
     Pores(PoresArgs),
@@ -120,6 +125,7 @@ impl Command {
             Self::Strip(args) => args.files.json,
             Self::Export(args) => args.json,
             Self::Intersect(args) => args.json,
+            Self::Compare(args) => args.json,
             Self::Pores(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,

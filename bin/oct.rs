@@ -27,6 +27,7 @@ use infobyte::format::SurfaceKind;
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
+use infobyte::jobs::compare::CompareOutputs;
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::names::read_label_names;
@@ -157,6 +158,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         }
         Command::Export(args) => export(&args),
         Command::Intersect(args) => intersect(&args),
+        Command::Compare(args) => compare(&args),
         Command::Pores(args) => pores(&args),
         Command::View(args) => view(&args),
         Command::Render(args) => render(&args),
@@ -474,6 +476,21 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     }
     let report = jobs::intersect::intersect([&args.one, &args.other], &placement)?;
     Ok(print(args.json, || &report, || report.text())?)
+}
+
+fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.actual.as_path(), args.nominal.as_path()], Dash::AmongFiles)?;
+    refuse_dash(args.output.as_deref(), Dash::Model)?;
+    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
+    check_suffixes(args.output.as_deref(), Written::Model, args.force)?;
+    platform::tell_of(&args.actual, args.json);
+    let outputs = CompareOutputs { model: args.output.as_deref(), csv: args.csv.as_deref() };
+    let bars = Bars::new(args.json || args.quiet);
+    let report = jobs::compare::compare([&args.actual, &args.nominal], &args.request(), outputs, &bars);
+    bars.finish();
+    let report = report?;
+    let code = print(args.json, || &report, || report.text())?;
+    Ok(report.verdict().map_or(code, |verdict| ExitCode::from(verdict.code())))
 }
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {

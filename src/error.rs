@@ -15,6 +15,7 @@ use crate::builder::BuildError;
 use crate::clean::CleanError;
 use crate::exit::ExitKind;
 use crate::export::ExportFault;
+use crate::fault::Fault;
 use crate::format::{Channel, FormatError};
 use crate::load::LoadError;
 use crate::page;
@@ -48,6 +49,8 @@ pub enum Error {
     Render(RenderError),
     #[error(transparent)]
     Scene(SceneError),
+    #[error(transparent)]
+    Measure(#[from] Fault),
     #[error("{Stopped}")]
     Stopped,
     #[error("{}: another batch is writing into this folder; wait until it has finished, or choose another folder with {OUT}", shown(.path))]
@@ -191,6 +194,7 @@ impl Error {
             Self::Load(e) => e.kind(),
             Self::Render(e) => e.kind(),
             Self::Scene(e) => e.kind(),
+            Self::Measure(fault) => fault.exit(),
             Self::Stopped => ExitKind::Stopped,
             Self::Busy { .. } | Self::Output { .. } | Self::Port { .. } | Self::Internal => ExitKind::Io,
         }

@@ -52,6 +52,10 @@ pub(crate) const INTERSECT: &str = "Examples:
   oct intersect jaw.oct implant.oct
   oct intersect jaw.oct implant.oct --move 12.5,-3,40";
 
+pub(crate) const COMPARE: &str = "Examples:
+  oct compare scan.oct drawing.stl --fit --tolerance 0.2 -o deviation.oct
+  oct compare new.oct old.oct --csv deviations.csv --json";
+
 pub(crate) const PORES: &str = "Examples:
   oct pores casting.oct --csv pores.csv
   oct pores print.oct --bodies --least 100";

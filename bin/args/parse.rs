@@ -249,6 +249,15 @@ pub(super) fn triple(text: &str) -> Result<[f64; 3], String> {
     }
 }
 
+/// Least and greatest deviation: a length stands for both.
+pub(super) fn tolerance(text: &str) -> Result<[f64; 2], String> {
+    match number(text) {
+        Ok(most) if most >= 0.0 => Ok([-most, most]),
+        Ok(_) => Err(format!("'{text}' is below 0; write a length, or for example -0.2..0.1")),
+        Err(_) => range(text),
+    }
+}
+
 /// A length above 0.
 pub(super) fn positive(text: &str) -> Result<f64, String> {
     match number(text) {

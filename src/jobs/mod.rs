@@ -6,6 +6,7 @@
 
 pub mod batch;
 pub mod build;
+pub mod compare;
 #[doc(hidden)]
 pub mod demo;
 pub mod export;

@@ -45,7 +45,8 @@ pub(crate) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
     Ok(scratch)
 }
 
-fn scratch_beside(path: &Path) -> io::Result<File> {
+/// An unnamed file in the folder of another one, or where that is read-only in the system's.
+pub(super) fn scratch_beside(path: &Path) -> io::Result<File> {
     let folder = path.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
     tempfile::tempfile_in(folder).or_else(|_| tempfile::tempfile())
 }

@@ -14,6 +14,7 @@ use serde_json::{Map, Value, json};
 
 use super::batch::{BatchReport, Item};
 use super::build::BuildFigures;
+use super::compare::CompareReport;
 use super::demo::DemoFigures;
 use super::export::ExportReport;
 use super::info::InfoReport;
@@ -53,6 +54,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("pack", "`oct pack --json`, `oct unpack --json` and `oct strip --json`", schema::<PackReport>()),
         ("export", "`oct export --json`", schema::<ExportReport>()),
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),
+        ("compare", "`oct compare --json`", schema::<CompareReport>()),
         ("pores", "`oct pores --json`", schema::<PoresReport>()),
         ("render", "`oct render --json` and `oct thumbnail --json`", schema::<PictureReport>()),
         ("scan", "`oct scan --json`", schema::<List<ScanReport, Listed>>()),

@@ -52,7 +52,7 @@ const MAY_SEE: &[(&str, &str)] = &[
         "budget builder clean clean_and_build error exit export fault format geom jobs load mesh progress render \
          source text volume",
     ),
-    ("error", "budget builder clean exit export format load page progress render scene text volume"),
+    ("error", "budget builder clean exit export fault format load page progress render scene text volume"),
 ];
 
 /// Calls that look for something in a message, or take it apart.

@@ -556,7 +556,7 @@ fn pipes_are_refused_at_once_wherever_a_file_is_expected() {
     let of_scene = text(&stage.file("e/e.toml", b"[[model]]\nfile = \"e.oct\"\n"));
     pipe("e/e.oct");
     let (other, rest) = (text(&stage.path("x.oct")), text(&stage.path("x")));
-    let commands: [&[&str]; 17] = [
+    let commands: [&[&str]; 18] = [
         &["info", &model],
         &["verify", &model],
         &["pack", &model, "-o", &other],
@@ -564,6 +564,7 @@ fn pipes_are_refused_at_once_wherever_a_file_is_expected() {
         &["strip", &model, "-o", &other],
         &["export", &model, "-o", &other, "--as", "stl", "--force"],
         &["intersect", &model, &model],
+        &["compare", &model, &model],
         &["pores", &model],
         &["render", &model, "-o", &other, "--force"],
         &["thumbnail", &model, "-o", &other, "--force"],

@@ -13,10 +13,8 @@ use crate::format::cell::{CORNERS, at_corner};
 use crate::geom::Octant;
 use crate::load::{CellShape, NodeView, PlanePart};
 
+use super::tree::ALONG;
 use super::{Found, ON, Place, Search, Surface};
-
-/// Least part of a distance that is along the normal, for the normal to say the side.
-const ALONG: f64 = 0.8;
 
 /// Where a point lies.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

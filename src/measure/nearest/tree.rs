@@ -6,10 +6,13 @@
 use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::NodeView;
 
-use super::{Facet, Place, Surface};
+use super::{Place, Surface};
 
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
+
+/// Least part of a distance that is along the normal, for the normal to say the side.
+pub(super) const ALONG: f64 = 0.8;
 
 /// What is asked of a search.
 #[derive(Clone, Copy, Debug)]
@@ -29,9 +32,10 @@ impl Query {
         Self { within: mm, ..Self::ANY }
     }
 
+    /// True for a normal within the angle.
     #[inline]
-    fn accepts(&self, facet: &Facet) -> bool {
-        self.facing.is_none_or(|(direction, least)| dot(direction, facet.normal) >= least - 1e-9)
+    pub(crate) fn accepts(&self, normal: [f64; 3]) -> bool {
+        self.facing.is_none_or(|(direction, least)| dot(direction, normal) >= least - 1e-9)
     }
 }
 
@@ -56,6 +60,12 @@ impl Found {
     /// Distance in mm, without its sign.
     pub(crate) fn distance(&self) -> f64 {
         self.square.sqrt()
+    }
+
+    /// Distance with the sign of the facet's normal, if the way to it runs along that.
+    pub(crate) fn along(&self) -> Option<f64> {
+        let distance = self.distance();
+        (self.height.abs() > ALONG * distance).then_some(distance.copysign(self.height))
     }
 
     /// Nearer; of those as near the one of the lower number, then part.
@@ -204,7 +214,7 @@ impl<'a> Search<'a> {
     fn ask(&mut self, place: Place, point: [f64; 3], query: &Query) {
         let surface = self.surface;
         surface.facets(place, |part, facet| {
-            if facet.bound(point) > self.slack() || !query.accepts(&facet) {
+            if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
                 return;
             }
             let (square, at) = facet.nearest(point);

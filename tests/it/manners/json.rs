@@ -100,6 +100,7 @@ fn every_report_is_what_its_schema_says() {
         ("pack", oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json()),
         ("intersect", oct(&["intersect", &model, &model, "--move", "3,0,0", "--json"]).json()),
         ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
+        ("compare", oct(&["compare", &at("m.oct"), &at("m.oct"), "--tolerance", "0.1", "--json"]).json()),
         ("pores", oct(&["pores", &at("m.oct"), "--json"]).json()),
         ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--error", "0.1", "--json"]).json()),

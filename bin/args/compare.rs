@@ -1,0 +1,90 @@
+//! Arguments of `oct compare`.
+
+use std::path::PathBuf;
+
+use clap::Args;
+use infobyte::budget::{MemoryCap, parse_size};
+use infobyte::builder::Threshold;
+use infobyte::geom::Affine;
+use infobyte::jobs::compare::CompareRequest;
+
+use super::{ThreadArgs, parse};
+
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// What was made: a model, or anything that `build` reads
+    #[arg(value_name = "ACTUAL")]
+    pub(crate) actual: PathBuf,
+    /// What it should be; a mesh is built on a grid twice as fine as that of ACTUAL
+    #[arg(value_name = "NOMINAL")]
+    pub(crate) nominal: PathBuf,
+    /// Write ACTUAL with its deviations as values, to be shown in colours
+    #[arg(short, long, value_name = "OUT.oct")]
+    pub(crate) output: Option<PathBuf>,
+    /// Write a table of all cells
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) csv: Option<PathBuf>,
+    /// Greatest deviation that conforms, in mm, or the least and the greatest
+    #[arg(long, value_name = "MM|LO..HI", allow_hyphen_values = true, value_parser = parse::tolerance)]
+    pub(crate) tolerance: Option<[f64; 2]>,
+    /// Farthest counterpart, in mm; a twentieth of NOMINAL's diagonal by default
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    pub(crate) radius: Option<f64>,
+    /// Greatest angle between the normals of a place and its counterpart, in degrees
+    #[arg(long, value_name = "DEG", default_value_t = 90.0, value_parser = parse::number)]
+    pub(crate) angle: f64,
+    /// Align ACTUAL with NOMINAL first
+    #[arg(long)]
+    pub(crate) fit: bool,
+    /// Translation of ACTUAL, in mm (LPS)
+    #[arg(long = "move", value_name = "X,Y,Z", allow_hyphen_values = true, value_parser = parse::triple, conflicts_with = "place")]
+    pub(crate) moved: Option<[f64; 3]>,
+    /// Transform of ACTUAL: three rows of four numbers, from its mm to those of NOMINAL
+    #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = parse::placement)]
+    pub(crate) place: Option<Affine>,
+    /// Measure NOMINAL from ACTUAL, too, for the Hausdorff distance
+    #[arg(long)]
+    pub(crate) both_ways: bool,
+    /// Worst places to list
+    #[arg(long, value_name = "N", default_value_t = 10)]
+    pub(crate) worst: usize,
+    /// Inside of inputs that are volumes are values of V and more; by Otsu's method by default
+    #[arg(long, value_name = "V", allow_hyphen_values = true, value_parser = parse::number)]
+    pub(crate) iso: Option<f64>,
+    /// Peak resident memory while inputs are built that are no models
+    #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
+    pub(crate) memory: u64,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Write OUT.oct even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+impl CompareArgs {
+    /// The request of the library.
+    pub(crate) fn request(&self) -> CompareRequest {
+        let mut placement = self.place.unwrap_or(Affine::from_spacing([1.0; 3]));
+        for (row, by) in placement.rows.iter_mut().zip(self.moved.unwrap_or_default()) {
+            row[3] += by;
+        }
+        CompareRequest {
+            radius_mm: self.radius,
+            tolerance_mm: self.tolerance,
+            angle_deg: self.angle,
+            placement,
+            fit: self.fit,
+            both_ways: self.both_ways,
+            worst: self.worst,
+            threshold: self.iso.map_or(Threshold::Otsu, Threshold::Iso),
+            memory: MemoryCap::Process(self.memory),
+            threads: self.threads.count(),
+        }
+    }
+}

@@ -1,0 +1,436 @@
+//! `oct compare`: how far the surface of one model lies from that of another.
+
+mod pass;
+mod report;
+mod subject;
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::path::{Path, PathBuf};
+use std::time::Instant;
+
+use super::export::{commit, refuse_input};
+use super::opened::scratch_beside;
+use crate::atomic::AtomicFile;
+use crate::budget::{MemoryCap, peak_rss_bytes, resident_bytes};
+use crate::builder::{BuildOptions, Threshold};
+use crate::enclosed::extent;
+use crate::error::Error;
+use crate::fault::{unfit, usage};
+use crate::format::{ColorMap, Quantity};
+use crate::geom::{Affine, dot};
+use crate::load::{Model, ModelView};
+use crate::measure::nearest::Surface;
+use crate::measure::places::{PlaceOut, Places};
+use crate::measure::statistics::Distribution;
+use crate::measure::write_values;
+use crate::platform;
+use crate::progress::Progress;
+use crate::text::data;
+
+use pass::{Measured, Row, Rule};
+pub use report::{
+    Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
+};
+use subject::Input;
+
+/// Pages of the models are given back when the process has more than this.
+const RESIDENT_BYTES: u64 = 13 << 19;
+
+/// Part of the nominal's diagonal within which counterparts are looked for.
+const RADIUS: f64 = 1.0 / 20.0;
+
+/// How two models are compared.
+#[derive(Clone, Debug)]
+pub struct CompareRequest {
+    /// Farthest counterpart, in mm; a twentieth of the nominal's diagonal, if not given.
+    pub radius_mm: Option<f64>,
+    /// Least and greatest deviation that conform, in mm.
+    pub tolerance_mm: Option<[f64; 2]>,
+    /// Greatest angle between the normals of a place and of its counterpart, in degrees.
+    pub angle_deg: f64,
+    /// From the millimetres of the actual model to those of the nominal one: at right angles, without scale.
+    pub placement: Affine,
+    /// True to align the actual model first.
+    pub fit: bool,
+    /// True to measure the nominal from the actual model, too, for the Hausdorff distance.
+    pub both_ways: bool,
+    /// Most places listed.
+    pub worst: usize,
+    /// Threshold of inputs that are volumes.
+    pub threshold: Threshold,
+    /// Memory of the process while inputs are built that are no models.
+    pub memory: MemoryCap,
+    /// Threads.
+    pub threads: usize,
+}
+
+impl Default for CompareRequest {
+    /// No tolerance, no placement, all cores.
+    fn default() -> Self {
+        let build = BuildOptions::default();
+        Self {
+            radius_mm: None,
+            tolerance_mm: None,
+            angle_deg: 90.0,
+            placement: Affine::from_spacing([1.0; 3]),
+            fit: false,
+            both_ways: false,
+            worst: 10,
+            threshold: build.threshold,
+            memory: build.memory,
+            threads: build.threads,
+        }
+    }
+}
+
+/// Files that a comparison writes.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct CompareOutputs<'a> {
+    /// The actual model with its deviations as values.
+    pub model: Option<&'a Path>,
+    /// A table of all cells.
+    pub csv: Option<&'a Path>,
+}
+
+/// Columns of the table.
+const COLUMNS: &str = "x_mm,y_mm,z_mm,deviation_mm,u95_mm,area_mm2\n";
+
+/// Compares two models, or inputs that models can be built of: each cell of the actual model with the nearest point of
+/// the nominal one. Deviations are in mm, positive outside the nominal; places are in its millimetres.
+///
+/// Memory: 8 MiB, and 200 KiB a thread; inputs that are built take `memory`. Temporary disk: 8 bytes a cell, and the
+/// models that are built. Cost: a microsecond a cell where the surfaces are near.
+///
+/// # Errors
+/// An input is damaged, has a skin of voxels, labels, larger leaves (the actual one) or axes that are not at right angles;
+/// the fit does not find together; an output cannot be written, and then is as it was before.
+pub fn compare(
+    [actual, nominal]: [&Path; 2],
+    request: &CompareRequest,
+    outputs: CompareOutputs<'_>,
+    progress: &dyn Progress,
+) -> Result<CompareReport, Error> {
+    let start = Instant::now();
+    platform::give_back();
+    request.check()?;
+    for output in outputs.model.into_iter().chain(outputs.csv) {
+        [actual, nominal].iter().try_for_each(|input| refuse_input(input, output))?;
+    }
+    let folder = outputs.model.or(outputs.csv).unwrap_or(actual);
+    let one = Input::open(actual, None, request, folder, progress)?;
+    let finest = one.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+    let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;
+    if one.model.header().leaves {
+        return Err(unfit!(
+            "has larger leaves, and deviations are of single cells; build it without them (a bound of 0)"
+        )
+        .at(actual)
+        .into());
+    }
+    if let Some(seen_from) = other.model.metadata().seen_from() {
+        let (path, seen_from) = (nominal.to_path_buf(), seen_from.to_owned());
+        return Err(crate::error::UsageError::KeepsPart { path, seen_from }.into());
+    }
+    let (one_view, other_view) = (one.model.view(), other.model.view());
+    let job = Job {
+        request,
+        one: measured(&one, &one_view)?,
+        other: measured(&other, &other_view)?,
+        progress,
+        paths: [actual, nominal],
+    };
+    let mut report = job.run(outputs, folder)?;
+    report.inputs = [actual, nominal].map(data);
+    (report.actual_grid_mm, report.nominal_grid_mm) = (one.grid_mm, other.grid_mm);
+    report.warnings.splice(0..0, one.warnings.into_iter().chain(other.warnings));
+    report.peak_rss_bytes = peak_rss_bytes();
+    report.wall_s = start.elapsed().as_secs_f64();
+    Ok(report)
+}
+
+fn measured<'a>(input: &'a Input, view: &'a ModelView<'a>) -> Result<Measured<'a>, Error> {
+    let surface = Surface::open(view, &input.model.affine(), input.model.dims())
+        .map_err(|fault| fault.at(&input.path))?;
+    Ok(Measured { model: &input.model, surface })
+}
+
+impl CompareRequest {
+    fn check(&self) -> Result<(), Error> {
+        if self.radius_mm.is_some_and(|radius| !(radius > 0.0 && radius.is_finite())) {
+            return Err(usage!("the radius must be above 0 mm").into());
+        }
+        if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
+            return Err(usage!("the tolerance must rise from its lower to its upper limit").into());
+        }
+        let columns = [0, 1, 2].map(|a| self.placement.column(a));
+        let is_rigid = (0..3).all(|a| {
+            (dot(columns[a], columns[a]) - 1.0).abs() < 1e-6
+                && dot(columns[a], columns[(a + 1) % 3]).abs() < 1e-6
+        });
+        if !is_rigid {
+            return Err(usage!(
+                "the placement scales or shears, so that it would change what is measured; give one of lengths 1 and \
+                 right angles"
+            )
+            .into());
+        }
+        Ok(())
+    }
+}
+
+struct Job<'a> {
+    request: &'a CompareRequest,
+    one: Measured<'a>,
+    other: Measured<'a>,
+    progress: &'a dyn Progress,
+    paths: [&'a Path; 2],
+}
+
+impl Job<'_> {
+    fn run(&self, outputs: CompareOutputs<'_>, folder: &Path) -> Result<CompareReport, Error> {
+        let Self { request, one, other, .. } = *self;
+        let radius_mm = request.radius_mm.unwrap_or_else(|| RADIUS * diagonal_mm(&other));
+        let placement = self.place(radius_mm)?;
+        let cosine = request.angle_deg.to_radians().cos();
+        let rule = Rule { placement: placement.affine(), radius_mm, cosine };
+        let unwritable = |path: Option<&Path>| {
+            let path = path.unwrap_or(folder).to_path_buf();
+            move |cause| Error::Output { path, cause }
+        };
+        let scratch = scratch_beside(folder).map_err(unwritable(None))?;
+        let table = outputs.csv.map(AtomicFile::create).transpose().map_err(unwritable(outputs.csv))?;
+        let mut found = Found::new(radius_mm, one.surface.space.finest);
+        {
+            let mut values = BufWriter::new(&scratch);
+            let mut rows = table.as_ref().map(|table| BufWriter::new(table.file()));
+            if let Some(rows) = &mut rows {
+                rows.write_all(COLUMNS.as_bytes()).map_err(unwritable(outputs.csv))?;
+            }
+            self.progress.stage("comparing", one.model.header().voxels);
+            rule.measure(one, other, request.threads, self.progress, &|| self.relieve(), |row| {
+                found.add(row, request.tolerance_mm);
+                let value = row.value.unwrap_or(f64::NAN);
+                values.write_all(&value.to_le_bytes()).map_err(unwritable(None))?;
+                match &mut rows {
+                    Some(rows) => rows.write_all(text_row(row).as_bytes()).map_err(unwritable(outputs.csv)),
+                    None => Ok(()),
+                }
+            })?;
+            values.flush().map_err(unwritable(None))?;
+            rows.map_or(Ok(()), |mut rows| rows.flush()).map_err(unwritable(outputs.csv))?;
+        }
+        let to_actual = self.way_back(&rule)?;
+        let p95 = found.distribution.percentile(0.95);
+        let worst = self.worst(&scratch, &rule, p95).map_err(unwritable(None))?;
+        for (measured, path) in [one, other].iter().zip(self.paths) {
+            measured.model.check_unchanged(path)?;
+        }
+        if let Some(output) = outputs.model {
+            if self.progress.stopped() {
+                return Err(Error::Stopped);
+            }
+            let quantity = self.quantity(&found);
+            let values = stored(&scratch).map_err(unwritable(None))?;
+            let values = values.map(|value| value.map(|v| Some(v).filter(|v| !v.is_nan())));
+            write_values(one.model, output, &quantity, radius_mm, values)
+                .map_err(unwritable(Some(output)))?;
+        }
+        if let (Some(table), Some(path)) = (table, outputs.csv) {
+            commit(table, path, self.progress)?;
+        }
+        Ok(found.report(self, &rule, placement, to_actual, worst))
+    }
+
+    /// Where the actual model lies.
+    fn place(&self, _: f64) -> Result<Placement, Error> {
+        Ok(Placement::given(&self.request.placement))
+    }
+
+    /// Gives the pages of both models back when there are many.
+    fn relieve(&self) {
+        if resident_bytes() > RESIDENT_BYTES {
+            self.one.model.give_back();
+            self.other.model.give_back();
+        }
+    }
+
+    /// The greatest distance of the nominal from the actual model, if it is asked for.
+    fn way_back(&self, rule: &Rule) -> Result<Option<f64>, Error> {
+        if !self.request.both_ways {
+            return Ok(None);
+        }
+        let Some(placement) = rule.placement.inverse() else { return Ok(None) };
+        let back = Rule { placement, ..*rule };
+        let mut most: Option<f64> = None;
+        self.progress.stage("comparing back", self.other.model.header().voxels);
+        back.measure(self.other, self.one, self.request.threads, self.progress, &|| self.relieve(), |row| {
+            most = row.value.map_or(most, |value| Some(most.unwrap_or(0.0).max(value.abs())));
+            Ok(())
+        })?;
+        Ok(most)
+    }
+
+    /// The worst places: beyond the tolerance, or without one beyond the 95th percentile.
+    fn worst(&self, scratch: &File, rule: &Rule, p95: Option<f64>) -> io::Result<Vec<Worst>> {
+        let mut places = Places::default();
+        let p95 = p95.unwrap_or(f64::INFINITY);
+        for (cell, value) in self.one.model.voxels().zip(stored(scratch)?) {
+            let value = value?;
+            let is_out = match self.request.tolerance_mm {
+                Some([lo, hi]) => value < lo || value > hi,
+                None => value.abs() > p95,
+            };
+            if is_out {
+                let (row, _) = self.one.row(cell.number, cell.voxel, &rule.placement);
+                let (at, range) = (row.at_mm, [row.at_mm; 2]);
+                let (rank, number, area) = (value.abs(), cell.number, row.area_mm2);
+                places.add(cell.voxel, &PlaceOut { rank, number, value, at, cells: 1, area, range });
+            }
+            if cell.number % 65_536 == 0 {
+                self.relieve();
+            }
+        }
+        Ok(places.finish().iter().take(self.request.worst).map(Worst::of).collect())
+    }
+
+    /// Deviation, as a model carries it.
+    fn quantity(&self, found: &Found) -> Quantity {
+        let tolerance = self.request.tolerance_mm;
+        let size = tolerance.map_or(0.0, |[lo, hi]| lo.abs().max(hi.abs()));
+        let all = [size, found.distribution.percentile(0.99).unwrap_or(0.0), self.one.surface.space.finest];
+        let reach = all.into_iter().find(|reach| *reach > 0.0).unwrap_or(1.0);
+        Quantity {
+            name: "deviation".into(),
+            unit: "mm".into(),
+            sign: "+ outside nominal".into(),
+            map: ColorMap::Diverging,
+            range: [-reach, reach],
+            tolerance,
+        }
+    }
+}
+
+/// The values of a scratch file, from its start.
+fn stored(mut scratch: &File) -> io::Result<impl Iterator<Item = io::Result<f64>>> {
+    scratch.rewind()?;
+    let mut file = BufReader::new(scratch);
+    Ok(std::iter::from_fn(move || {
+        let mut bytes = [0; 8];
+        match file.read_exact(&mut bytes) {
+            Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => None,
+            read => Some(read.map(|()| f64::from_le_bytes(bytes))),
+        }
+    }))
+}
+
+/// Diagonal of the box around a model's surface.
+fn diagonal_mm(of: &Measured<'_>) -> f64 {
+    let [low, end] = extent(of.surface.view).unwrap_or([[0; 3], of.surface.dims]);
+    let edges: [f64; 3] =
+        std::array::from_fn(|a| f64::from(end[a].saturating_sub(low[a])) * of.surface.space.spacing[a]);
+    dot(edges, edges).sqrt()
+}
+
+fn text_row(row: &Row) -> String {
+    let [x, y, z] = row.at_mm;
+    let value = row.value.map(|value| value.to_string()).unwrap_or_default();
+    format!("{x},{y},{z},{value},,{}\n", row.area_mm2)
+}
+
+/// What a pass found.
+struct Found {
+    distribution: Distribution,
+    cells: u64,
+    border: u64,
+    without: Area,
+    area_mm2: f64,
+    /// Areas within the tolerance and beyond it, and cells beyond it.
+    within_mm2: f64,
+    beyond_mm2: f64,
+    beyond: u64,
+}
+
+impl Found {
+    fn new(radius_mm: f64, finest: f64) -> Self {
+        Self {
+            distribution: Distribution::new(radius_mm, finest),
+            cells: 0,
+            border: 0,
+            without: Area::default(),
+            area_mm2: 0.0,
+            within_mm2: 0.0,
+            beyond_mm2: 0.0,
+            beyond: 0,
+        }
+    }
+
+    fn add(&mut self, row: &Row, tolerance_mm: Option<[f64; 2]>) {
+        self.cells += 1;
+        if row.is_border {
+            self.border += 1;
+            return;
+        }
+        self.area_mm2 += row.area_mm2;
+        let Some(value) = row.value else {
+            self.without.cells += 1;
+            self.without.area_mm2 += row.area_mm2;
+            return;
+        };
+        self.distribution.add(value, row.area_mm2);
+        let Some([lo, hi]) = tolerance_mm else { return };
+        if lo <= value && value <= hi {
+            self.within_mm2 += row.area_mm2;
+        } else {
+            self.beyond_mm2 += row.area_mm2;
+            self.beyond += 1;
+        }
+    }
+
+    fn report(
+        mut self,
+        job: &Job<'_>,
+        rule: &Rule,
+        placement: Placement,
+        to_actual: Option<f64>,
+        worst: Vec<Worst>,
+    ) -> CompareReport {
+        let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
+        self.without.share = share(self.without.area_mm2);
+        let tolerance = job.request.tolerance_mm.map(|[lo, hi]| Tolerance {
+            lo,
+            hi,
+            inside: share(self.within_mm2),
+            outside: share(self.beyond_mm2),
+            undecided: share(self.without.area_mm2),
+            verdict: match (self.beyond, self.without.cells, self.distribution.count()) {
+                (0, 0, 1..) => Verdict::Conforms,
+                (0, ..) => Verdict::Undecided,
+                _ => Verdict::DoesNotConform,
+            },
+        });
+        let deviation = Deviation::of(&self.distribution);
+        let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
+        let to_nominal = deviation.as_ref().map(|d| d.max.abs().max(d.min.abs()));
+        let mut report = CompareReport {
+            inputs: job.paths.map(data),
+            radius_mm: rule.radius_mm,
+            placement,
+            cells: self.cells,
+            without_counterpart: self.without,
+            border: Border { cells: self.border },
+            deviation,
+            hausdorff: Hausdorff { to_nominal, to_actual, within_mm: diagonal / 2.0 },
+            tolerance,
+            worst,
+            uncertainty: None,
+            actual_grid_mm: None,
+            nominal_grid_mm: None,
+            warnings: Vec::new(),
+            peak_rss_bytes: 0,
+            wall_s: 0.0,
+        };
+        report.warn();
+        report
+    }
+}

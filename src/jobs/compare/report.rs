@@ -1,0 +1,296 @@
+//! The report of a comparison.
+
+use std::fmt::Write as _;
+
+use serde::Serialize;
+
+use super::{Distribution, PlaceOut};
+use crate::geom::Affine;
+use crate::text::{Short, shown};
+
+/// Deviations of one model from another. Lengths are in mm, areas in mm2, places in the nominal's millimetres (LPS).
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct CompareReport {
+    /// Actual and nominal, as named on the command line.
+    pub inputs: [String; 2],
+    /// Farthest counterpart.
+    pub radius_mm: f64,
+    /// Where the actual model lies.
+    pub placement: Placement,
+    /// Cells of the actual model.
+    pub cells: u64,
+    /// Cells without a counterpart within the radius and the angle, or whose counterpart is at the border of the nominal's
+    /// volume; they are not among the deviations.
+    pub without_counterpart: Area,
+    /// Cells at the border of the actual model's volume, which are not compared.
+    pub border: Border,
+    /// Deviations, weighted by area; null if there are none.
+    pub deviation: Option<Deviation>,
+    /// Greatest distances of the surfaces from each other.
+    pub hausdorff: Hausdorff,
+    /// Verdict, if a tolerance was given.
+    pub tolerance: Option<Tolerance>,
+    /// Worst places: connected cells beyond the tolerance, or without one beyond the 95th percentile.
+    pub worst: Vec<Worst>,
+    /// Uncertainty of the deviations; null unless both models say how uncertain they are.
+    pub uncertainty: Option<Uncertainty>,
+    /// Spacing of the actual model, if it was built for the comparison.
+    pub actual_grid_mm: Option<f64>,
+    /// Spacing of the nominal model, if it was built for the comparison.
+    pub nominal_grid_mm: Option<f64>,
+    /// Sentences about the inputs: assumptions, parts left out, oddities.
+    pub warnings: Vec<String>,
+    /// Peak resident memory of the process.
+    pub peak_rss_bytes: u64,
+    /// Seconds from start to end.
+    pub wall_s: f64,
+}
+
+/// Where the actual model lies.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Placement {
+    /// Three rows of four numbers: from the actual model's millimetres to those of the nominal one.
+    pub matrix: [[f64; 4]; 3],
+    /// Rounds of the fit; 0 without one.
+    pub rounds: u32,
+    /// Root mean square distance of its cells before the fit.
+    pub rms_before: Option<f64>,
+    /// Root mean square distance after it, without the cells that it left out.
+    pub rms_after: Option<f64>,
+    /// Directions that the surfaces do not determine, and that the fit held.
+    pub free: Vec<String>,
+}
+
+impl Placement {
+    pub(super) fn given(affine: &Affine) -> Self {
+        Self { matrix: affine.rows, rounds: 0, rms_before: None, rms_after: None, free: Vec::new() }
+    }
+
+    pub(super) fn affine(&self) -> Affine {
+        Affine { rows: self.matrix }
+    }
+}
+
+/// Cells with their area.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Area {
+    /// Cells.
+    pub cells: u64,
+    /// Their area.
+    pub area_mm2: f64,
+    /// Part of the area that was asked for, 0 to 1.
+    pub share: f64,
+}
+
+/// Cells that are not compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Border {
+    /// Cells.
+    pub cells: u64,
+}
+
+/// Statistics weighted by area; percentiles are of the size, without its sign.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Deviation {
+    /// Mean, with its sign.
+    pub mean: f64,
+    /// Root mean square.
+    pub rms: f64,
+    /// Half of the area deviates by no more.
+    pub p50: f64,
+    /// 95 % of the area deviate by no more.
+    pub p95: f64,
+    /// 99 % of the area deviate by no more.
+    pub p99: f64,
+    /// Least, with its sign: farthest inside.
+    pub min: f64,
+    /// Greatest, with its sign: farthest outside.
+    pub max: f64,
+}
+
+impl Deviation {
+    pub(super) fn of(all: &Distribution) -> Option<Self> {
+        let ([mean, rms], [min, max]) = (all.mean_and_rms()?, all.range()?);
+        let [p50, p95, p99] = [0.5, 0.95, 0.99].map(|part| all.percentile(part).unwrap_or(0.0));
+        Some(Self { mean, rms, p50, p95, p99, min, max })
+    }
+}
+
+/// Greatest distances, of what has a counterpart.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Hausdorff {
+    /// Of the actual model's cells from the nominal surface.
+    pub to_nominal: Option<f64>,
+    /// Of the nominal's cells from the actual surface; null unless it is asked for.
+    pub to_actual: Option<f64>,
+    /// Most by which the surfaces within cells are farther than their middles: half a diagonal.
+    pub within_mm: f64,
+}
+
+/// Verdict on a tolerance. Shares are of the area that was asked for, 0 to 1.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Tolerance {
+    /// Least deviation that conforms.
+    pub lo: f64,
+    /// Greatest deviation that conforms.
+    pub hi: f64,
+    /// Share within the tolerance.
+    pub inside: f64,
+    /// Share beyond it.
+    pub outside: f64,
+    /// Share that has no counterpart.
+    pub undecided: f64,
+    /// All of it.
+    pub verdict: Verdict,
+}
+
+/// Verdict on a tolerance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub enum Verdict {
+    /// All cells lie within the tolerance.
+    Conforms,
+    /// A cell lies beyond it.
+    DoesNotConform,
+    /// No cell lies beyond it, but some have no counterpart.
+    Undecided,
+}
+
+/// A place that stands out.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Worst {
+    /// Its worst cell.
+    pub at_mm: [f64; 3],
+    /// Deviation there.
+    pub d_mm: f64,
+    /// Uncertainty there (95 %); null if it is not known.
+    pub u_mm: Option<f64>,
+    /// Area of its cells.
+    pub area_mm2: f64,
+    /// Cells.
+    pub cells: u64,
+    /// Least and greatest coordinates.
+    pub box_mm: [[f64; 3]; 2],
+}
+
+impl Worst {
+    pub(super) fn of(place: &PlaceOut) -> Self {
+        let PlaceOut { value, at, cells, area, range, .. } = *place;
+        Self { at_mm: at, d_mm: value, u_mm: None, area_mm2: area, cells, box_mm: range }
+    }
+}
+
+/// Uncertainty of deviations.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Uncertainty {
+    /// Standard deviation from noise.
+    pub sigma_noise_mm: Option<f64>,
+    /// Standard deviation of the model itself.
+    pub model_mm: Option<f64>,
+    /// Error of the nominal's grid.
+    pub grid_mm: Option<f64>,
+    /// Shift of all cells by the stated doubt of the threshold.
+    pub common_mm: Option<f64>,
+    /// Median of the cells' 95 % intervals.
+    pub median_u95_mm: Option<f64>,
+}
+
+impl Verdict {
+    /// Exit code of the command.
+    pub fn code(self) -> u8 {
+        match self {
+            Self::Conforms => 0,
+            Self::DoesNotConform => 6,
+            Self::Undecided => 7,
+        }
+    }
+}
+
+impl CompareReport {
+    /// Adds what has to be said about the figures.
+    pub(super) fn warn(&mut self) {
+        let percent = Short(100.0 * self.without_counterpart.share);
+        if self.without_counterpart.cells > 0 && self.deviation.is_some() {
+            self.warnings.push(format!("{percent} % of the surface has no counterpart and is in no figure"));
+        }
+        if self.deviation.is_none() {
+            let within = Short(self.radius_mm);
+            self.warnings.push(format!(
+                "no part of the surface has a counterpart within {within} mm: are the models in the same place and unit?"
+            ));
+        }
+        if self.border.cells > 0 {
+            self.warnings.push(format!(
+                "{} cell(s) at the border of the volume were not compared: the surface there may be where the volume ends",
+                self.border.cells
+            ));
+        }
+    }
+
+    /// The verdict, if a tolerance was given.
+    pub fn verdict(&self) -> Option<Verdict> {
+        self.tolerance.map(|tolerance| tolerance.verdict)
+    }
+
+    /// For people.
+    pub fn text(&self) -> String {
+        let [actual, nominal] = &self.inputs;
+        let mut text = format!(
+            "{} against {}: {} cells, counterparts within {} mm\n",
+            shown(actual),
+            shown(nominal),
+            self.cells,
+            Short(self.radius_mm)
+        );
+        if let Some(rms) = self.placement.rms_after {
+            let (before, after) = (Short(self.placement.rms_before.unwrap_or(0.0)), Short(rms));
+            let _ = writeln!(
+                text,
+                "  fit: {} round(s), {before} mm before, {after} mm after (RMS)",
+                self.placement.rounds
+            );
+        }
+        for free in &self.placement.free {
+            let _ = writeln!(text, "  fit: {free} is free, and was held");
+        }
+        if let Some(d) = self.deviation {
+            let [mean, rms, p95, p99, min, max] = [d.mean, d.rms, d.p95, d.p99, d.min, d.max].map(Short);
+            let _ = writeln!(
+                text,
+                "  deviation (+ outside nominal): mean {mean}, RMS {rms}, 95 % within {p95}, 99 % within {p99}, from {min} to {max} mm"
+            );
+        }
+        if let Some(t) = self.tolerance {
+            let verdict = match t.verdict {
+                Verdict::Conforms => "conforms",
+                Verdict::DoesNotConform => "does not conform",
+                Verdict::Undecided => "undecided",
+            };
+            let [inside, outside, none] = [t.inside, t.outside, t.undecided].map(|part| Short(100.0 * part));
+            let _ = writeln!(
+                text,
+                "  tolerance {}..{} mm: {verdict}; {inside} % inside, {outside} % outside, {none} % undecided",
+                t.lo, t.hi
+            );
+        }
+        for place in &self.worst {
+            let [x, y, z] = place.at_mm.map(Short);
+            let (d, area) = (Short(place.d_mm), Short(place.area_mm2));
+            let _ = writeln!(text, "  {d} mm at {x}, {y}, {z} mm (LPS), {area} mm2");
+        }
+        for warning in &self.warnings {
+            let _ = writeln!(text, "  note: {warning}");
+        }
+        text
+    }
+}

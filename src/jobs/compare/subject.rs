@@ -1,0 +1,84 @@
+//! An input of a comparison: a model, or what a model can be built of.
+
+use std::fs::File;
+use std::io::Read;
+
+use super::super::build::{BuildJob, GridOptions, convert};
+use super::super::opened::open_model;
+use super::super::verify::verify_unless_packed;
+use super::*;
+use crate::clean::CleanOptions;
+use crate::format::MAGIC;
+use crate::mesh::GridChoice;
+use crate::source::{OpenOptions, SubjectKind};
+
+/// Voxels left free around a mesh, so that its surface keeps off the border.
+const MARGIN: u32 = 2;
+
+/// A model, opened or built.
+pub(super) struct Input {
+    pub(super) path: PathBuf,
+    pub(super) model: Model,
+    /// Spacing of the grid that was built.
+    pub(super) grid_mm: Option<f64>,
+    pub(super) warnings: Vec<String>,
+    /// Folder of the model that was built.
+    _folder: Option<tempfile::TempDir>,
+}
+
+impl Input {
+    /// Opens a model, or builds one in a folder next to `beside`; meshes and trees on voxels of `edge_mm`, if it is given.
+    pub(super) fn open(
+        path: &Path,
+        edge_mm: Option<f64>,
+        request: &CompareRequest,
+        beside: &Path,
+        progress: &dyn Progress,
+    ) -> Result<Self, Error> {
+        if is_model(path) {
+            verify_unless_packed(path)?;
+            let model = open_model(path)?;
+            let (path, warnings) = (path.to_path_buf(), Vec::new());
+            return Ok(Self { path, model, grid_mm: None, warnings, _folder: None });
+        }
+        let unwritable = |cause| Error::Output { path: std::env::temp_dir(), cause };
+        let near = beside.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        let folder = tempfile::tempdir_in(near).or_else(|_| tempfile::tempdir()).map_err(unwritable)?;
+        let built = folder.path().join("built.oct");
+        let inputs = [path.to_path_buf()];
+        let kind = SubjectKind::of(&inputs);
+        let grid = edge_mm.map(|edge_mm| GridChoice::Voxel { edge_mm, margin: MARGIN });
+        let options = BuildOptions {
+            threshold: request.threshold,
+            memory: request.memory,
+            threads: request.threads,
+            ..BuildOptions::default()
+        };
+        let job = BuildJob {
+            clean: &CleanOptions::default(),
+            grid: &GridOptions { grid, ..GridOptions::default() },
+            options: &options,
+            output: &built,
+            progress,
+        };
+        let summary = convert(kind, &inputs, &OpenOptions::default(), &job)?;
+        let model = Model::map(&built)?;
+        let spacing = model.affine().spacing_mm();
+        Ok(Self {
+            path: path.to_path_buf(),
+            grid_mm: Some(spacing.into_iter().fold(f64::INFINITY, f64::min)),
+            model,
+            warnings: summary.warnings,
+            _folder: Some(folder),
+        })
+    }
+}
+
+fn is_model(path: &Path) -> bool {
+    let mut head = [0; MAGIC.len()];
+    let is_file = std::fs::metadata(path).is_ok_and(|meta| meta.is_file());
+    let suffix = path.extension().is_some_and(|suffix| suffix == "oct");
+    suffix
+        || is_file
+            && File::open(path).is_ok_and(|mut file| file.read_exact(&mut head).is_ok() && head == MAGIC)
+}
