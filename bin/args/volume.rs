@@ -8,7 +8,7 @@ use infobyte::builder::{
     BuildOptions, Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom,
 };
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::format::{Channels, LabelName, SurfaceKind};
+use infobyte::format::{Channel, Channels, LabelName, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::{GridOptions, viewed_from};
 use infobyte::jobs::export::MAX_SMOOTH;
@@ -272,6 +272,10 @@ pub(crate) struct SkinArgs {
     /// the part from 0 (file, object or group of OBJ, node of glTF, mesh of 3MF)
     #[arg(long, value_name = "LIST", value_parser = parse::channels)]
     pub(crate) channels: Option<Channels>,
+    /// Measure the noise of the volume, and keep how steep each cell is, so that `oct compare` states how sure each
+    /// distance is; of the cells of a volume, one byte each
+    #[arg(long)]
+    pub(crate) uncertainty: bool,
     /// How normals are estimated: central, sobel, isotropic5 (the default), modified (the paper's), label5 (for two values), or auto, which chooses the best of them for every 32 x 32 voxels and takes three times as long
     #[arg(long, value_name = "NAME", value_parser = parse::gradient)]
     pub(crate) gradient: Option<Gradient>,
@@ -282,7 +286,9 @@ pub(crate) struct SkinArgs {
 
 impl SkinArgs {
     fn options(&self) -> BuildOptions {
-        let Self { surface, error, channels, gradient, connectivity } = *self;
+        let Self { surface, error, channels, uncertainty, gradient, connectivity } = *self;
+        let channels =
+            if uncertainty { Some(channels.unwrap_or_default().with(Channel::Steepness)) } else { channels };
         BuildOptions { surface, error, channels, gradient, connectivity, ..BuildOptions::default() }
     }
 
@@ -293,6 +299,7 @@ impl SkinArgs {
         let flag = match name {
             "surface" => "--surface skin",
             "gradient" => "--gradient",
+            "uncertainty" => "--uncertainty",
             _ => "--connectivity",
         };
         Err(Refusal::NotOf { flag, of })

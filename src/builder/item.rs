@@ -23,6 +23,37 @@ pub enum ItemForm {
         /// From one number to the next.
         step: f64,
     },
+    /// Singles (little-endian), as numbers of eighths of an octave from the lowest on: 1 for it, 0 for none.
+    Octaves {
+        /// Single of number 1.
+        low: f64,
+    },
+}
+
+/// Powers of two from one half of an eighth on: the bounds between eighths of an octave.
+const EIGHTHS: [f64; 8] = [
+    1.044_273_782_427_413_8,
+    1.138_788_634_756_691_6,
+    1.241_857_812_073_484,
+    1.354_255_546_936_892_7,
+    1.476_826_145_939_499_3,
+    1.610_490_331_949_254_3,
+    1.756_252_160_373_299_5,
+    1.915_206_561_397_147_3,
+];
+
+/// The number of a size, in eighths of an octave above the lowest.
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped to 1..=255")]
+fn octaves(size: f64, low: f64) -> u8 {
+    let above = size / low;
+    if !(above.is_normal() && above > 0.0) {
+        return 0;
+    }
+    // By bits, and so alike on every machine.
+    let octave = (above.to_bits() >> 52 & 0x7ff) as i32 - 1023;
+    let mantissa = f64::from_bits(above.to_bits() & ((1 << 52) - 1) | 1023 << 52);
+    let eighth = EIGHTHS.iter().filter(|bound| mantissa >= **bound).count() as i32;
+    (8 * octave + eighth + 1).clamp(1, 255) as u8
 }
 
 impl ItemForm {
@@ -36,7 +67,7 @@ impl ItemForm {
     pub(crate) fn swapped_bytes(self) -> usize {
         match self {
             Self::AsIs { bytes } => bytes,
-            Self::Scaled { .. } => size_of::<f32>(),
+            Self::Scaled { .. } | Self::Octaves { .. } => size_of::<f32>(),
         }
     }
 
@@ -45,6 +76,7 @@ impl ItemForm {
         match self {
             Self::AsIs { bytes } => bytes,
             Self::Scaled { .. } => size_of::<u16>(),
+            Self::Octaves { .. } => 1,
         }
     }
 
@@ -60,6 +92,9 @@ impl ItemForm {
                     number.to_le_bytes()
                 }));
             }
+            Self::Octaves { low } => out.extend(
+                swapped.as_chunks().0.iter().map(|single| octaves(f32::from_le_bytes(*single).into(), low)),
+            ),
         }
     }
 }

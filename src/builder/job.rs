@@ -26,7 +26,7 @@ use crate::builder::BuildFault;
 use crate::fault::{Fault, unfit, usage};
 use crate::format::{Channel, ErrorBound, Metadata, SectionEntry, SurfaceKind, labels_to_bytes};
 use crate::geom::{Affine, Dims};
-use crate::text::names::{SURFACE, VISIBLE_FROM};
+use crate::text::names::{SURFACE, UNCERTAINTY, VISIBLE_FROM};
 
 /// Builds the skin octree of a solid into `output`; [`BuildOptions::threshold`] is ignored.
 ///
@@ -457,6 +457,7 @@ fn no_channel(channel: Channel, surface: SurfaceKind) -> Fault {
         (Channel::Value, SurfaceKind::Cells) => usage!(
             "cells lie where the value is the threshold, so there is no channel 'value'; leave it out, or use {SURFACE} skin"
         ),
+        (Channel::Steepness, _) => usage!("has no noise that could be measured; leave out {UNCERTAINTY}"),
         _ => usage!("does not have the channel '{channel}'; leave it out"),
     }
 }

@@ -25,6 +25,7 @@
 //! | `labels` | the cells between the labels of a volume |
 //! | `choose`, `histogram`, `evidence`, `range`, `classify`, `occupancy` | which voxels are inside |
 //! | `slices`, `ring`, `column`, `skin`, `bits` | slices in, skin records out |
+//! | `noise` | noise of the samples away from the surface |
 //! | `gradient`, `estimator`, `lanes`, `item` | normals and the other channels of a record |
 //! | `pool`, `swap`, `brick`, `boxes`, `walk` | records of a brick: swapped out, and back in Morton order |
 //! | `reduce` | cells joined into larger leaves |
@@ -77,6 +78,7 @@ mod labels;
 mod lanes;
 mod layout;
 mod merge;
+mod noise;
 mod occupancy;
 mod options;
 mod parallel;
@@ -127,7 +129,7 @@ use crate::budget::{Budget, MemoryCap, Reservation, TooSmall};
 use crate::format::{Channel, SurfaceKind};
 use crate::geom::Dims;
 use crate::volume::{ScalarType, VolumeInfo, VolumeSource};
-use cells::{AROUND_CELL, cell_form};
+use cells::{AROUND_CELL, volume_cell_form};
 pub(crate) use cells::{CellEdge, CellEdges, cell_dims};
 use gradient::NormalRule;
 use item::ChannelForm;
@@ -188,7 +190,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
     };
     let more = match surface {
         SurfaceKind::Skin => NormalRule::more_bytes(options.gradient()),
-        SurfaceKind::Cells => cells::WORKER_BYTES,
+        SurfaceKind::Cells => cells::worker_bytes(options.channels()),
     };
     let shape = RingShape::kindest(info.dims, info.scalar, reach);
     let channels = options.for_surface(surface).channels();
@@ -215,7 +217,7 @@ fn form_on(
 ) -> Option<item::ItemForm> {
     match surface {
         SurfaceKind::Skin => volume_form(scalar, channel, found),
-        SurfaceKind::Cells => cell_form(channel),
+        SurfaceKind::Cells => volume_cell_form(channel, found),
     }
 }
 

@@ -143,13 +143,16 @@ impl Default for BuildOptions {
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
-        let shape =
-            self.channels().iter().filter(|channel| !matches!(channel, Channel::Color | Channel::Material));
+        let shape = self
+            .channels()
+            .iter()
+            .filter(|channel| !matches!(channel, Channel::Color | Channel::Material | Channel::Steepness));
         let only_skin = self.gradient.is_some()
             || self.connectivity != Connectivity::default()
             || Channels::from_iter(shape) != Channels::default();
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
-        let only_cells = self.labels.is_some() || self.channels().contains(Channel::Offset);
+        let of_cells = [Channel::Offset, Channel::Steepness];
+        let only_cells = self.labels.is_some() || of_cells.into_iter().any(|c| self.channels().contains(c));
         if only_cells { SurfaceKind::Cells } else { self.surface.unwrap_or(usual) }
     }
 
@@ -169,6 +172,11 @@ impl BuildOptions {
         let labelled_skin = self.labels.is_some() && self.surface == Some(SurfaceKind::Skin);
         let given = [
             ("surface", "volumes, and labels are stored as cells", labelled_skin),
+            (
+                "uncertainty",
+                "cells, and skin voxels are asked for",
+                self.is_uncertain() && self.surface == Some(SurfaceKind::Skin),
+            ),
             ("gradient", skin, self.gradient.is_some()),
             ("connectivity", skin, self.connectivity != Connectivity::default()),
         ];
@@ -193,8 +201,14 @@ impl BuildOptions {
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
             ("channel 'value'", self.channels().contains(Channel::Value)),
             ("larger leaves", self.joins()),
+            ("uncertainty", self.is_uncertain()),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
+    }
+
+    /// Is noise measured, and the steepness of cells kept?
+    pub fn is_uncertain(&self) -> bool {
+        self.channels().contains(Channel::Steepness)
     }
 
     /// Are cells joined into larger leaves?
@@ -213,7 +227,7 @@ impl BuildOptions {
     ) -> Result<(), BuildError> {
         let Some(error) = self.error.filter(|_| self.joins()) else { return Ok(()) };
         let voxels = error.voxels(spacing_mm);
-        let mut painted = [Channel::Color, Channel::Material].into_iter();
+        let mut painted = [Channel::Color, Channel::Material, Channel::Steepness].into_iter();
         let painted = painted.find(|channel| self.channels().contains(*channel));
         let fault = if let (Some(channel), Some(SurfaceKind::Cells)) = (painted, self.surface) {
             BuildFault::Said {

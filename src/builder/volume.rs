@@ -102,6 +102,7 @@ impl Solid for VolumeSolid<'_> {
             gradient: self.gradient.name().into(),
             value_scale: value_scale(*scalar, found.extent, *rescale),
             error: None,
+            noise: None,
         }
     }
 

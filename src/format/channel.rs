@@ -104,6 +104,10 @@ static TABLE: &[ChannelRow] = &[
         ..ChannelRow::plain(Channel::Corners, "corners", "corners", *b"CORN", &[8, 20])
     },
     ChannelRow { is_coded: true, ..ChannelRow::plain(Channel::Label, "label", "labels", *b"LABL", &[1]) },
+    ChannelRow {
+        is_stated: Some(|m| m.noise.is_some()),
+        ..ChannelRow::plain(Channel::Steepness, "steepness", "steepnesses", *b"STEE", &[1])
+    },
     #[cfg(test)]
     ChannelRow {
         means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number }),

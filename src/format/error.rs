@@ -93,6 +93,8 @@ pub enum FormatError {
     UnknownSelection { code: u8 },
     #[error("{DAMAGED}metadata names an unknown sample type or connectivity{AGAIN}")]
     MetadataCodes { scalar: u8, connectivity: u8 },
+    #[error("{DAMAGED}metadata states noise that cannot be{AGAIN}")]
+    MetadataNoise,
     #[error("{DAMAGED}metadata has a geometry that is not finite and positive{AGAIN}")]
     MetadataGeometry { spacing_mm: [f64; 3] },
     #[error("{DAMAGED}metadata and header disagree about the dims (SPEC I6){AGAIN}")]

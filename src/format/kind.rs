@@ -48,6 +48,8 @@ pub enum Channel {
     Corners,
     /// Numbers of the labels behind and in front (SPEC 4.12), in blocks with palettes.
     Label,
+    /// How fast values rise across the surface of a cell, as the logarithm (SPEC 4.14).
+    Steepness,
     /// A row for the test below.
     #[cfg(test)]
     Dummy,

@@ -73,6 +73,45 @@ pub struct Metadata {
     pub value_scale: [f64; 2],
     /// How far larger leaves may be from the surface, and are; of models that have them (SPEC 4.9).
     pub error: Option<ErrorBound>,
+    /// Noise of the volume; of models with a steepness (SPEC 4.14).
+    pub noise: Option<Noise>,
+}
+
+/// Noise of a volume, in its physical units: what is known of how sure a surface is.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
+#[cfg_attr(test, derive(schemars::JsonSchema))]
+pub struct Noise {
+    /// Standard deviation of the samples inside; 0 where it could not be measured.
+    pub inside: f64,
+    /// Standard deviation of the samples outside; 0 where it could not be measured.
+    pub outside: f64,
+    /// Correlation of neighbouring samples along x, y, z.
+    pub correlation: [f64; 3],
+    /// Change of values per mm across the surface of the least steep cell; 0 if there is none.
+    pub steepness: f64,
+}
+
+impl Noise {
+    /// Bytes of its record.
+    const BYTES: usize = 48;
+
+    fn to_bytes(self) -> impl Iterator<Item = u8> {
+        let [x, y, z] = self.correlation;
+        [self.inside, self.outside, x, y, z, self.steepness].into_iter().flat_map(f64::to_le_bytes)
+    }
+
+    fn parse(bytes: &[u8; Self::BYTES]) -> Self {
+        let [inside, outside, x, y, z, steepness] =
+            std::array::from_fn(|i| f64::from_le_bytes(std::array::from_fn(|k| bytes[8 * i + k])));
+        Self { inside, outside, correlation: [x, y, z], steepness }
+    }
+
+    /// Is it possible?
+    pub(crate) fn is_sound(&self) -> bool {
+        let is_size = |v: f64| (0.0..f64::INFINITY).contains(&v);
+        let parts = self.correlation.iter().all(|part| (0.0..1.0).contains(part));
+        parts && [self.inside, self.outside, self.steepness].into_iter().all(is_size)
+    }
 }
 
 /// How far larger leaves may lie from the cells in whose place they are, and how far they do, in voxels of the finest
@@ -163,6 +202,7 @@ impl Metadata {
             gradient: String::new(),
             value_scale: [0.0, 0.0],
             error: None,
+            noise: None,
         }
     }
 
@@ -188,6 +228,7 @@ impl Metadata {
         let mut bytes =
             bincode::serde::encode_to_vec(wire, config).map_err(|_| FormatError::MetadataUnwritable)?;
         bytes.extend(self.error.into_iter().flat_map(ErrorBound::to_bytes));
+        bytes.extend(self.noise.into_iter().flat_map(Noise::to_bytes));
         if bytes.len() > METADATA_LIMIT {
             return Err(FormatError::MetadataTooLong { bytes: bytes.len() as u64 });
         }
@@ -205,10 +246,18 @@ impl Metadata {
             .with_limit::<METADATA_LIMIT>();
         let (wire, used): (Wire, usize) = bincode::serde::decode_from_slice(bytes, config)
             .map_err(|_| FormatError::MetadataUnreadable { bytes: bytes.len() as u64 })?;
+        // Records that follow are told apart by their lengths.
         let rest = bytes.get(used..).unwrap_or_default();
-        let error = <&[u8; ErrorBound::BYTES]>::try_from(rest).ok().map(ErrorBound::parse);
-        if error.is_none() && !rest.is_empty() {
-            return Err(FormatError::MetadataSurplus { extra: rest.len() as u64 });
+        let (error, left) = match rest.split_first_chunk() {
+            Some((record, left)) if rest.len() != Noise::BYTES => (Some(ErrorBound::parse(record)), left),
+            _ => (None, rest),
+        };
+        let noise = <&[u8; Noise::BYTES]>::try_from(left).ok().map(Noise::parse);
+        if noise.is_some_and(|noise| !noise.is_sound()) {
+            return Err(FormatError::MetadataNoise);
+        }
+        if noise.is_none() && !left.is_empty() {
+            return Err(FormatError::MetadataSurplus { extra: left.len() as u64 });
         }
         let kind = match wire.selection.0 {
             0 => SelectionKind::Iso,
@@ -238,6 +287,7 @@ impl Metadata {
             gradient: wire.gradient,
             value_scale: wire.value_scale,
             error,
+            noise,
         })
     }
 }
@@ -260,6 +310,7 @@ mod tests {
             gradient: "gauss5".into(),
             value_scale: [0.0, 0.0],
             error: None,
+            noise: None,
         }
     }
 

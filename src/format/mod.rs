@@ -31,7 +31,7 @@ pub(crate) use label::{ITEM_BYTES as LABEL_BYTES, LabelForm, directory_bytes as 
 pub use label::{Label, LabelItems, LabelName};
 pub(crate) use label::{parse_table as parse_labels, table_to_bytes as labels_to_bytes};
 pub(crate) use metadata::METADATA_LIMIT;
-pub use metadata::{ErrorBound, Metadata, Selection, SelectionKind, SourceMeta};
+pub use metadata::{ErrorBound, Metadata, Noise, Selection, SelectionKind, SourceMeta};
 pub use quantity::{ColorMap, Quantity};
 pub(crate) use quantity::{measured_value, stored_value};
 pub(crate) use section::parse_table;

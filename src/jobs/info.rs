@@ -14,7 +14,7 @@ use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
 use crate::format::{
-    Encoding, Label, Metadata, Quantity, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR,
+    Encoding, Label, Metadata, Noise, Quantity, SectionKind, SelectionKind, SurfaceKind, VERSION_MAJOR,
 };
 use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault, Model};
@@ -96,6 +96,16 @@ pub fn read_info(path: &Path) -> Result<Info, Error> {
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     Ok(Info { input: data(path), frame, measured: None })
+}
+
+/// Noise, for people.
+fn noise_text(noise: &Noise) -> String {
+    let Noise { inside, outside, correlation: [x, y, z], .. } = *noise;
+    if inside == 0.0 && outside == 0.0 {
+        return "not measurable: nothing is five voxels thick, or values do not vary".into();
+    }
+    let [inside, outside] = [inside, outside].map(Short);
+    format!("{inside} inside, {outside} outside; correlation of neighbours {x:.2}, {y:.2}, {z:.2}")
 }
 
 /// The boxes of the finest level, for people.
@@ -228,6 +238,9 @@ impl Info {
         }
         if let Some(quantity) = &frame.quantity {
             row("values", quantity_text(quantity));
+        }
+        if let Some(noise) = &m.noise {
+            row("noise", noise_text(noise));
         }
         row("nodes", frame.header.nodes.to_string());
         for (name, text) in self.measured.iter().flat_map(Measured::rows) {

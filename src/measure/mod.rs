@@ -5,6 +5,7 @@
 //! | [`nearest`] | nearest point of a surface, signed distance, normal and cell |
 //! | [`statistics`] | mean, RMS and percentiles by area |
 //! | [`places`] | connected places that stand out |
+//! | [`uncertainty`] | intervals of cells by noise |
 //! | [`values`] | a writer of models with values |
 
 #[allow(dead_code, reason = "its callers come next")]
@@ -13,6 +14,8 @@ pub(crate) mod nearest;
 pub(crate) mod places;
 #[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod statistics;
+#[allow(dead_code, reason = "its callers come next")]
+pub(crate) mod uncertainty;
 mod values;
 
 pub(crate) use values::write_values;

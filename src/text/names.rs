@@ -85,6 +85,7 @@ names! {
     THREADS = "threads",
     THUMBNAILS_OF_ALL = "thumbnails_of_all",
     TRAVERSAL = "traversal",
+    UNCERTAINTY = "uncertainty",
     UNIT = "unit_mm",
     UP = "up",
     VISIBLE_FROM = "visible_from",

@@ -8,7 +8,7 @@ use crate::prelude::*;
 
 use crate::common::assembled::join_sections;
 use infobyte::format::SectionEntry;
-use infobyte::format::{ErrorBound, Selection, SelectionKind};
+use infobyte::format::{ErrorBound, Noise, Selection, SelectionKind};
 use infobyte::geom::Level;
 use infobyte::load::Fault;
 use support::shell;
@@ -315,6 +315,12 @@ fn i6_metadata() {
         (with_metadata(&file, |m| m.scalar = 8), E::MetadataCodes { scalar: 8, connectivity: 26 }),
         (with_metadata(&file, |m| m.connectivity = 18), E::MetadataCodes { scalar: 0, connectivity: 18 }),
         (with_metadata(&file, geometry), E::MetadataGeometry { spacing_mm: [1.0, 0.0, 1.0] }),
+        (
+            with_metadata(&file, |m| {
+                m.noise = Some(Noise { correlation: [0.0, 1.0, 0.0], ..Noise::default() })
+            }),
+            E::MetadataNoise,
+        ),
         (with_metadata(&file, |m| m.error = Some(bound)), E::LeavesApart { kind: SectionKind::Meta }),
         (
             with_metadata(&file, |m| m.dims = [12, 9, 11]),

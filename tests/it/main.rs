@@ -75,6 +75,7 @@ mod traversal;
 mod traversal_discrete;
 mod traversal_forms;
 mod traversal_pictures;
+mod uncertainty;
 mod visible;
 mod volumes;
 

@@ -9,16 +9,19 @@ pub(super) struct CellItems {
     codes: Vec<u8>,
     offsets: Vec<u8>,
     corners: Vec<u8>,
+    /// Singles: change of values per mm across the surface, 0 where unknown; if the channel is built.
+    steepness: Vec<u8>,
 }
 
 impl CellItems {
-    pub(super) const BYTES: usize = SLICE_VOXELS * (3 + CORNERS);
+    pub(super) const BYTES: usize = SLICE_VOXELS * (3 + CORNERS + size_of::<f32>());
 
     pub(super) fn new() -> Self {
         Self {
             codes: Vec::with_capacity(2 * SLICE_VOXELS),
             offsets: Vec::with_capacity(SLICE_VOXELS),
             corners: Vec::with_capacity(CORNERS * SLICE_VOXELS),
+            steepness: Vec::new(),
         }
     }
 
@@ -26,12 +29,17 @@ impl CellItems {
         self.codes.clear();
         self.offsets.clear();
         self.corners.clear();
+        self.steepness.clear();
     }
 
     #[inline]
     pub(super) fn push_plane(&mut self, code: u16, offset: i8) {
         self.codes.extend(code.to_le_bytes());
         self.offsets.push(offset.cast_unsigned());
+    }
+
+    pub(super) fn push_steepness(&mut self, per_mm: f32) {
+        self.steepness.extend(per_mm.to_le_bytes());
     }
 
     pub(super) fn push(&mut self, cell: CellShape) {
@@ -49,6 +57,7 @@ impl CellItems {
             Channel::Normal => &self.codes,
             Channel::Offset => &self.offsets,
             Channel::Corners => &self.corners,
+            Channel::Steepness => &self.steepness,
             _ => &[],
         }
     }

@@ -44,7 +44,14 @@ impl Jet {
     /// How far the plane of the smooth gradient may be from the crossings: less where the surface bends much.
     /// `gradient` is that at the mean of the crossings.
     #[inline(always)]
-    pub(super) fn near_crossings(&self, [gx, gy, gz]: [f32; 3]) -> f32 {
+    pub(super) fn near_crossings(&self, gradient: [f32; 3]) -> f32 {
+        let (across, square) = self.bend(gradient);
+        if across > BENT * BENT * square { NEAR_BENT } else { NEAR_SMOOTH }
+    }
+
+    /// Square of the second derivatives across the gradient, and of the gradient: their ratio is that of the curvature.
+    #[inline(always)]
+    pub(super) fn bend(&self, [gx, gy, gz]: [f32; 3]) -> (f32, f32) {
         let [xx, yy, zz, xy, xz, yz] = self.second;
         // The second derivatives across the gradient, P H P: the sum of their squares.
         let square = gx * gx + gy * gy + gz * gz;
@@ -52,8 +59,7 @@ impl Jet {
         let once = along[0] * along[0] + along[1] * along[1] + along[2] * along[2];
         let twice = (gx * along[0] + gy * along[1] + gz * along[2]) / square;
         let all = xx * xx + yy * yy + zz * zz + 2.0 * (xy * xy + xz * xz + yz * yz);
-        let across = all - 2.0 * (once / square) + twice * twice;
-        if across > BENT * BENT * square { NEAR_BENT } else { NEAR_SMOOTH }
+        (all - 2.0 * (once / square) + twice * twice, square)
     }
 }
 

@@ -33,11 +33,14 @@ mod sharp;
 mod stretch;
 mod window;
 
+use std::ops::Range;
 use std::path::Path;
+use std::sync::{Mutex, PoisonError};
 
 use super::error::BuildError;
 use super::item::ItemForm;
 use super::lanes::RingSample;
+use super::noise::{self, NoiseCounts};
 use super::report::BuildNote;
 use super::ring::RingForm;
 use super::slices::{Reach, RingShape, Slices};
@@ -46,9 +49,9 @@ use super::solid::{
 };
 use super::volume::VolumeSolid;
 use crate::format::cell::CORNERS;
-use crate::format::{Channel, Metadata, SurfaceKind};
+use crate::format::{Channel, Channels, Metadata, Noise, SurfaceKind};
 use crate::geom::Dims;
-use crate::volume::{Scalar, SourceError};
+use crate::volume::{Scalar, ScalarType, SourceError, VolumeInfo};
 
 use corner::{EDGES, signed_depth};
 pub(crate) use edges::{CellEdge, CellEdges};
@@ -68,7 +71,10 @@ pub(super) const AROUND_CELL: Reach = Reach { low: 3, high: 2 };
 const _: () = assert!(AROUND_CELL.high == LOOKAHEAD);
 
 /// Memory of a worker without its slices: a batch, and the items of one brick in one slice.
-pub(super) const WORKER_BYTES: u64 = (size_of::<Batch>() + CellItems::BYTES) as u64;
+pub(super) fn worker_bytes(channels: Channels) -> u64 {
+    let counts = if channels.contains(Channel::Steepness) { NoiseCounts::BYTES } else { 0 };
+    (size_of::<Batch>() + CellItems::BYTES + counts) as u64
+}
 
 /// Size of the grid of cells of a volume, if there is one.
 pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
@@ -76,7 +82,7 @@ pub(crate) fn cell_dims(volume: Dims) -> Option<Dims> {
     Dims::new(volume.nx() + grown, volume.ny() + grown, volume.nz() + grown)
 }
 
-pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
+fn cell_form(channel: Channel) -> Option<ItemForm> {
     match channel {
         Channel::Normal => Some(ItemForm::AsIs { bytes: 2 }),
         Channel::Offset => Some(ItemForm::AsIs { bytes: 1 }),
@@ -85,17 +91,27 @@ pub(super) fn cell_form(channel: Channel) -> Option<ItemForm> {
     }
 }
 
+/// The form of a channel of the cells of a volume.
+pub(super) fn volume_cell_form(channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
+    match channel {
+        Channel::Steepness => Some(ItemForm::Octaves { low: found.extent.0.into() }),
+        _ => cell_form(channel),
+    }
+}
+
 /// The cells of a volume whose samples lie in a range.
 pub(super) struct CellSolid<'a> {
     volume: VolumeSolid<'a>,
     dims: Dims,
     bound: f64,
+    /// What workers have counted that are done.
+    noise: Mutex<Option<NoiseCounts>>,
 }
 
 impl<'a> CellSolid<'a> {
     /// `dims` are those of [`cell_dims`], `bound` that of larger leaves in voxels of the finest spacing, 0 without them.
     pub(super) fn new(volume: VolumeSolid<'a>, dims: Dims, bound: f64) -> Self {
-        Self { volume, dims, bound }
+        Self { volume, dims, bound, noise: Mutex::new(None) }
     }
 }
 
@@ -113,7 +129,8 @@ impl Solid for CellSolid<'_> {
     }
 
     fn metadata(&self, found: &ScanSummary) -> Metadata {
-        Metadata { gradient: ESTIMATOR.into(), ..self.volume.metadata(found) }
+        let noise = self.noise(found);
+        Metadata { gradient: ESTIMATOR.into(), noise, ..self.volume.metadata(found) }
     }
 
     fn name(&self) -> String {
@@ -128,12 +145,13 @@ impl Solid for CellSolid<'_> {
         self.volume.check_unchanged()
     }
 
-    fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-        cell_form(channel)
+    fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
+        volume_cell_form(channel, found)
     }
 
     fn worker_bytes(&self, tile: &Tile) -> u64 {
-        RingShape::of(self.volume.source.info(), &self.volume.form, AROUND_CELL).bytes(tile) + WORKER_BYTES
+        RingShape::of(self.volume.source.info(), &self.volume.form, AROUND_CELL).bytes(tile)
+            + worker_bytes(tile.channels)
     }
 
     fn input_bytes(&self) -> u64 {
@@ -142,6 +160,7 @@ impl Solid for CellSolid<'_> {
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         let VolumeSolid { source, range, form, .. } = &self.volume;
+        let is_uncertain = tile.channels.contains(Channel::Steepness);
         by_ring!(form.scalar, R => Box::new(CellWorker {
             slices: Slices::<R>::new(*source, &**range, AROUND_CELL, tile),
             level: form.level(self.volume.bound()),
@@ -149,6 +168,9 @@ impl Solid for CellSolid<'_> {
             stretch: Stretch::new(source.info().spacing_mm, self.bound),
             batch: Batch::new(),
             items: CellItems::new(),
+            spacing_mm: source.info().spacing_mm.map(|mm| mm as f32),
+            noise: is_uncertain.then(|| Counting { counts: NoiseCounts::new(), all: &self.noise }),
+            extent: ScanSummary::default().extent,
         }))
     }
 
@@ -171,6 +193,40 @@ struct CellWorker<'a, R> {
     stretch: Stretch,
     batch: Box<Batch>,
     items: CellItems,
+    spacing_mm: [f32; 3],
+    /// If the uncertainty is asked for.
+    noise: Option<Counting<'a>>,
+    /// Least and greatest steepness.
+    extent: (f32, f32),
+}
+
+/// Counts of a worker, which are added to all when it is done.
+struct Counting<'a> {
+    counts: NoiseCounts,
+    all: &'a Mutex<Option<NoiseCounts>>,
+}
+
+impl Drop for Counting<'_> {
+    fn drop(&mut self) {
+        let mut all = self.all.lock().unwrap_or_else(PoisonError::into_inner);
+        match all.as_mut() {
+            Some(all) => all.join(&self.counts),
+            None => *all = Some(self.counts.clone()),
+        }
+    }
+}
+
+impl CellSolid<'_> {
+    /// The noise of the volume, if it was asked for.
+    fn noise(&self, found: &ScanSummary) -> Option<Noise> {
+        let VolumeInfo { scalar, rescale, .. } = self.volume.source.info();
+        let step = if matches!(scalar, ScalarType::F32 | ScalarType::F64) { 0.0 } else { 1.0 };
+        let counted = self.noise.lock().unwrap_or_else(PoisonError::into_inner);
+        let Noise { inside, outside, correlation, .. } = counted.as_ref()?.noise(step).unwrap_or_default();
+        let known = |v: f64| Some(v * rescale.slope.abs()).filter(|v| v.is_finite()).unwrap_or(0.0);
+        let [inside, outside, steepness] = [inside, outside, found.extent.0.into()].map(known);
+        Some(Noise { inside, outside, correlation, steepness })
+    }
 }
 
 impl<R: RingSample + Scalar> CellWorker<'_, R> {
@@ -210,11 +266,74 @@ impl<R: RingSample + Scalar> CellWorker<'_, R> {
         field
     }
 
+    /// Looks at samples away from the surface, around the third slice before `z`, which was loaded last.
+    fn count_noise(&mut self, z: u32) {
+        let Some(Counting { counts, .. }) = &mut self.noise else { return };
+        let slices = &self.slices;
+        let (f, dims) = (&slices.frame, slices.dims);
+        let Some(middle) = z.checked_sub(noise::AROUND).filter(|middle| f.column.z.contains(middle)) else {
+            return;
+        };
+        let step = noise::steps(dims);
+        if middle % step[2] != 0 || middle < 3 || z >= dims[2] {
+            return;
+        }
+        let sample = |[x, y, z]: [u32; 3]| {
+            let row = (y - f.rows.start) as usize * f.stride;
+            slices.plane(z)[row + (x - f.cols.start) as usize]
+        };
+        let is_inside = |p: [u32; 3]| slices.form.is_inside(sample(p));
+        for axis in 0..3 {
+            // The pair along z lies on either side of the ring's middle.
+            let low = if axis == 2 { middle - 2 } else { middle };
+            let around = if axis == 2 { noise::AROUND_THIN } else { noise::AROUND };
+            let places = |r: &Range<u32>, n: u32, a: usize| {
+                let reach = noise::AROUND + if a == axis { noise::APART[a] } else { 0 };
+                let end = n.saturating_sub(reach).min(r.end);
+                let is_whole = move |p: &u32| p % BRICK >= noise::AROUND && p % BRICK + reach <= BRICK + 1;
+                (r.start.next_multiple_of(step[a])..end).step_by(step[a] as usize).filter(is_whole)
+            };
+            for y in places(&f.column.y, dims[1], 1) {
+                for x in places(&f.column.x, dims[0], 0) {
+                    let first = [x, y, low];
+                    let mut second = first;
+                    second[axis] += noise::APART[axis];
+                    let inside = is_inside(first);
+                    if is_inside(second) != inside {
+                        continue;
+                    }
+                    let reach = |a: usize| {
+                        let around = if a == 2 { around } else { noise::AROUND };
+                        first[a] - around..second[a] + around + 1
+                    };
+                    let is_even =
+                        reach(2).all(|z| reach(1).all(|y| reach(0).all(|x| is_inside([x, y, z]) == inside)));
+                    if is_even {
+                        let mut next = first;
+                        next[axis] += 1;
+                        let [first, next, second] =
+                            [first, next, second].map(|p| RingForm::depth_from(sample(p), 0.0));
+                        counts.add(inside, axis, false, next - first);
+                        counts.add(inside, axis, true, second - first);
+                    }
+                }
+            }
+        }
+    }
+
     /// Fits the cells of the batch and appends their items.
     fn flush(&mut self) {
         self.batch.fit(self.is_label, &self.stretch);
         for at in 0..self.batch.len() {
             let outcome = self.batch.outcome(at);
+            if self.noise.is_some() {
+                let is_known = outcome != Outcome::OneByOne;
+                let steepness = if is_known { self.batch.steepness(at, self.spacing_mm) } else { 0.0 };
+                if steepness > 0.0 {
+                    self.extent = (self.extent.0.min(steepness), self.extent.1.max(steepness));
+                }
+                self.items.push_steepness(steepness);
+            }
             if outcome == Outcome::Plane {
                 let (code, offset) = self.batch.plane(at);
                 self.items.push_plane(code, offset);
@@ -249,7 +368,9 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
     }
 
     fn occupancy(&mut self, wanted: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
-        self.slices.load(wanted)
+        self.slices.load(wanted)?;
+        self.count_noise(wanted.z());
+        Ok(())
     }
 
     fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
@@ -332,10 +453,10 @@ impl<R: RingSample + Scalar> SolidWorker for CellWorker<'_, R> {
 
     fn found(&self) -> ScanSummary {
         ScanSummary {
+            extent: self.extent,
             reading: self.slices.reading,
             not_numbers: self.slices.odd.not_numbers,
             infinite: self.slices.odd.infinite,
-            ..ScanSummary::default()
         }
     }
 }

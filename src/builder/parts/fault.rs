@@ -7,7 +7,7 @@ use thiserror::Error;
 use super::stage::Stage;
 use crate::exit::ExitKind;
 use crate::platform::is_not_regular;
-use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, RANGE, STAGE, VISIBLE_FROM};
+use crate::text::names::{ERROR, ISO, LABELS, MERGE, PART, PLAN, RANGE, STAGE, UNCERTAINTY, VISIBLE_FROM};
 
 /// Why a plan or a part is refused.
 #[derive(Debug, Error)]
@@ -63,6 +63,8 @@ pub(crate) enum NotInParts {
         "the channel 'value' of samples of 32 or 64 bits cannot be built in parts, as it is scaled by the extent of all values of the skin; leave it out"
     )]
     WideValues,
+    #[error("{UNCERTAINTY} cannot be used in parts yet, as noise is measured over all parts; leave it out")]
+    Uncertainty,
     #[error(
         "{LABELS} cannot be used in parts yet, as the table of labels covers all parts; build the model in one piece"
     )]

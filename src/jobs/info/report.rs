@@ -10,7 +10,7 @@ use super::{
 };
 use crate::enclosed::Enclosed;
 use crate::format::{
-    Encoding, ErrorBound, Quantity, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR,
+    Encoding, ErrorBound, Noise, Quantity, Selection, SelectionKind, SourceMeta, SurfaceKind, VERSION_MAJOR,
 };
 use crate::geom::Affine;
 use crate::load::Frame;
@@ -38,6 +38,9 @@ pub struct ModelFigures {
     /// Larger leaves and their distances from the cells in whose place they are; only of models built with `--error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub larger_leaves: Option<LeafFigures>,
+    /// Noise of the volume; only of models built with `--uncertainty`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
@@ -93,6 +96,7 @@ impl From<&Frame> for ModelFigures {
             surface: frame.surface(),
             skin_voxels: header.voxels,
             larger_leaves: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
+            noise: m.noise,
             nodes: header.nodes,
             bytes: header.file_bytes,
             bytes_per_skin_voxel: ratio(header.file_bytes, super::surface_boxes(frame)),

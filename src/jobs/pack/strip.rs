@@ -164,6 +164,9 @@ fn lay_out(frame: &Frame, kept: Channels, request: &StripRequest) -> Result<Fram
     if !kept.contains(Channel::Value) {
         left.metadata.value_scale = [0.0; 2];
     }
+    if !kept.contains(Channel::Steepness) {
+        left.metadata.noise = None;
+    }
     left.metadata_bytes = left.metadata.to_bytes()?;
     left.sections.retain(|entry| match entry.kind {
         Some(SectionKind::Voxels(channel)) => kept.contains(channel),

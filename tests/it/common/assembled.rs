@@ -47,6 +47,7 @@ pub(crate) fn plain_metadata(dims: [u32; 3], channels: OptionalSections) -> Meta
         gradient: if channels.normal { "gauss5".into() } else { String::new() },
         value_scale: if channels.value_bytes > 0 { [1.0, 0.0] } else { [0.0, 0.0] },
         error: None,
+        noise: None,
     }
 }
 

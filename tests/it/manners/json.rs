@@ -76,6 +76,28 @@ fn every_report_is_what_its_schema_says() {
     let synthetic = oct(&[&["report"][..], &synthetic].concat());
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
+        ("build", build(&["--iso", "500", "--surface", "cells", "--uncertainty"])),
+        ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
+        ("compare", oct(&["compare", &at("m.oct"), &at("m.oct"), "--tolerance", "0.1", "--json"]).json()),
+        (
+            "compare",
+            serde_json::from_str(
+                &oct(&[
+                    "compare",
+                    &at("m.oct"),
+                    &at("m.oct"),
+                    "--move",
+                    "1,0,0",
+                    "--tolerance",
+                    "0.1",
+                    "--json",
+                ])
+                .stdout,
+            )
+            .unwrap(),
+        ),
+        ("pores", oct(&["pores", &at("m.oct"), "--json"]).json()),
+        ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
         ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
         ("build", build(&["--iso", "500", "--visible-from", "outside"])),
@@ -100,9 +122,6 @@ fn every_report_is_what_its_schema_says() {
         ("pack", oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json()),
         ("intersect", oct(&["intersect", &model, &model, "--move", "3,0,0", "--json"]).json()),
         ("intersect", oct(&["intersect", &model, &model, "--move", "90,0,0", "--json"]).json()),
-        ("compare", oct(&["compare", &at("m.oct"), &at("m.oct"), "--tolerance", "0.1", "--json"]).json()),
-        ("pores", oct(&["pores", &at("m.oct"), "--json"]).json()),
-        ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--error", "0.1", "--json"]).json()),
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),

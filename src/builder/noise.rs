@@ -1,0 +1,176 @@
+//! Noise of a volume, measured on samples away from the surface while they pass through the ring.
+//!
+//! Differences of samples four apart (three along z, where the ring is short) and next to each other, where all samples
+//! around both lie on the same side. The standard deviation follows from the median of the differences, so that
+//! structure here and there does not count; the correlation of neighbours from both. Which samples are looked at depends
+//! on their place alone, so that the result is the same for any budget and number of threads.
+#![expect(clippy::cast_possible_truncation, clippy::cast_precision_loss, reason = "counts and buckets")]
+
+use crate::format::Noise;
+
+/// Buckets of differences: 32 for each power of two from [`LEAST`] on, and one for none.
+const PARTS_BITS: u32 = 5;
+const LEAST: i32 = -40;
+const OCTAVES: usize = 80;
+const BUCKETS: usize = (OCTAVES << PARTS_BITS) + 1;
+/// Side, axis, and whether samples are apart.
+const KINDS: usize = 2 * 3 * 2;
+/// Differences below which a median says nothing.
+const FEWEST: u64 = 64;
+/// The median of the sizes of normal deviates.
+const MEDIAN: f64 = 0.674_489_750_196_081_7;
+
+/// Samples that a look needs on either side of each of the two, across the axis and along it.
+pub(super) const AROUND: u32 = 2;
+/// Distance of the two samples along x and y, and along z.
+pub(super) const APART: [u32; 3] = [4, 4, 3];
+/// Samples around them along z for pairs along z.
+pub(super) const AROUND_THIN: u32 = 1;
+
+/// Places that are looked at, in voxels along x, y, z from one to the next: more of small volumes.
+pub(super) fn steps(dims: [u32; 3]) -> [u32; 3] {
+    match dims.iter().map(|n| u64::from(*n)).product::<u64>() {
+        0..=2_100_000 => [2, 2, 2],
+        2_100_001..=33_000_000 => [4, 4, 4],
+        _ => [16, 8, 8],
+    }
+}
+
+/// Counts of differences.
+#[derive(Clone, Debug)]
+pub(super) struct NoiseCounts(Vec<u32>);
+
+impl NoiseCounts {
+    pub(super) const BYTES: usize = KINDS * BUCKETS * size_of::<u32>();
+
+    pub(super) fn new() -> Self {
+        Self(vec![0; KINDS * BUCKETS])
+    }
+
+    /// Counts the difference of two samples on one side, next to each other along an axis or apart.
+    pub(super) fn add(&mut self, inside: bool, axis: usize, apart: bool, difference: f32) {
+        let kind = (usize::from(inside) * 3 + axis) * 2 + usize::from(apart);
+        if let Some(count) = self.0.get_mut(kind * BUCKETS + bucket(difference)) {
+            *count = count.saturating_add(1);
+        }
+    }
+
+    pub(super) fn join(&mut self, other: &Self) {
+        self.0.iter_mut().zip(&other.0).for_each(|(sum, count)| *sum = sum.saturating_add(*count));
+    }
+
+    /// Noise in units of the samples; `None` where too few were found. `step` is that of the samples, 0 for floats.
+    pub(super) fn noise(&self, step: f64) -> Option<Noise> {
+        let deviation = |side: usize, axis: usize, apart: usize| {
+            let kind = (side * 3 + axis) * 2 + apart;
+            median(&self.0[kind * BUCKETS..][..BUCKETS], step)
+                .map(|median| median / (MEDIAN * std::f64::consts::SQRT_2))
+        };
+        let mean = |values: &[f64]| {
+            let square = values.iter().map(|v| v * v).sum::<f64>() / values.len() as f64;
+            (!values.is_empty()).then(|| square.sqrt())
+        };
+        let of_side = |side| mean(&(0..3).filter_map(|axis| deviation(side, axis, 1)).collect::<Vec<_>>());
+        let (outside, inside) = (of_side(0), of_side(1));
+        // Values that were clipped have no noise, as air at 0.
+        let most = inside.unwrap_or(0.0).max(outside.unwrap_or(0.0));
+        let known = |side: Option<f64>| side.filter(|deviation| *deviation > 0.0).unwrap_or(most);
+        let correlation = [0, 1, 2].map(|axis| {
+            let of = |side| {
+                let (near, apart) = (deviation(side, axis, 0)?, deviation(side, axis, 1)?);
+                (apart > 0.0).then(|| (1.0 - (near / apart).powi(2)).clamp(0.0, 0.99))
+            };
+            let both: Vec<f64> = (0..2).filter_map(of).collect();
+            both.iter().sum::<f64>() / both.len().max(1) as f64
+        });
+        (most > 0.0).then(|| Noise {
+            inside: known(inside),
+            outside: known(outside),
+            correlation,
+            steepness: 0.0,
+        })
+    }
+}
+
+/// The bucket of a difference: 0 for none.
+fn bucket(difference: f32) -> usize {
+    let bits = difference.abs().to_bits() >> (f32::MANTISSA_DIGITS - 1 - PARTS_BITS);
+    let first = ((127 + LEAST) as u32) << PARTS_BITS;
+    (bits + 1).saturating_sub(first).min(BUCKETS as u32 - 1) as usize
+}
+
+/// Least and greatest difference of a bucket; whole numbers stand for all that round to them.
+fn ends(bucket: usize, step: f64) -> [f64; 2] {
+    let Some(number) = bucket.checked_sub(1) else { return [0.0, 0.5 * step] };
+    let octave = 2.0_f64.powi((number >> PARTS_BITS) as i32 + LEAST);
+    let part = (number & ((1 << PARTS_BITS) - 1)) as f64;
+    let parts = f64::from(1_u32 << PARTS_BITS);
+    let [low, high] = [1.0 + part / parts, 1.0 + (part + 1.0) / parts].map(|v| v * octave);
+    if high - low < step { [low - 0.5 * step, low + 0.5 * step] } else { [low, high] }
+}
+
+/// The median of what was counted, between the ends of its bucket in proportion.
+fn median(counts: &[u32], step: f64) -> Option<f64> {
+    let all = counts.iter().map(|count| u64::from(*count)).sum::<u64>();
+    if all < FEWEST {
+        return None;
+    }
+    let mut before = 0;
+    let half = all as f64 / 2.0;
+    for (bucket, count) in counts.iter().enumerate() {
+        let count = u64::from(*count);
+        if (before + count) as f64 >= half {
+            let [low, high] = ends(bucket, step);
+            // All in the first bucket: no noise.
+            return Some(if count == all {
+                low
+            } else {
+                low + (high - low) * (half - before as f64) / count as f64
+            });
+        }
+        before += count;
+    }
+    None
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::random::Random;
+
+    /// Normal deviates by sums of twelve.
+    fn deviate(random: &mut Random) -> f64 {
+        (0..12).map(|_| random.below(1 << 20) as f64 / f64::from(1 << 20)).sum::<f64>() - 6.0
+    }
+
+    #[test]
+    fn the_deviation_and_the_correlation_of_noise_are_found() {
+        for (sigma, step, correlated) in
+            [(0.003, 0.0, false), (7.0, 0.0, true), (1.5, 1.0, false), (1.1, 1.0, false), (250.0, 1.0, true)]
+        {
+            let mut random = Random(3);
+            let white: Vec<f64> = (0..40_000).map(|_| sigma * deviate(&mut random)).collect();
+            // Each is the mean of two neighbours: their correlation is one half.
+            let scale = if correlated { 0.5_f64.sqrt() } else { 1.0 };
+            let value = |i: usize| {
+                let value = if correlated { scale * (white[i] + white[i + 1]) } else { white[i] };
+                if step > 0.0 { (value / step).round() * step } else { value }
+            };
+            let mut counts = NoiseCounts::new();
+            for i in 0..39_000 {
+                for axis in 0..3 {
+                    counts.add(true, axis, false, (value(i) - value(i + 1)) as f32);
+                    counts.add(true, axis, true, (value(i) - value(i + 4)) as f32);
+                }
+            }
+            let found = counts.noise(step).unwrap();
+            // Rounding is noise, too.
+            let sigma = (sigma * sigma + step * step / 12.0).sqrt();
+            assert!((found.inside / sigma - 1.0).abs() < 0.03, "{sigma} {step}: {found:?}");
+            assert_eq!(found.inside, found.outside);
+            let due = if correlated { 0.5 } else { 0.0 };
+            assert!(found.correlation.iter().all(|c| (c - due).abs() < 0.04), "{sigma} {step}: {found:?}");
+        }
+        assert_eq!(NoiseCounts::new().noise(1.0), None);
+    }
+}
