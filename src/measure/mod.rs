@@ -5,14 +5,13 @@
 //! | [`nearest`] | nearest point of a surface, signed distance, normal and cell |
 //! | [`statistics`] | mean, RMS and percentiles by area |
 //! | [`places`] | connected places that stand out |
+//! | [`fit`] | the motion that brings one surface closest to another |
 //! | [`uncertainty`] | intervals of cells by noise |
 //! | [`values`] | a writer of models with values |
 
-#[allow(dead_code, reason = "its callers come next")]
+pub(crate) mod fit;
 pub(crate) mod nearest;
-#[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod places;
-#[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod statistics;
 #[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod uncertainty;

@@ -20,7 +20,8 @@ use crate::fault::{unfit, usage};
 use crate::format::{ColorMap, Quantity};
 use crate::geom::{Affine, dot};
 use crate::load::{Model, ModelView};
-use crate::measure::nearest::Surface;
+use crate::measure::fit::fit;
+use crate::measure::nearest::{Sample, Surface};
 use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
 use crate::measure::write_values;
@@ -39,6 +40,12 @@ const RESIDENT_BYTES: u64 = 13 << 19;
 
 /// Part of the nominal's diagonal within which counterparts are looked for.
 const RADIUS: f64 = 1.0 / 20.0;
+
+/// Most cells that a fit goes by.
+const SAMPLES: u64 = 20_000;
+
+/// Most that a fit may leave (RMS), as a part of the radius.
+const MOST_LEFT: f64 = 1.0 / 4.0;
 
 /// How two models are compared.
 #[derive(Clone, Debug)]
@@ -243,8 +250,34 @@ impl Job<'_> {
     }
 
     /// Where the actual model lies.
-    fn place(&self, _: f64) -> Result<Placement, Error> {
-        Ok(Placement::given(&self.request.placement))
+    fn place(&self, radius_mm: f64) -> Result<Placement, Error> {
+        let given = Placement::given(&self.request.placement);
+        if !self.request.fit {
+            return Ok(given);
+        }
+        let stride = self.one.model.header().voxels.div_ceil(SAMPLES).max(1);
+        let chosen = self.one.model.voxels().filter(|cell| cell.number % stride == 0);
+        let identity = Affine::from_spacing([1.0; 3]);
+        let samples: Vec<Sample> = chosen
+            .map(|cell| self.one.row(cell.number, cell.voxel, &identity))
+            .filter(|(row, _)| !row.is_border)
+            .map(|(row, normal)| Sample { point: row.at_mm, normal, area: row.area_mm2 })
+            .collect();
+        let mut search = self.other.surface.search();
+        let found = fit(&samples, given.affine(), &mut search, radius_mm * MOST_LEFT, &|| {
+            self.relieve();
+            self.progress.stopped()
+        });
+        let Some(found) = found.map_err(|fault| fault.at(self.paths[0]))? else {
+            return Err(Error::Stopped);
+        };
+        Ok(Placement {
+            matrix: found.placement.rows,
+            rounds: found.rounds,
+            rms_before: Some(found.rms[0]),
+            rms_after: Some(found.rms[1]),
+            free: found.free,
+        })
     }
 
     /// Gives the pages of both models back when there are many.

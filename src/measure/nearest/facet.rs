@@ -114,11 +114,6 @@ impl Facet {
         centroid[w] = rise.clamp(-self.half[w], self.half[w]);
         (area / self.normal[w].abs(), add_scaled(self.middle, 1.0, centroid))
     }
-
-    /// Diagonal of the box.
-    pub(crate) fn diagonal(&self) -> f64 {
-        2.0 * dot(self.half, self.half).sqrt()
-    }
 }
 
 #[inline]

@@ -92,7 +92,7 @@ fn the_search_finds_what_all_facets_say() {
                 point = std::array::from_fn(|a| (point[a] / spacing[a] * 2.0).round() / 2.0 * spacing[a]);
             }
             if i % 10 == 0 {
-                search.forget();
+                search.start_at(None);
             }
             let mut query = if i % 4 == 0 { Query::within(4.0) } else { Query::ANY };
             if i % 5 == 0 {

@@ -95,9 +95,9 @@ impl<'a> Search<'a> {
         Self { surface, waiting: Vec::new(), way, seed: None, best: None, limit }
     }
 
-    /// Forgets the last answer, so that the cost of the next one depends on its point only.
-    pub(crate) fn forget(&mut self) {
-        self.seed = None;
+    /// Starts the next search at a cell in place of the last answer's.
+    pub(crate) fn start_at(&mut self, seed: Option<Place>) {
+        self.seed = seed;
     }
 
     /// The nearest point of the surface to a point of the frame, or `None` within the given distance.
