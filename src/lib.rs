@@ -99,6 +99,7 @@
 //! | a "cancel" button | [`Progress::stopped`] |
 //! | a model that must not depend on its file | [`Model::read`], [`Model::from_bytes`] |
 //! | millions of rays | [`RayCaster::first_hits`], [`RayCaster::any_hit`] |
+//! | points whose distance from the surface is wanted | [`Model::nearest`] |
 //! | a need for triangles, voxels or the bytes of a PNG | [`triangles`], [`Model::voxels`], [`Image::write_png_to`] |
 //!
 //! To build from a shape that has no samples, implement [`Solid`](builder::Solid) and call
@@ -184,6 +185,7 @@ pub use format::{Channel, Channels};
 pub use geom::{Affine, Dims};
 pub use jobs::build::GridOptions;
 pub use jobs::export::triangles;
+pub use jobs::nearest::NearestPoints;
 pub use jobs::render::{RenderReport, RenderRequest};
 pub use load::Model;
 pub use progress::Progress;

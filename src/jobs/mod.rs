@@ -18,6 +18,7 @@ mod labels;
 #[doc(hidden)]
 pub mod measure;
 pub mod names;
+pub(crate) mod nearest;
 #[doc(hidden)]
 pub mod opened;
 pub mod pack;

@@ -19,6 +19,7 @@ use crate::format::{Encoding, SurfaceKind};
 use crate::geom::Affine;
 use crate::jobs::export::triangles;
 use crate::jobs::info::{Info, Measured};
+use crate::jobs::nearest::nearest_points;
 use crate::jobs::opened::unpacked;
 use crate::jobs::picture::{Outputs, framed};
 use crate::jobs::scene::camera_of;
@@ -131,7 +132,7 @@ fn check(store: &Store, path: &Path) -> Result<(), Error> {
 fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult<&'a [[f64; 3]]> {
     match array.as_slice()?.as_chunks::<3>() {
         (triples, []) => Ok(triples),
-        _ => Err(usage(py, "rays have three coordinates each")),
+        _ => Err(usage(py, "rays and points have three coordinates each")),
     }
 }
 
@@ -152,6 +153,15 @@ impl Rays for Pixels<'_> {
         }
     }
 }
+
+/// Distance, position, normal, side, cell.
+type Nearest<'py> = (
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<f64>>,
+    Bound<'py, PyArray1<i8>>,
+    Bound<'py, PyArray1<i64>>,
+);
 
 type Arrays<'py> = (
     Bound<'py, PyArray1<f64>>,
@@ -240,6 +250,26 @@ impl Handle {
             rays::first_hits(&RayCaster::new(model)?, &Pixels { sight, width }, pixels, request.threads)
         })?;
         Ok(arrays(py, found))
+    }
+
+    /// Nearest points of the surface.
+    fn nearest<'py>(
+        &self,
+        py: Python<'py>,
+        points: PyReadonlyArray1<'py, f64>,
+        threads: usize,
+    ) -> PyResult<Nearest<'py>> {
+        let points = triples(py, &points)?;
+        let found = self.with(py, |model| nearest_points(model, points, threads))?;
+        let cell = |cell: &Option<u64>| cell.and_then(|cell| i64::try_from(cell).ok()).unwrap_or(-1);
+        let cells = found.cell.iter().map(cell).collect();
+        Ok((
+            PyArray1::from_vec(py, found.distance_mm),
+            PyArray1::from_vec(py, found.position_mm.into_flattened()),
+            PyArray1::from_vec(py, found.normal.into_flattened()),
+            PyArray1::from_vec(py, found.side),
+            PyArray1::from_vec(py, cells),
+        ))
     }
 
     fn first_hits<'py>(

@@ -7,17 +7,19 @@ use std::time::Instant;
 use numpy::PyReadonlyArray1;
 use pyo3::exceptions::PyUserWarning;
 use pyo3::prelude::*;
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::failure::{raised, usage};
 use super::options::{BuildAsked, read};
 use super::samples::StoredSamples;
 use super::watch::watched;
-use crate::builder::BuildNote;
+use crate::budget::MemoryCap;
+use crate::builder::{BuildNote, Threshold};
 use crate::error::Error;
 use crate::export::ExportForm;
-use crate::geom::Dims;
+use crate::geom::{Affine, Dims};
 use crate::jobs::build::{BuildJob, BuildSummary, build_each, convert, convert_each};
+use crate::jobs::compare::{CompareOutputs, CompareRequest};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
 use crate::jobs::picture::{Outputs, render_file};
@@ -182,6 +184,53 @@ pub(super) fn unpack(
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let report = watched(py, progress, |progress| crate::jobs::pack::unpack_with(&input, &output, progress))?;
+    json(py, &report)
+}
+
+/// Options of a comparison.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct CompareAsked {
+    radius_mm: Option<f64>,
+    tolerance_mm: Option<[f64; 2]>,
+    angle_deg: f64,
+    placement: [[f64; 4]; 3],
+    fit: bool,
+    both_ways: bool,
+    worst: usize,
+    iso: Option<f64>,
+    memory_bytes: u64,
+    threads: usize,
+}
+
+/// Compares two inputs; the report as JSON.
+#[pyfunction]
+#[pyo3(signature = (files, output, csv, asked, progress))]
+pub(super) fn compare(
+    py: Python<'_>,
+    files: (PathBuf, PathBuf),
+    output: Option<PathBuf>,
+    csv: Option<PathBuf>,
+    asked: &str,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let asked: CompareAsked = read(py, asked)?;
+    let request = CompareRequest {
+        radius_mm: asked.radius_mm,
+        tolerance_mm: asked.tolerance_mm,
+        angle_deg: asked.angle_deg,
+        placement: Affine { rows: asked.placement },
+        fit: asked.fit,
+        both_ways: asked.both_ways,
+        worst: asked.worst,
+        threshold: asked.iso.map_or(Threshold::Otsu, Threshold::Iso),
+        memory: MemoryCap::Share(asked.memory_bytes),
+        threads: asked.threads,
+    };
+    let outputs = CompareOutputs { model: output.as_deref(), csv: csv.as_deref() };
+    let inputs = [files.0.as_path(), files.1.as_path()];
+    let report =
+        watched(py, progress, |progress| crate::jobs::compare::compare(inputs, &request, outputs, progress))?;
     json(py, &report)
 }
 

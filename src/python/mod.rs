@@ -7,7 +7,7 @@
 //! | `watch` | a job on a thread of its own, while the caller's looks at signals and calls `progress` |
 //! | `options` | options of builds and pictures, which come as JSON |
 //! | `samples` | samples in a file, read by position |
-//! | `jobs` | builds, packing, checking, exports |
+//! | `jobs` | builds, packing, checking, exports, comparisons |
 //! | `handle` | an open model: pictures, voxels, triangles |
 //! | `rays` | many rays at once, on threads |
 //! | `infobyte/`, `tests/` | the package, and its tests |
@@ -61,6 +61,7 @@ fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::unpack, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::verify, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::export, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::render_scene, module)?)?;
     module.add_function(wrap_pyfunction!(options::size, module)?)?;
     Ok(())

@@ -23,8 +23,8 @@ mod tests;
 mod tree;
 
 pub(crate) use facet::Facet;
+pub(crate) use side::Side;
 pub(crate) use space::Space;
-#[allow(unused_imports, reason = "asked by the searches for deviation and thickness")]
 pub(crate) use tree::{Found, Query, Search};
 
 use crate::fault::{Fault, unfit};

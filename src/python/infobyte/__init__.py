@@ -20,17 +20,18 @@ from typing import Any as _Any
 
 from . import _infobyte
 from ._build import _bar, build
+from ._compare import compare
 from ._errors import BudgetError, InfobyteError, InputError, UsageError
-from ._model import Hits, Mesh, Model
+from ._model import Hits, Mesh, Model, Nearest
 from ._model import loads as _loads
 
 __version__ = _infobyte.__version__
 __all__ = [
-    "BudgetError", "Hits", "InfobyteError", "InputError", "Mesh", "Model", "UsageError", "build", "open", "pack",
-    "render_scene", "unpack", "verify",
+    "BudgetError", "Hits", "InfobyteError", "InputError", "Mesh", "Model", "Nearest", "UsageError", "build",
+    "compare", "open", "pack", "render_scene", "unpack", "verify",
 ]  # fmt: skip
 
-for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, UsageError, build):
+for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, Nearest, UsageError, build, compare):
     _public.__module__ = "infobyte"
 del _public
 
