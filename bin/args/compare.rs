@@ -42,6 +42,9 @@ pub(crate) struct CompareArgs {
     /// Transform of ACTUAL: three rows of four numbers, from its mm to those of NOMINAL
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = parse::placement)]
     pub(crate) place: Option<Affine>,
+    /// Standard deviation of the threshold of ACTUAL, in its values: says how far it moves all cells together
+    #[arg(long, value_name = "V")]
+    pub(crate) threshold_sigma: Option<f64>,
     /// Measure NOMINAL from ACTUAL, too, for the Hausdorff distance
     #[arg(long)]
     pub(crate) both_ways: bool,
@@ -80,6 +83,7 @@ impl CompareArgs {
             angle_deg: self.angle,
             placement,
             fit: self.fit,
+            threshold_sigma: self.threshold_sigma,
             both_ways: self.both_ways,
             worst: self.worst,
             threshold: self.iso.map_or(Threshold::Otsu, Threshold::Iso),

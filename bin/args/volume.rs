@@ -8,7 +8,7 @@ use infobyte::builder::{
     BuildOptions, Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom,
 };
 use infobyte::clean::{CleanOptions, ComponentConnectivity, Preset, SizeLimit};
-use infobyte::format::{Channel, Channels, LabelName, SurfaceKind};
+use infobyte::format::{Channels, LabelName, SurfaceKind};
 use infobyte::geom::{Dims, Orientation};
 use infobyte::jobs::build::{GridOptions, viewed_from};
 use infobyte::jobs::export::MAX_SMOOTH;
@@ -287,9 +287,15 @@ pub(crate) struct SkinArgs {
 impl SkinArgs {
     fn options(&self) -> BuildOptions {
         let Self { surface, error, channels, uncertainty, gradient, connectivity } = *self;
-        let channels =
-            if uncertainty { Some(channels.unwrap_or_default().with(Channel::Steepness)) } else { channels };
-        BuildOptions { surface, error, channels, gradient, connectivity, ..BuildOptions::default() }
+        BuildOptions {
+            surface,
+            error,
+            channels,
+            uncertainty,
+            gradient,
+            connectivity,
+            ..BuildOptions::default()
+        }
     }
 
     /// Refuses a flag that says nothing about cells, where these are built: they are asked for, or there are labels.

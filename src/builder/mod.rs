@@ -190,7 +190,7 @@ fn kindest_request<'a>(source: &'a dyn VolumeSource, options: &BuildOptions) -> 
     };
     let more = match surface {
         SurfaceKind::Skin => NormalRule::more_bytes(options.gradient()),
-        SurfaceKind::Cells => cells::worker_bytes(options.channels()),
+        SurfaceKind::Cells => cells::worker_bytes(options.for_surface(surface).channels()),
     };
     let shape = RingShape::kindest(info.dims, info.scalar, reach);
     let channels = options.for_surface(surface).channels();

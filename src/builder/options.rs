@@ -107,6 +107,8 @@ pub struct BuildOptions {
     /// Join cells into larger leaves where that stays within a bound; 0 joins none.
     #[serde(deserialize_with = "some_text")]
     pub error: Option<Tolerance>,
+    /// True to measure the noise of a volume, and to keep how steep each cell is (SPEC 4.14).
+    pub uncertainty: bool,
     /// Store means of coarse nodes for level of detail?
     pub lod: bool,
     /// Cap on resident memory.
@@ -132,6 +134,7 @@ impl Default for BuildOptions {
             gradient: None,
             visible_from: Vec::new(),
             error: None,
+            uncertainty: false,
             lod: true,
             memory: MemoryCap::Share(64 << 20),
             threads: std::thread::available_parallelism().map_or(1, usize::from),
@@ -143,16 +146,14 @@ impl Default for BuildOptions {
 impl BuildOptions {
     /// The surface that a volume, a mesh or a tree is built with.
     pub fn volume_surface(&self) -> SurfaceKind {
-        let shape = self
-            .channels()
-            .iter()
-            .filter(|channel| !matches!(channel, Channel::Color | Channel::Material | Channel::Steepness));
+        let shape =
+            self.channels().iter().filter(|channel| !matches!(channel, Channel::Color | Channel::Material));
         let only_skin = self.gradient.is_some()
             || self.connectivity != Connectivity::default()
             || Channels::from_iter(shape) != Channels::default();
         let usual = if only_skin { SurfaceKind::Skin } else { SurfaceKind::Cells };
-        let of_cells = [Channel::Offset, Channel::Steepness];
-        let only_cells = self.labels.is_some() || of_cells.into_iter().any(|c| self.channels().contains(c));
+        let only_cells =
+            self.labels.is_some() || self.uncertainty || self.channels().contains(Channel::Offset);
         if only_cells { SurfaceKind::Cells } else { self.surface.unwrap_or(usual) }
     }
 
@@ -175,7 +176,7 @@ impl BuildOptions {
             (
                 "uncertainty",
                 "cells, and skin voxels are asked for",
-                self.is_uncertain() && self.surface == Some(SurfaceKind::Skin),
+                self.uncertainty && self.surface == Some(SurfaceKind::Skin),
             ),
             ("gradient", skin, self.gradient.is_some()),
             ("connectivity", skin, self.connectivity != Connectivity::default()),
@@ -190,7 +191,10 @@ impl BuildOptions {
         let labelled = if self.labels.is_some() { asked.with(Channel::Label) } else { asked };
         let channels = match surface {
             SurfaceKind::Skin => labelled,
-            SurfaceKind::Cells => labelled.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners),
+            SurfaceKind::Cells => {
+                let cells = labelled.with(Channel::Normal).with(Channel::Offset).with(Channel::Corners);
+                if self.uncertainty { cells.with(Channel::Steepness) } else { cells }
+            }
         };
         Self { surface: Some(surface), channels: Some(channels), ..self.clone() }
     }
@@ -201,14 +205,9 @@ impl BuildOptions {
             ("skin of connectivity 6", self.connectivity != Connectivity::Thin26),
             ("channel 'value'", self.channels().contains(Channel::Value)),
             ("larger leaves", self.joins()),
-            ("uncertainty", self.is_uncertain()),
+            ("uncertainty", self.uncertainty),
         ];
         refused.into_iter().find(|(_, asked)| *asked).map(|(name, _)| name)
-    }
-
-    /// Is noise measured, and the steepness of cells kept?
-    pub fn is_uncertain(&self) -> bool {
-        self.channels().contains(Channel::Steepness)
     }
 
     /// Are cells joined into larger leaves?

@@ -17,7 +17,7 @@ use crate::text::{Short, data, shown};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct IntersectReport {
-    /// Both models, as named on the command line.
+    /// Both inputs, as named on the command line.
     pub inputs: [String; 2],
     /// True if a voxel of one model has a point in common with a voxel of the other.
     pub touch: bool,

@@ -15,7 +15,7 @@ use crate::geom::VoxelIndex;
 use crate::load::{CellShape, Model, ModelView, NodeView};
 
 /// Deviates of a normal distribution within which 95 of 100 lie.
-const SURE: f64 = 1.96;
+pub(crate) const SURE: f64 = 1.96;
 
 /// The interpolation's error in voxels across an edge about as sharp as the sampling, and how it grows with uneven
 /// spacings: fitted to five bodies in slices of one to three voxels.
@@ -64,29 +64,36 @@ impl<'a> Uncertainty<'a> {
     }
 
     /// Standard deviation of a cell's place along its normal by noise, in mm; `None` where it is unknown.
-    pub(crate) fn noise_mm(&self, shape: &CellShape, number: u8) -> Option<f64> {
+    fn noise_mm(&self, shape: &CellShape, number: u8) -> Option<f64> {
         (number > 0).then_some(())?;
         let gain = self.gain(shape)?;
         Some(gain * self.sigma / steepness(&self.noise, number).max(self.least))
     }
 
     /// Standard deviation of a plane's place by the interpolation, in mm, for a unit normal of index axes in mm.
-    pub(crate) fn model_mm(&self, normal: [f64; 3]) -> f64 {
+    fn model_mm(&self, normal: [f64; 3]) -> f64 {
         let [least, most] =
             self.spacing_mm.iter().fold([f64::INFINITY, 0.0_f64], |[a, b], mm| [a.min(*mm), b.max(*mm)]);
         let square = (0..3).map(|a| (normal[a] * normal[a] * self.spacing_mm[a]).powi(2)).sum::<f64>();
         MODEL * (most / least).powf(UNEVEN) * square.sqrt()
     }
 
-    /// Half the 95 % interval of a cell's place along its normal, in mm; `None` where it is unknown: at edges and at the
-    /// border of the volume. `view` is the model's.
-    pub(crate) fn interval_mm(&self, view: &ModelView<'_>, cell: VoxelIndex) -> Option<f64> {
+    /// How far a cell moves along its normal where the threshold rises by one unit, in mm; `None` where it is unknown.
+    pub(crate) fn shift_mm(&self, cell: VoxelIndex) -> Option<f64> {
+        let number = *self.items.get(cell.index()?)?;
+        (number > 0).then(|| 1.0 / steepness(&self.noise, number).max(self.least))
+    }
+
+    /// Squares of the standard deviations of a cell's place along its normal by noise and by the interpolation, in mm2;
+    /// `None` where they are unknown: at edges and at the border of the volume. `view` is the model's.
+    pub(crate) fn squares_mm2(&self, view: &ModelView<'_>, cell: VoxelIndex) -> Option<[f64; 2]> {
         let number = *self.items.get(cell.index()?)?;
         let noise = self.noise_mm(&view.cells()?.shape(cell.get()), number)?;
         let normal = view.voxel_direction(cell)?;
         let along: [f64; 3] = std::array::from_fn(|a| f64::from(normal[a]) / self.spacing_mm[a]);
         let length = along.iter().map(|c| c * c).sum::<f64>().sqrt();
-        Some(SURE * noise.hypot(self.model_mm(along.map(|c| c / length))))
+        let model = self.model_mm(along.map(|c| c / length));
+        Some([noise * noise, model * model])
     }
 
     /// How much of the samples' deviation their mean crossing has.
@@ -122,7 +129,6 @@ impl<'a> Uncertainty<'a> {
 mod tests {
     use super::*;
     use crate::builder::{BuildOptions, Threshold};
-    use crate::format::Channels;
     use crate::format::cell::Plane;
     use crate::geom::{Dims, dot};
     use crate::random::Random;
@@ -190,15 +196,16 @@ mod tests {
             (1000.0 * (mean(if slices > 1.0 { 5 } else { 1 }) + noise * deviate)) as f32
         };
         let volume = Voxels::from_fn(dims, value).placed(Affine::from_spacing(spacing));
-        let channels = Some(Channels::default().with(Channel::Steepness));
-        let options = BuildOptions { threshold: Threshold::Iso(500.0), channels, ..BuildOptions::default() };
+        let options =
+            BuildOptions { threshold: Threshold::Iso(500.0), uncertainty: true, ..BuildOptions::default() };
         crate::build(&volume, &options, &path).unwrap();
         let model = Model::open(&path).unwrap();
         let (view, sure) = (model.view(), Uncertainty::of(&model).unwrap());
         let (mut known, mut held) = (0, 0);
         for found in model.voxels() {
             let cell = VoxelIndex::new(found.number);
-            let Some(interval) = sure.interval_mm(&view, cell) else { continue };
+            let Some([noise, model]) = sure.squares_mm2(&view, cell) else { continue };
+            let interval = SURE * (noise + model).sqrt();
             let CellShape::Plane(plane) = view.cells().unwrap().shape(found.number) else { continue };
             let Some(middle) = middle(&plane) else { continue };
             let off = depth(place(std::array::from_fn(|a| f64::from(found.voxel[a]) - 0.5 + middle[a])));

@@ -29,7 +29,7 @@ use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
 
-use pass::{Measured, Row, Rule};
+use pass::{Doubt, Measured, Row, Rule};
 pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
@@ -60,6 +60,8 @@ pub struct CompareRequest {
     pub placement: Affine,
     /// True to align the actual model first.
     pub fit: bool,
+    /// Standard deviation of the threshold of the actual model, in its values.
+    pub threshold_sigma: Option<f64>,
     /// True to measure the nominal from the actual model, too, for the Hausdorff distance.
     pub both_ways: bool,
     /// Most places listed.
@@ -82,6 +84,7 @@ impl Default for CompareRequest {
             angle_deg: 90.0,
             placement: Affine::from_spacing([1.0; 3]),
             fit: false,
+            threshold_sigma: None,
             both_ways: false,
             worst: 10,
             threshold: build.threshold,
@@ -106,7 +109,7 @@ const COLUMNS: &str = "x_mm,y_mm,z_mm,deviation_mm,u95_mm,area_mm2\n";
 /// Compares two models, or inputs that models can be built of: each cell of the actual model with the nearest point of
 /// the nominal one. Deviations are in mm, positive outside the nominal; places are in its millimetres.
 ///
-/// Memory: 8 MiB, and 200 KiB a thread; inputs that are built take `memory`. Temporary disk: 8 bytes a cell, and the
+/// Memory: 8 MiB, and 200 KiB a thread; inputs that are built take `memory`. Temporary disk: 16 bytes a cell, and the
 /// models that are built. Cost: a microsecond a cell where the surfaces are near.
 ///
 /// # Errors
@@ -159,13 +162,16 @@ pub fn compare(
 fn measured<'a>(input: &'a Input, view: &'a ModelView<'a>) -> Result<Measured<'a>, Error> {
     let surface = Surface::open(view, &input.model.affine(), input.model.dims())
         .map_err(|fault| fault.at(&input.path))?;
-    Ok(Measured { model: &input.model, surface })
+    Ok(Measured { model: &input.model, surface, doubt: Doubt::of(&input.model) })
 }
 
 impl CompareRequest {
     fn check(&self) -> Result<(), Error> {
         if self.radius_mm.is_some_and(|radius| !(radius > 0.0 && radius.is_finite())) {
             return Err(usage!("the radius must be above 0 mm").into());
+        }
+        if self.threshold_sigma.is_some_and(|sigma| !(sigma >= 0.0 && sigma.is_finite())) {
+            return Err(usage!("the standard deviation of the threshold must be 0 or more").into());
         }
         if self.tolerance_mm.is_some_and(|[lo, hi]| !(lo <= hi && lo.is_finite() && hi.is_finite())) {
             return Err(usage!("the tolerance must rise from its lower to its upper limit").into());
@@ -217,8 +223,12 @@ impl Job<'_> {
             self.progress.stage("comparing", one.model.header().voxels);
             rule.measure(one, other, request.threads, self.progress, &|| self.relieve(), |row| {
                 found.add(row, request.tolerance_mm);
-                let value = row.value.unwrap_or(f64::NAN);
-                values.write_all(&value.to_le_bytes()).map_err(unwritable(None))?;
+                if let (Some(_), Some(shift)) = (row.value, one.doubt.shift_mm(row.number)) {
+                    found.shift = [found.shift[0] + shift * row.area_mm2, found.shift[1] + row.area_mm2];
+                }
+                for value in [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN)) {
+                    values.write_all(&value.to_le_bytes()).map_err(unwritable(None))?;
+                }
                 match &mut rows {
                     Some(rows) => rows.write_all(text_row(row).as_bytes()).map_err(unwritable(outputs.csv)),
                     None => Ok(()),
@@ -239,7 +249,7 @@ impl Job<'_> {
             }
             let quantity = self.quantity(&found);
             let values = stored(&scratch).map_err(unwritable(None))?;
-            let values = values.map(|value| value.map(|v| Some(v).filter(|v| !v.is_nan())));
+            let values = values.map(|value| value.map(|[value, _]| Some(value).filter(|v| !v.is_nan())));
             write_values(one.model, output, &quantity, radius_mm, values)
                 .map_err(unwritable(Some(output)))?;
         }
@@ -309,7 +319,7 @@ impl Job<'_> {
         let mut places = Places::default();
         let p95 = p95.unwrap_or(f64::INFINITY);
         for (cell, value) in self.one.model.voxels().zip(stored(scratch)?) {
-            let value = value?;
+            let [value, u95] = value?;
             let is_out = match self.request.tolerance_mm {
                 Some([lo, hi]) => value < lo || value > hi,
                 None => value.abs() > p95,
@@ -318,7 +328,19 @@ impl Job<'_> {
                 let (row, _) = self.one.row(cell.number, cell.voxel, &rule.placement);
                 let (at, range) = (row.at_mm, [row.at_mm; 2]);
                 let (rank, number, area) = (value.abs(), cell.number, row.area_mm2);
-                places.add(cell.voxel, &PlaceOut { rank, number, value, at, cells: 1, area, range });
+                places.add(
+                    cell.voxel,
+                    &PlaceOut {
+                        rank,
+                        number,
+                        value,
+                        at,
+                        u95: Some(u95).filter(|u| !u.is_nan()),
+                        cells: 1,
+                        area,
+                        range,
+                    },
+                );
             }
             if cell.number % 65_536 == 0 {
                 self.relieve();
@@ -344,15 +366,17 @@ impl Job<'_> {
     }
 }
 
-/// The values of a scratch file, from its start.
-fn stored(mut scratch: &File) -> io::Result<impl Iterator<Item = io::Result<f64>>> {
+/// The values of a scratch file, from its start, with half their 95 % intervals; NaN for none.
+fn stored(mut scratch: &File) -> io::Result<impl Iterator<Item = io::Result<[f64; 2]>>> {
     scratch.rewind()?;
     let mut file = BufReader::new(scratch);
     Ok(std::iter::from_fn(move || {
-        let mut bytes = [0; 8];
+        let mut bytes = [0; 16];
         match file.read_exact(&mut bytes) {
             Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => None,
-            read => Some(read.map(|()| f64::from_le_bytes(bytes))),
+            read => Some(
+                read.map(|()| [0, 8].map(|at| f64::from_le_bytes(std::array::from_fn(|i| bytes[at + i])))),
+            ),
         }
     }))
 }
@@ -367,8 +391,8 @@ fn diagonal_mm(of: &Measured<'_>) -> f64 {
 
 fn text_row(row: &Row) -> String {
     let [x, y, z] = row.at_mm;
-    let value = row.value.map(|value| value.to_string()).unwrap_or_default();
-    format!("{x},{y},{z},{value},,{}\n", row.area_mm2)
+    let [value, u95] = [row.value, row.u95_mm()].map(|v| v.map(|v| v.to_string()).unwrap_or_default());
+    format!("{x},{y},{z},{value},{u95},{}\n", row.area_mm2)
 }
 
 /// What a pass found.
@@ -378,10 +402,19 @@ struct Found {
     border: u64,
     without: Area,
     area_mm2: f64,
-    /// Areas within the tolerance and beyond it, and cells beyond it.
+    /// Areas within the tolerance, beyond it, and so near its limits that the uncertainty does not decide.
     within_mm2: f64,
     beyond_mm2: f64,
+    doubtful_mm2: f64,
+    /// Cells beyond it, and doubtful ones.
     beyond: u64,
+    doubtful: u64,
+    /// Half the 95 % intervals, and sums by area of the squares that they are made of.
+    intervals: Distribution,
+    squares: [f64; 2],
+    known_mm2: f64,
+    /// Sum by area of how far cells move where the threshold rises by one unit, and the area.
+    shift: [f64; 2],
 }
 
 impl Found {
@@ -394,7 +427,13 @@ impl Found {
             area_mm2: 0.0,
             within_mm2: 0.0,
             beyond_mm2: 0.0,
+            doubtful_mm2: 0.0,
             beyond: 0,
+            doubtful: 0,
+            intervals: Distribution::new(radius_mm, finest),
+            squares: [0.0; 2],
+            known_mm2: 0.0,
+            shift: [0.0; 2],
         }
     }
 
@@ -411,12 +450,21 @@ impl Found {
             return;
         };
         self.distribution.add(value, row.area_mm2);
+        if let (Some(squares), Some(u95)) = (row.squares, row.u95_mm()) {
+            self.intervals.add(u95, row.area_mm2);
+            self.squares = std::array::from_fn(|i| self.squares[i] + squares[i] * row.area_mm2);
+            self.known_mm2 += row.area_mm2;
+        }
         let Some([lo, hi]) = tolerance_mm else { return };
-        if lo <= value && value <= hi {
+        let u = row.u95_mm().unwrap_or(0.0);
+        if lo + u <= value && value <= hi - u {
             self.within_mm2 += row.area_mm2;
-        } else {
+        } else if value < lo - u || value > hi + u {
             self.beyond_mm2 += row.area_mm2;
             self.beyond += 1;
+        } else {
+            self.doubtful_mm2 += row.area_mm2;
+            self.doubtful += 1;
         }
     }
 
@@ -435,12 +483,20 @@ impl Found {
             hi,
             inside: share(self.within_mm2),
             outside: share(self.beyond_mm2),
-            undecided: share(self.without.area_mm2),
-            verdict: match (self.beyond, self.without.cells, self.distribution.count()) {
+            undecided: share(self.without.area_mm2 + self.doubtful_mm2),
+            verdict: match (self.beyond, self.without.cells + self.doubtful, self.distribution.count()) {
                 (0, 0, 1..) => Verdict::Conforms,
                 (0, ..) => Verdict::Undecided,
                 _ => Verdict::DoesNotConform,
             },
+        });
+        let mean = |square: f64| (square / self.known_mm2).sqrt();
+        let uncertainty = (self.known_mm2 > 0.0).then(|| Uncertainty {
+            sigma_noise_mm: mean(self.squares[0]),
+            model_mm: mean(self.squares[1]),
+            median_u95_mm: self.intervals.percentile(0.5).unwrap_or(0.0),
+            share: share(self.known_mm2),
+            common_mm: job.request.threshold_sigma.map(|sigma| sigma * self.shift[0] / self.shift[1]),
         });
         let deviation = Deviation::of(&self.distribution);
         let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
@@ -456,7 +512,7 @@ impl Found {
             hausdorff: Hausdorff { to_nominal, to_actual, within_mm: diagonal / 2.0 },
             tolerance,
             worst,
-            uncertainty: None,
+            uncertainty,
             actual_grid_mm: None,
             nominal_grid_mm: None,
             warnings: Vec::new(),

@@ -3,9 +3,10 @@
 use std::thread;
 
 use crate::error::Error;
-use crate::geom::Affine;
-use crate::load::Model;
-use crate::measure::nearest::{Query, Search, Surface};
+use crate::geom::{Affine, VoxelIndex};
+use crate::load::{Model, ModelView};
+use crate::measure::nearest::{Found, Query, Search, Surface};
+use crate::measure::uncertainty::{SURE, Uncertainty};
 use crate::progress::Progress;
 
 /// Cells that a thread takes at a time.
@@ -33,6 +34,55 @@ pub(super) struct Row {
     pub(super) is_border: bool,
     /// Positive outside; `None` without counterpart, and at the border.
     pub(super) value: Option<f64>,
+    /// Squares of the standard deviations of the value by noise and by the models, in mm2; `None` if they are not known.
+    pub(super) squares: Option<[f64; 2]>,
+}
+
+impl Row {
+    /// Half the 95 % interval of the value, in mm.
+    pub(super) fn u95_mm(&self) -> Option<f64> {
+        self.squares.map(|[noise, model]| SURE * (noise + model).sqrt())
+    }
+}
+
+/// How uncertain the places of a model's cells are.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Doubt<'a> {
+    /// By the noise of its volume.
+    Volume(Uncertainty<'a>),
+    /// By the voxels of its grid, in mm2, for a mesh or a tree.
+    Grid(f64),
+    Unknown,
+}
+
+/// Error of a mesh's or a tree's cells against it, in voxels of its grid: RMS of the bunny's.
+const GRID_ERROR: f64 = 0.015;
+
+impl<'a> Doubt<'a> {
+    pub(super) fn of(model: &'a Model) -> Self {
+        let is_solid = matches!(model.metadata().source.format.as_str(), "mesh" | "csg");
+        if is_solid && !model.header().leaves {
+            let edge = model.metadata().spacing_mm.into_iter().fold(0.0, f64::max);
+            return Self::Grid((GRID_ERROR * edge).powi(2));
+        }
+        Uncertainty::of(model).map_or(Self::Unknown, Self::Volume)
+    }
+
+    /// How far a cell moves where the threshold rises by one unit, in mm.
+    pub(super) fn shift_mm(&self, cell: u64) -> Option<f64> {
+        match self {
+            Self::Volume(uncertainty) => uncertainty.shift_mm(VoxelIndex::new(cell)),
+            _ => None,
+        }
+    }
+
+    fn squares_mm2(&self, view: &ModelView<'_>, cell: u64) -> Option<[f64; 2]> {
+        match self {
+            Self::Volume(uncertainty) => uncertainty.squares_mm2(view, VoxelIndex::new(cell)),
+            Self::Grid(square) => Some([0.0, *square]),
+            Self::Unknown => None,
+        }
+    }
 }
 
 /// A model of cells with its surface.
@@ -40,6 +90,7 @@ pub(super) struct Row {
 pub(super) struct Measured<'a> {
     pub(super) model: &'a Model,
     pub(super) surface: Surface<'a>,
+    pub(super) doubt: Doubt<'a>,
 }
 
 impl Measured<'_> {
@@ -54,17 +105,17 @@ impl Measured<'_> {
         let at_mm = placement.apply(space.to_world(sample.point));
         let normal = placement.apply_vector(space.direction_to_world(sample.normal));
         let is_border = self.is_border(cell);
-        (Row { number, cell, at_mm, area_mm2: sample.area, is_border, value: None }, normal)
+        (Row { number, cell, at_mm, area_mm2: sample.area, is_border, ..Row::default() }, normal)
     }
 }
 
 impl Rule {
-    /// The deviation of a place, by its normal, from the searched surface.
+    /// The deviation of a place, by its normal, from the searched surface, and what was found there.
     ///
     /// The nearest point decides; one whose normal is turned away is no counterpart, and the nearest one that is not is
     /// asked for then. Its own normal says the sign if the way to it runs along it: on the far side of a wall that was
     /// moved by more than its thickness the solid's side would be the wrong one.
-    fn deviation(&self, search: &mut Search<'_>, at_mm: [f64; 3], normal: [f64; 3]) -> Option<f64> {
+    fn deviation(&self, search: &mut Search<'_>, at_mm: [f64; 3], normal: [f64; 3]) -> Option<(f64, Found)> {
         let space = search.surface.space;
         let (point, normal) = (space.to_frame(at_mm), space.direction_to_frame(normal));
         let query = Query::within(self.radius_mm);
@@ -77,10 +128,11 @@ impl Rule {
         if search.surface.is_border(found.point) {
             return None;
         }
-        Some(match found.along() {
+        let signed = match found.along() {
             Some(signed) if is_turned => signed,
             _ => search.signed(point, &found),
-        })
+        };
+        Some((signed, found))
     }
 
     /// Measures all cells of a model, and hands them over in the order of the file.
@@ -114,7 +166,17 @@ impl Rule {
                     let (made, normal) = one.row(row.number, row.cell, &self.placement);
                     *row = made;
                     if !row.is_border {
-                        row.value = self.deviation(search, row.at_mm, normal);
+                        let Some((value, found)) = self.deviation(search, row.at_mm, normal) else {
+                            continue;
+                        };
+                        row.value = Some(value);
+                        let own = one.doubt.squares_mm2(one.surface.view, row.number);
+                        let others = || {
+                            other
+                                .doubt
+                                .squares_mm2(other.surface.view, other.surface.cell(found.place.number))
+                        };
+                        row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
                     }
                 }
             };

@@ -12,7 +12,7 @@ use crate::text::{Short, shown};
 #[derive(Clone, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct CompareReport {
-    /// Actual and nominal, as named on the command line.
+    /// Both inputs, as named on the command line.
     pub inputs: [String; 2],
     /// Farthest counterpart.
     pub radius_mm: f64,
@@ -39,7 +39,7 @@ pub struct CompareReport {
     pub actual_grid_mm: Option<f64>,
     /// Spacing of the nominal model, if it was built for the comparison.
     pub nominal_grid_mm: Option<f64>,
-    /// Sentences about the inputs: assumptions, parts left out, oddities.
+    /// Sentences about the input: assumptions, parts left out, oddities.
     pub warnings: Vec<String>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
@@ -184,25 +184,25 @@ pub struct Worst {
 
 impl Worst {
     pub(super) fn of(place: &PlaceOut) -> Self {
-        let PlaceOut { value, at, cells, area, range, .. } = *place;
-        Self { at_mm: at, d_mm: value, u_mm: None, area_mm2: area, cells, box_mm: range }
+        let PlaceOut { value, at, u95, cells, area, range, .. } = *place;
+        Self { at_mm: at, d_mm: value, u_mm: u95, area_mm2: area, cells, box_mm: range }
     }
 }
 
-/// Uncertainty of deviations.
+/// Uncertainty of deviations: means by area (RMS) over the cells where it is known.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Uncertainty {
-    /// Standard deviation from noise.
-    pub sigma_noise_mm: Option<f64>,
-    /// Standard deviation of the model itself.
-    pub model_mm: Option<f64>,
-    /// Error of the nominal's grid.
-    pub grid_mm: Option<f64>,
-    /// Shift of all cells by the stated doubt of the threshold.
+    /// Standard deviation by the noise of the volumes.
+    pub sigma_noise_mm: f64,
+    /// Standard deviation by the interpolation between samples, and by the grid of meshes.
+    pub model_mm: f64,
+    /// Median of half the 95 % intervals.
+    pub median_u95_mm: f64,
+    /// Share of the area where it is known: not at edges.
+    pub share: f64,
+    /// Standard deviation of the mean place of all cells by the stated one of the threshold; in no interval.
     pub common_mm: Option<f64>,
-    /// Median of the cells' 95 % intervals.
-    pub median_u95_mm: Option<f64>,
 }
 
 impl Verdict {
@@ -283,9 +283,25 @@ impl CompareReport {
                 t.lo, t.hi
             );
         }
+        if let Some(u) = self.uncertainty {
+            let [noise, model, median, percent] =
+                [u.sigma_noise_mm, u.model_mm, u.median_u95_mm, 100.0 * u.share].map(Short);
+            let _ = writeln!(
+                text,
+                "  uncertainty: {median} mm in the median (95 %), by noise {noise} and by the models {model} (sigma); known on {percent} % of the area"
+            );
+            if let Some(common) = u.common_mm {
+                let _ = writeln!(
+                    text,
+                    "  threshold: {} mm more (sigma), the same way for all cells",
+                    Short(common)
+                );
+            }
+        }
         for place in &self.worst {
             let [x, y, z] = place.at_mm.map(Short);
             let (d, area) = (Short(place.d_mm), Short(place.area_mm2));
+            let d = place.u_mm.map_or_else(|| d.to_string(), |u| format!("{d} +- {}", Short(u)));
             let _ = writeln!(text, "  {d} mm at {x}, {y}, {z} mm (LPS), {area} mm2");
         }
         for warning in &self.warnings {

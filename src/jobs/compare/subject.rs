@@ -49,6 +49,7 @@ impl Input {
         let kind = SubjectKind::of(&inputs);
         let grid = edge_mm.map(|edge_mm| GridChoice::Voxel { edge_mm, margin: MARGIN });
         let options = BuildOptions {
+            uncertainty: kind == SubjectKind::Volume,
             threshold: request.threshold,
             memory: request.memory,
             threads: request.threads,

@@ -38,9 +38,6 @@ pub struct ModelFigures {
     /// Larger leaves and their distances from the cells in whose place they are; only of models built with `--error`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub larger_leaves: Option<LeafFigures>,
-    /// Noise of the volume; only of models built with `--uncertainty`.
-    #[serde(skip_serializing_if = "Option::is_none")]
-    pub noise: Option<Noise>,
     /// Nodes of the octree, one infobyte each.
     pub nodes: u64,
     /// Size of the file that was written or read.
@@ -96,7 +93,6 @@ impl From<&Frame> for ModelFigures {
             surface: frame.surface(),
             skin_voxels: header.voxels,
             larger_leaves: m.error.map(|distances| LeafFigures { leaves: super::leaves(frame), distances }),
-            noise: m.noise,
             nodes: header.nodes,
             bytes: header.file_bytes,
             bytes_per_skin_voxel: ratio(header.file_bytes, super::surface_boxes(frame)),
@@ -137,6 +133,9 @@ pub struct InfoReport {
     pub channels: Vec<&'static str>,
     /// Estimator of the normals.
     pub gradient: String,
+    /// Noise of the volume; only of models built with `--uncertainty`.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub noise: Option<Noise>,
     /// Nodes of each level, the root first.
     pub level_nodes: Vec<u64>,
     /// The same as `source.bytes`.
@@ -269,6 +268,7 @@ impl Info {
             connectivity: m.connectivity,
             channels: channels(frame),
             gradient: m.gradient.clone(),
+            noise: m.noise,
             level_nodes: level_nodes(frame),
             raw_bytes: m.source.bytes,
             ratio_to_raw: ratio(m.source.bytes, bytes),

@@ -68,7 +68,7 @@ impl PartsInput<'_> {
             (options.labels.is_some(), NotInParts::Labels),
             (!options.visible_from.is_empty(), NotInParts::Sight),
             (options.joins(), NotInParts::Leaves),
-            (options.is_uncertain(), NotInParts::Uncertainty),
+            (options.uncertainty, NotInParts::Uncertainty),
             (wide && options.channels().contains(Channel::Value), NotInParts::WideValues),
         ];
         found.into_iter().find(|(is_so, _)| *is_so).map(|(_, what)| what)

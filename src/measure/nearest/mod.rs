@@ -96,7 +96,7 @@ impl<'a> Surface<'a> {
 
     /// Number of a cell.
     #[inline]
-    fn cell(&self, number: BoxIndex) -> u64 {
+    pub(crate) fn cell(&self, number: BoxIndex) -> u64 {
         number.voxel(self.view.node_count()).get()
     }
 

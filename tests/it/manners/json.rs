@@ -74,28 +74,19 @@ fn every_report_is_what_its_schema_says() {
     let failed = oct(&["info", "nothing.oct", "--json"]);
     let synthetic = ["--synthetic", "sphere@24", "--out", &at("more"), "--pixels", "16", "--json"];
     let synthetic = oct(&[&["report"][..], &synthetic].concat());
+    crate::uncertainty::noisy(Path::new(&at("noisy.raw")), 40.0);
+    let noisy = ["--dims", "70x66x68", "--dtype", "i16", "--iso", "0", "--surface", "cells", "--uncertainty"];
+    assert_eq!(oct(&[&["build", &at("noisy.raw"), "-o", &at("noisy.oct")], &noisy[..]].concat()).code, 0);
+    let moved = ["--move", "1,0,0", "--threshold-sigma", "9", "--tolerance", "0.1", "--json"];
+    let moved =
+        oct(&[&["compare", &at("noisy.oct"), &at("noisy.oct"), "-o", &at("d.oct")], &moved[..]].concat());
     let reports = [
         ("build", build(&["--otsu", "--spacing", "1x1x4"])),
         ("build", build(&["--iso", "500", "--surface", "cells", "--uncertainty"])),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("compare", oct(&["compare", &at("m.oct"), &at("m.oct"), "--tolerance", "0.1", "--json"]).json()),
-        (
-            "compare",
-            serde_json::from_str(
-                &oct(&[
-                    "compare",
-                    &at("m.oct"),
-                    &at("m.oct"),
-                    "--move",
-                    "1,0,0",
-                    "--tolerance",
-                    "0.1",
-                    "--json",
-                ])
-                .stdout,
-            )
-            .unwrap(),
-        ),
+        ("compare", serde_json::from_str(&moved.stdout).unwrap()),
+        ("info", oct(&["info", &at("d.oct"), "--json"]).json()),
         ("pores", oct(&["pores", &at("m.oct"), "--json"]).json()),
         ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
@@ -114,6 +105,7 @@ fn every_report_is_what_its_schema_says() {
         ("build", build(&["--labels", "500..2000", "--each", &at("models")])),
         ("info", oct(&["info", &at("m.oct"), "--json"]).json()),
         ("export", oct(&["export", &at("m.oct"), "--each", &at("each"), "--json"]).json()),
+        ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("pack", oct(&["strip", &model, "-o", &at("s.oct"), "--levels", "1", "--json"]).json()),
         ("info", oct(&["info", &model, "--json"]).json()),
         ("verify", oct(&["verify", &model, "--json"]).json()),
