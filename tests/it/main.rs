@@ -20,6 +20,7 @@ mod changed_files;
 mod cleaning;
 mod cleaning_volumes;
 mod cli_bad_input;
+mod compare;
 mod csg;
 mod damage;
 mod dicom;
