@@ -499,7 +499,7 @@ fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
     platform::tell_of(&args.model, args.json);
     let request = PoresRequest { bodies: args.bodies, least: args.least };
     let bars = Bars::new(args.json || args.quiet);
-    let report = jobs::pores::pores(&args.model, request, args.csv.as_deref(), None, &bars);
+    let report = jobs::pores::pores(&args.model, request, args.csv.as_deref(), &bars);
     bars.finish();
     let report = report?;
     Ok(print(args.json, || &report, || report.text())?)

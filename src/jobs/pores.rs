@@ -137,7 +137,7 @@ pub struct PoresReport {
 /// encloses; an opening of one sample joins them to the outside, and so does the border of the volume. Bodies are connected
 /// samples inside, of one label each. Volumes count samples; areas are those of the surface in the cells.
 ///
-/// `table` becomes a CSV of them all; `listed` gets them in memory.
+/// `table` becomes a CSV of them all.
 ///
 /// Memory: as [`export`](super::export::export) of a mask, and some 150 bytes for each component of a slice. Cost: one pass
 /// over the model.
@@ -149,7 +149,6 @@ pub fn pores(
     input: &Path,
     request: PoresRequest,
     table: Option<&Path>,
-    listed: Option<&mut Vec<Pore>>,
     progress: &dyn Progress,
 ) -> Result<PoresReport, Error> {
     let start = Instant::now();
@@ -165,7 +164,7 @@ pub fn pores(
     let exporter = exporter_of(&model, &view, &space, ExportRequest::of(ExportForm::Nrrd), &give_back);
     let geometry = Geometry::of(&model.affine());
     let is_labelled = !model.frame().labels.is_empty();
-    let begin = |frame| Found::begin(frame, request, is_labelled, out.as_ref(), listed.is_some());
+    let begin = |frame| Found::begin(frame, request, is_labelled, out.as_ref());
     let work = |found: &mut Found, slice: &RegionSlice| {
         let sides = |cell: &LayerCell, add: &mut dyn FnMut(Side)| geometry.sides(&view, cell, add);
         let done = found.components.slice(slice, &sides);
@@ -181,9 +180,6 @@ pub fn pores(
     model.check_unchanged(input)?;
     if let Some(out) = out {
         commit(out, table.unwrap_or(input), progress)?;
-    }
-    if let (Some(listed), Some(rows)) = (listed, found.listed.take()) {
-        *listed = rows;
     }
     let solid_volume_mm3 = count(solid) * geometry.voxel_mm3;
     let pore_volume_mm3 = count(found.samples) * geometry.voxel_mm3;
@@ -295,7 +291,6 @@ struct Found {
     least: u64,
     is_labelled: bool,
     out: Option<BufWriter<File>>,
-    listed: Option<Vec<Pore>>,
     rows: u64,
     samples: u64,
     below_resolution: u64,
@@ -309,7 +304,6 @@ impl Found {
         request: PoresRequest,
         is_labelled: bool,
         out: Option<&AtomicFile>,
-        is_listed: bool,
     ) -> io::Result<Self> {
         let sought = if request.bodies { Sought::Bodies } else { Sought::Pores };
         let begun = |out: &AtomicFile| {
@@ -325,7 +319,6 @@ impl Found {
             least: request.least,
             is_labelled,
             out: out.map(begun).transpose()?,
-            listed: is_listed.then(Vec::new),
             rows: 0,
             samples: 0,
             below_resolution: 0,
@@ -345,9 +338,6 @@ impl Found {
         self.below_resolution += u64::from(pore.below_resolution);
         if let Some(out) = &mut self.out {
             out.write_all(pore.row().as_bytes())?;
-        }
-        if let Some(listed) = &mut self.listed {
-            listed.push(pore.clone());
         }
         let at = self.largest.partition_point(|other| other.samples >= pore.samples);
         if at < LARGEST {

@@ -23,6 +23,7 @@ use crate::jobs::compare::{CompareOutputs, CompareRequest};
 use crate::jobs::export::ExportRequest;
 use crate::jobs::info::read_info;
 use crate::jobs::picture::{Outputs, render_file};
+use crate::jobs::pores::PoresRequest;
 use crate::jobs::render::RenderRequest;
 use crate::progress::Progress;
 use crate::source::SubjectKind;
@@ -184,6 +185,24 @@ pub(super) fn unpack(
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
     let report = watched(py, progress, |progress| crate::jobs::pack::unpack_with(&input, &output, progress))?;
+    json(py, &report)
+}
+
+/// Lists pores, or bodies; the report as JSON.
+#[pyfunction]
+#[pyo3(signature = (model, csv, bodies, least, progress))]
+pub(super) fn pores(
+    py: Python<'_>,
+    model: PathBuf,
+    csv: Option<PathBuf>,
+    bodies: bool,
+    least: u64,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let request = PoresRequest { bodies, least };
+    let report = watched(py, progress, |progress| {
+        crate::jobs::pores::pores(&model, request, csv.as_deref(), progress)
+    })?;
     json(py, &report)
 }
 

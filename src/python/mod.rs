@@ -60,6 +60,7 @@ fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::pack, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::unpack, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::verify, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::pores, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::export, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::compare, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::render_scene, module)?)?;

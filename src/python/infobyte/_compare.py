@@ -1,4 +1,4 @@
-"""Deviations of one surface from another."""
+"""Measurements: deviations of one surface from another, pores and bodies."""
 
 from __future__ import annotations
 
@@ -69,4 +69,39 @@ def compare(
         report = loads(_infobyte.compare(files, *written, json.dumps(asked), told))
         if table:
             report["table"] = np.atleast_1d(np.genfromtxt(written[1], delimiter=",", names=True))
+    return report
+
+
+_PORES = np.dtype(
+    [("id", "i8"), ("label", "i4"), ("volume_mm3", "f8"), ("area_mm2", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")]
+    + [(f"{axis}_{end}", "f8") for end in ("min", "max") for axis in "xyz"]
+    + [("equivalent_diameter_mm", "f8"), ("sphericity", "f8"), ("samples", "i8"), ("below_resolution", "?")]
+)
+
+
+def pores(
+    model: Model | str | os.PathLike[str],
+    *,
+    bodies: bool = False,
+    least: int = 1,
+    csv: str | os.PathLike[str] | None = None,
+    progress: Any = False,
+) -> dict[str, Any]:
+    """The pores that a model of cells encloses, or its separate bodies; the keys of `oct pores`.
+
+    `table` is a structured array with a row for each, which `pandas.DataFrame` takes; its label is -1 where there is none.
+    `least`: voxels of the smallest one that is listed. `csv`: a file for the table. Costs one pass over the model.
+
+    Raises `InputError` or `UsageError` for a model that is a skin of voxels, or keeps only what can be seen.
+
+    >>> report = infobyte.pores('ball.oct', bodies=True)
+    >>> report['bodies'], report['table']['sphericity'].round(1).tolist()
+    (1, [1.0])
+    """
+    with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
+        listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
+        path = model.path if isinstance(model, Model) else os.fspath(model)
+        report = loads(_infobyte.pores(path, listed, bool(bodies), least, told))
+        rows = np.genfromtxt(listed, _PORES, delimiter=",", skip_header=1, filling_values={1: -1})
+    report["table"] = np.atleast_1d(rows) if report["bodies" if bodies else "pores"] else np.empty(0, _PORES)
     return report
