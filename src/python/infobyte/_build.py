@@ -39,6 +39,7 @@ def build(
     each: Path | None = None,
     surface: str | None = None,
     error: float | str | None = None,
+    uncertainty: bool = False,
     spacing: float | Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     affine: ArrayLike | None = None,
@@ -98,6 +99,7 @@ def build(
     - `surface`: `'cells'`, the surface between samples, true to a few hundredths of a voxel; or `'skin'`, voxels. By default
       cells, but skin for what only that has: other channels, `gradient`, thin walls.
     - `error`: joins cells into larger leaves that lie at most so far from the surface, in voxels (`0.1`) or as `'0.05mm'`.
+    - `uncertainty`: measures the noise of a volume, and keeps one byte a cell, so that `compare` states how sure it is.
 
     Place
     - `spacing`: distance of samples in mm, one number or three **in the order of the array's axes** (z, y, x); for paths
@@ -156,6 +158,7 @@ def build(
             threshold=_threshold(iso, range),
             labels=labels if labels is None or isinstance(labels, str) else ",".join(str(int(label)) for label in labels),
             smooth=_finite("smooth", smooth), surface=surface, error=None if error is None else str(error),
+            uncertainty=bool(uncertainty),
             channels=None if channels is None else list(channels), gradient=gradient,
             connectivity=_text(connectivity), lod=bool(lod), memory={"share": share}, threads=threads,
             scratch=None if scratch is None else os.fspath(scratch),

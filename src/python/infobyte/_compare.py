@@ -30,6 +30,7 @@ def compare(
     angle: float = 90.0,
     placement: ArrayLike | None = None,
     fit: bool = False,
+    threshold_sigma: float | None = None,
     both_ways: bool = False,
     worst: int = 10,
     iso: float | None = None,
@@ -43,7 +44,7 @@ def compare(
     of `actual`. Deviations are in mm, positive outside the nominal. `tolerance`: the greatest size of a deviation that
     conforms, or the least and the greatest deviation. `placement`: 4 x 4 or 3 x 4, from the millimetres of `actual` to those
     of `nominal`; `fit` aligns it from there. `radius`: the farthest counterpart, a twentieth of the nominal's diagonal by
-    default. `output`: a model with the deviations as values; `csv`: a table of all cells. `table=True` adds this table
+    default. `threshold_sigma`: standard deviation of the threshold of `actual`, in its values. `output`: a model with the deviations as values; `csv`: a table of all cells. `table=True` adds this table
     under `table`, as a structured array, which `pandas.DataFrame` takes. Costs a microsecond or two a cell.
 
     Raises `InputError` for a skin of voxels, labels, or axes that are not at right angles; `UsageError` for a placement that
@@ -59,7 +60,7 @@ def compare(
     limits = [-tolerance, tolerance] if isinstance(tolerance, int | float) else tolerance
     asked = {
         "radius_mm": radius, "tolerance_mm": limits, "angle_deg": float(angle), "placement": matrix.tolist(), "fit": bool(fit),
-        "both_ways": bool(both_ways), "worst": worst, "iso": iso, "threads": _threads(threads),
+        "threshold_sigma": threshold_sigma, "both_ways": bool(both_ways), "worst": worst, "iso": iso, "threads": _threads(threads),
         "memory_bytes": memory if isinstance(memory, int) else _infobyte.size(memory),
     }  # fmt: skip
     files = tuple(of.path if isinstance(of, Model) else os.fspath(of) for of in (actual, nominal))
