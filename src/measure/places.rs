@@ -1,12 +1,12 @@
 //! Places of a surface that stand out, joined where they touch.
 //!
-//! Cells that stand out fall into blocks of 2^k cells a side, k the least for which there are at most 32,768 of these; blocks
+//! Cells that stand out fall into blocks of 2^k cells a side, k the least for which there are at most 8,192 of these; blocks
 //! that touch, at corners too, are one place. Which blocks there are depends on the set of cells, not on their order.
 
 use std::collections::BTreeMap;
 
 /// Most blocks.
-const MAX_BLOCKS: usize = 1 << 15;
+const MAX_BLOCKS: usize = 1 << 13;
 
 /// A place: connected cells that stand out.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -43,7 +43,7 @@ impl PlaceOut {
 
 /// Cells that stand out, in blocks.
 ///
-/// Memory: at most 32,768 blocks, 6 MiB.
+/// Memory: at most 8,192 blocks, 1.5 MiB.
 #[derive(Debug, Default)]
 pub(crate) struct Places {
     shift: u32,

@@ -326,6 +326,9 @@ impl Job<'_> {
             };
             if is_out {
                 let (row, _) = self.one.row(cell.number, cell.voxel, &rule.placement);
+                if row.area_mm2 <= 0.0 {
+                    continue;
+                }
                 let (at, range) = (row.at_mm, [row.at_mm; 2]);
                 let (rank, number, area) = (value.abs(), cell.number, row.area_mm2);
                 places.add(
@@ -441,6 +444,10 @@ impl Found {
         self.cells += 1;
         if row.is_border {
             self.border += 1;
+            return;
+        }
+        // A plane that meets its cell in a corner or an edge only: its neighbours have the surface there.
+        if row.area_mm2 <= 0.0 {
             return;
         }
         self.area_mm2 += row.area_mm2;
