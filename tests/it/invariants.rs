@@ -540,8 +540,7 @@ fn i23_quantity() {
         (with_content(&sound, quantity, |b| b.push(0)), E::Quantity { bytes: bytes + 1 }),
     ]);
     let items = frame.header.voxels;
-    Rule("I4").broken_by(vec![
-        (sections(1), E::SectionItems { kind: VALUE, item_bytes: 1, items, due: items }),
-        (with_entry(&sound, VALUE, |e| e.tag = *b"ZZZZ"), E::MissingSection(VALUE)),
-    ]);
+    let due = E::SectionItems { kind: VALUE, item_bytes: 1, items, due: items };
+    assert_eq!(fault(&sections(1)), due);
+    assert_eq!(fault(&with_entry(&sound, VALUE, |e| e.tag = *b"ZZZZ")), E::MissingSection(VALUE));
 }
