@@ -23,7 +23,7 @@ use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
 
-pub(crate) use compare::CompareArgs;
+pub(crate) use compare::{CompareArgs, ThicknessArgs};
 pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, ScanArgs};
@@ -80,6 +80,9 @@ pub(crate) enum Command {
     /// Measure how far one surface lies from another: a part from its drawing
     #[command(after_help = examples::COMPARE)]
     Compare(CompareArgs),
+    /// Measure how thick the walls of a model are
+    #[command(after_help = examples::THICKNESS)]
+    Thickness(ThicknessArgs),
     /// List the pores that a model encloses, or its separate bodies
     #[command(after_help = examples::PORES)]
     Pores(PoresArgs),
@@ -126,6 +129,7 @@ impl Command {
             Self::Export(args) => args.json,
             Self::Intersect(args) => args.json,
             Self::Compare(args) => args.json,
+            Self::Thickness(args) => args.json,
             Self::Pores(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,

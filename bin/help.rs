@@ -30,7 +30,7 @@ const SHORT: [(&str, &str); 4] = [
 /// Groups of the options of `render`.
 const GROUPS: [(&str, &str); 5] = [
     ("Camera", "size view eye look-at up projection fov zoom contact turntable section"),
-    ("What is shown", "clip only hide opacity color background annotate title legend"),
+    ("What is shown", "clip only hide opacity color colors range background annotate title legend"),
     ("Light and rays", "shading blended samples ao-rays traversal lod lod-bias"),
     ("Other pictures of the same view", "depth normals ids"),
     ("Machine and output", "threads memory json force"),

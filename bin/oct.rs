@@ -38,6 +38,7 @@ use infobyte::jobs::pores::PoresRequest;
 use infobyte::jobs::report::ReportRequest;
 use infobyte::jobs::scan::ScanReport;
 use infobyte::jobs::scene::is_scene;
+use infobyte::jobs::thickness::ThicknessOutputs;
 use infobyte::jobs::view::ViewRequest;
 use infobyte::jobs::{self, info, pack, picture, verify};
 use infobyte::source::{OpenOptions, RawOptions, SubjectKind};
@@ -159,6 +160,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
         Command::Export(args) => export(&args),
         Command::Intersect(args) => intersect(&args),
         Command::Compare(args) => compare(&args),
+        Command::Thickness(args) => thickness(&args),
         Command::Pores(args) => pores(&args),
         Command::View(args) => view(&args),
         Command::Render(args) => render(&args),
@@ -491,6 +493,20 @@ fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {
     let report = report?;
     let code = print(args.json, || &report, || report.text())?;
     Ok(report.verdict().map_or(code, |verdict| ExitCode::from(verdict.code())))
+}
+
+fn thickness(args: &args::ThicknessArgs) -> Result<ExitCode, Failure> {
+    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
+    refuse_dash(args.output.as_deref(), Dash::Model)?;
+    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
+    check_suffixes(args.output.as_deref(), Written::Model, args.force)?;
+    platform::tell_of(&args.model, args.json);
+    let outputs = ThicknessOutputs { model: args.output.as_deref(), csv: args.csv.as_deref() };
+    let bars = Bars::new(args.json || args.quiet);
+    let report = jobs::thickness::thickness(&args.model, &args.request(), outputs, &bars);
+    bars.finish();
+    let report = report?;
+    Ok(print(args.json, || &report, || report.text())?)
 }
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {

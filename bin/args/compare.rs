@@ -1,12 +1,13 @@
-//! Arguments of `oct compare`.
+//! Arguments of `oct compare` and `oct thickness`.
 
 use std::path::PathBuf;
 
-use clap::Args;
+use clap::{Args, ValueEnum};
 use infobyte::budget::{MemoryCap, parse_size};
 use infobyte::builder::Threshold;
 use infobyte::geom::Affine;
 use infobyte::jobs::compare::CompareRequest;
+use infobyte::jobs::thickness::{Method, ThicknessRequest};
 
 use super::{ThreadArgs, parse};
 
@@ -88,6 +89,61 @@ impl CompareArgs {
             worst: self.worst,
             threshold: self.iso.map_or(Threshold::Otsu, Threshold::Iso),
             memory: MemoryCap::Process(self.memory),
+            threads: self.threads.count(),
+        }
+    }
+}
+
+/// How thickness is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum By {
+    /// The way to the other side along the normal: for parallel walls
+    Ray,
+    /// The largest ball within that touches the place: for free forms
+    Ball,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct ThicknessArgs {
+    /// The model of cells (mapped or packed)
+    #[arg(value_name = "MODEL.oct")]
+    pub(crate) model: PathBuf,
+    /// Write the model with its thickness as values, to be shown in colours
+    #[arg(short, long, value_name = "OUT.oct")]
+    pub(crate) output: Option<PathBuf>,
+    /// How it is measured
+    #[arg(long, value_enum, default_value = "ray")]
+    by: By,
+    /// Greatest thickness to look for, in mm; by default without limit for rays, and for balls an eighth of the shortest
+    /// side, at most 32 voxels
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    max: Option<f64>,
+    /// List places that are thinner, in mm
+    #[arg(long, value_name = "MM", value_parser = parse::positive)]
+    thin: Option<f64>,
+    /// Write a table of all cells
+    #[arg(long, value_name = "FILE.csv")]
+    pub(crate) csv: Option<PathBuf>,
+    #[command(flatten)]
+    threads: ThreadArgs,
+    /// Write OUT.oct even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+impl ThicknessArgs {
+    /// The request of the library.
+    pub(crate) fn request(&self) -> ThicknessRequest {
+        ThicknessRequest {
+            by: if self.by == By::Ball { Method::Ball } else { Method::Ray },
+            max_mm: self.max,
+            thin_mm: self.thin,
             threads: self.threads.count(),
         }
     }

@@ -56,6 +56,10 @@ pub(crate) const COMPARE: &str = "Examples:
   oct compare scan.oct drawing.stl --fit --tolerance 0.2 -o deviation.oct
   oct compare new.oct old.oct --csv deviations.csv --json";
 
+pub(crate) const THICKNESS: &str = "Examples:
+  oct thickness print.oct --thin 0.8 -o thickness.oct
+  oct thickness bone.oct --by ball --max 6 --csv thickness.csv";
+
 pub(crate) const PORES: &str = "Examples:
   oct pores casting.oct --csv pores.csv
   oct pores print.oct --bodies --least 100";

@@ -4,6 +4,7 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use infobyte::budget::parse_size;
+use infobyte::format::ColorMap;
 use infobyte::jobs::render::RenderRequest;
 use infobyte::jobs::shots::Shots;
 use infobyte::render::picture::Traversal;
@@ -26,6 +27,19 @@ pub(crate) enum Shade {
     Stored,
     /// Plain light by normals blended between the boxes around a hit
     Blended,
+    /// No light: colours as they are, which a legend of values tells; usual for models with measured values
+    Flat,
+}
+
+/// The colour map of measured values.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum ValueMap {
+    /// As the quantity says
+    Auto,
+    /// Blue below 0, light grey at 0, red above
+    Diverging,
+    /// Dark violet to yellow
+    Sequential,
 }
 
 #[derive(Debug, Args)]
@@ -73,6 +87,12 @@ pub(crate) struct RenderArgs {
     /// Colour of models without colours of their own, #rrggbb; by default that of bone, or of a scene's materials
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) color: Option<parse::Rgb>,
+    /// Colours of measured values: as their quantity says, diverging around 0, or sequential
+    #[arg(long, value_enum)]
+    pub(crate) colors: Option<ValueMap>,
+    /// Lowest and highest value of the colours, such as -0.2..0.2, or 0.2 for that; a diverging map is symmetric around 0
+    #[arg(long, value_name = "LO..HI", allow_hyphen_values = true, value_parser = parse::tolerance)]
+    pub(crate) range: Option<[f64; 2]>,
     /// Show only these labels, by number, range or name, such as 5,7..20,liver; the others are invisible
     #[arg(long, value_name = "LABELS", value_parser = parse::label_picks)]
     pub(crate) only: Option<parse::Picks>,
@@ -128,7 +148,7 @@ pub(crate) struct RenderArgs {
     #[arg(long, value_name = "TEXT", num_args = 0..=1, require_equals = true, default_missing_value = "")]
     pub(crate) title: Option<String>,
     /// List colours and names of the visible labels on the right, the largest first; for a scene also its models
-    /// without labels
+    /// without labels. Of measured values: the bar of their colours, with numbers, unit and tolerance
     #[arg(long)]
     pub(crate) legend: bool,
     /// Also write a picture of the distances, in grey of 16 bits: 1 is the nearest point of the model and 65535 the
@@ -185,6 +205,7 @@ impl RenderArgs {
             Some(Shade::Plain) => (Some(Shading::Plain), Smoothing::Smooth),
             Some(Shade::Ao) => (Some(Shading::Ao), Smoothing::Smooth),
             Some(Shade::Stored) => (Some(Shading::Plain), Smoothing::Stored),
+            Some(Shade::Flat) => (Some(Shading::Flat), Smoothing::Smooth),
             Some(Shade::Blended) => (Some(Shading::Plain), Smoothing::Blended),
         };
         (shading, if self.blended { Smoothing::Blended } else { smoothing })
@@ -198,7 +219,11 @@ impl RenderArgs {
         };
         let given = [
             (self.fov.is_some() && is_flat, "--fov", "--projection perspective"),
-            (self.ao_rays.is_some() && self.light().0 == Some(Shading::Plain), "--ao-rays", "--shading ao"),
+            (
+                self.ao_rays.is_some() && matches!(self.light().0, Some(Shading::Plain | Shading::Flat)),
+                "--ao-rays",
+                "--shading ao",
+            ),
             (self.lod_bias != 0 && self.lod == Switch::Off, "--lod-bias", "--lod on"),
         ];
         match given.into_iter().find(|(given, ..)| *given) {
@@ -225,6 +250,12 @@ impl RenderArgs {
             lod_bias: self.lod_bias,
             traversal: self.traversal,
             color: self.color.map(|color| color.0),
+            value_map: self.colors.and_then(|map| match map {
+                ValueMap::Auto => None,
+                ValueMap::Diverging => Some(ColorMap::Diverging),
+                ValueMap::Sequential => Some(ColorMap::Sequential),
+            }),
+            value_range: self.range,
             background: self.background.map(|color| color.0),
             clip_mm: self.clip.map(|bounds| bounds.0),
             section: self.section,

@@ -32,8 +32,10 @@ pub use label::{Label, LabelItems, LabelName};
 pub(crate) use label::{parse_table as parse_labels, table_to_bytes as labels_to_bytes};
 pub(crate) use metadata::METADATA_LIMIT;
 pub use metadata::{ErrorBound, Metadata, Noise, Selection, SelectionKind, SourceMeta};
-pub use quantity::{ColorMap, Quantity};
-pub(crate) use quantity::{measured_value, stored_value};
+#[cfg(test)]
+pub(crate) use quantity::measured_value;
+pub(crate) use quantity::stored_value;
+pub use quantity::{ColorMap, Quantity, ValueColors};
 pub(crate) use section::parse_table;
 pub use section::{ENTRY_BYTES, MAX_SECTIONS, SectionEntry, align_up, table_bytes};
 pub use walls::Walls;

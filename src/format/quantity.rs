@@ -93,6 +93,89 @@ impl Quantity {
     }
 }
 
+/// Colours from one end of a map to the other, at even steps: the cool to warm map of Moreland 2009, and viridis.
+const DIVERGING: [[u8; 3]; 9] = [
+    [59, 76, 192],
+    [98, 130, 234],
+    [141, 176, 254],
+    [184, 208, 249],
+    [221, 221, 221],
+    [245, 196, 173],
+    [244, 154, 123],
+    [222, 96, 77],
+    [180, 4, 38],
+];
+const SEQUENTIAL: [[u8; 3]; 10] = [
+    [68, 1, 84],
+    [72, 40, 120],
+    [62, 74, 137],
+    [49, 104, 142],
+    [38, 130, 142],
+    [31, 158, 137],
+    [53, 183, 121],
+    [109, 205, 89],
+    [180, 222, 44],
+    [253, 231, 37],
+];
+
+impl ColorMap {
+    /// Colour (sRGB) at a part of the way from the lowest to the highest value; beyond both ends theirs.
+    pub(crate) fn color(self, part: f64) -> [u8; 3] {
+        let stops: &[[u8; 3]] = if self == Self::Diverging { &DIVERGING } else { &SEQUENTIAL };
+        let last = stops.len() - 1;
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let at = part.clamp(0.0, 1.0) * last as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "clamped")]
+        let low = (at as usize).min(last - 1);
+        #[expect(clippy::cast_precision_loss, reason = "a few")]
+        let part = at - low as f64;
+        #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "0 to 255")]
+        let mixed = |c: usize| {
+            let [low, high] = [stops[low][c], stops[low + 1][c]].map(f64::from);
+            (low + part * (high - low)).round() as u8
+        };
+        [0, 1, 2].map(mixed)
+    }
+}
+
+/// Colours of stored values.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ValueColors {
+    map: ColorMap,
+    /// Lowest and highest value of the map; a diverging one is symmetric around 0.
+    pub(crate) range: [f64; 2],
+    scale: [f64; 2],
+}
+
+impl ValueColors {
+    /// Colour (sRGB) of cells without a value.
+    pub(crate) const NONE: [u8; 3] = [128; 3];
+
+    /// For values of this slope and intercept, with another map or range than the quantity's if that is asked for.
+    pub(crate) fn new(
+        quantity: &Quantity,
+        scale: [f64; 2],
+        map: Option<ColorMap>,
+        range: Option<[f64; 2]>,
+    ) -> Self {
+        let (map, [lo, hi]) = (map.unwrap_or(quantity.map), range.unwrap_or(quantity.range));
+        let reach = lo.abs().max(hi.abs());
+        let range = if map == ColorMap::Diverging { [-reach, reach] } else { [lo, hi] };
+        Self { map, range, scale }
+    }
+
+    /// Colour (sRGB) of a value.
+    pub(crate) fn at(&self, value: f64) -> [u8; 3] {
+        let [lo, hi] = self.range;
+        self.map.color((value - lo) / (hi - lo))
+    }
+
+    /// Colour (sRGB) of a stored value.
+    pub(crate) fn color(&self, stored: u16) -> [u8; 3] {
+        measured_value(stored, self.scale).map_or(Self::NONE, |value| self.at(value))
+    }
+}
+
 /// The stored form of a value: 0 for none, else the nearest of 1 to 65,535.
 pub(crate) fn stored_value(value: Option<f64>, [slope, intercept]: [f64; 2]) -> u16 {
     let value = value.map(|value| (value - intercept) / slope).filter(|code| code.is_finite());
@@ -142,6 +225,10 @@ mod tests {
             let back = measured_value(stored, scale);
             assert!(back.is_none_or(|back| (back - value.min(10.0)).abs() < 1e-12), "{back:?}");
         }
+        let colors = ValueColors::new(&quantity, [1.0, 0.0], None, Some([-0.25, 1.0]));
+        assert_eq!((colors.range, colors.at(0.0)), ([-1.0, 1.0], [221; 3]));
+        assert_eq!((colors.at(-7.0), colors.at(7.0)), (DIVERGING[0], DIVERGING[8]));
+        assert_eq!((colors.color(0), colors.at(0.5)), (ValueColors::NONE, DIVERGING[6]));
         assert_eq!((stored_value(None, [1.0, 0.0]), measured_value(0, [1.0, 0.0])), (0, None));
     }
 }

@@ -6,7 +6,7 @@ use std::ffi::OsStr;
 use crate::format::Label;
 
 use crate::render::Image;
-use crate::render::annotate::{Entry, Style};
+use crate::render::annotate::{Entry, Ramp, Style};
 use crate::scene::Seen;
 use crate::text::{Short, shown};
 
@@ -20,6 +20,8 @@ pub(super) struct Frame {
     title: Option<String>,
     /// The largest first; `None` where none is asked for.
     legend: Option<Vec<(Seen, Entry)>>,
+    /// The colours of values, in place of labels.
+    ramp: Option<Ramp>,
     columns: u32,
 }
 
@@ -30,12 +32,17 @@ impl Frame {
         ground: Option<[u8; 3]>,
         title: Option<String>,
         legend: Option<Vec<(Seen, Entry)>>,
+        ramp: Option<Ramp>,
     ) -> Self {
         let style = Style::of(size, ground);
         let entries: Vec<Entry> = legend.iter().flatten().map(|(_, entry)| entry.clone()).collect();
-        let columns =
-            style.filter(|_| !entries.is_empty()).map_or(0, |s| s.legend_columns(size[0], &entries));
-        Self { size, style, ground, title, legend: legend.filter(|_| columns > 0), columns }
+        let columns = match (style, &ramp) {
+            (Some(style), Some(ramp)) => style.ramp_columns(size[0], ramp),
+            (Some(style), None) if !entries.is_empty() => style.legend_columns(size[0], &entries),
+            _ => 0,
+        };
+        let (legend, ramp) = (legend.filter(|_| columns > 0), ramp.filter(|_| columns > 0));
+        Self { size, style, ground, title, legend, ramp, columns }
     }
 
     /// Width and height of the picture within.
@@ -51,7 +58,7 @@ impl Frame {
 
     /// True if the picture has to be finished before anything can be written.
     pub(super) fn has_legend(&self) -> bool {
-        self.legend.is_some()
+        self.legend.is_some() || self.ramp.is_some()
     }
 
     /// The strip above a picture with these layers.
@@ -61,7 +68,9 @@ impl Frame {
 
     /// A picture with its title and the labels that are seen; `None` for all.
     pub(super) fn around(&self, mut image: Image, seen: Option<&BTreeSet<Seen>>) -> Image {
-        if let (Some(style), Some(legend)) = (self.style, &self.legend) {
+        if let (Some(style), Some(ramp)) = (self.style, &self.ramp) {
+            image = style.ramp(&image, self.columns, ramp);
+        } else if let (Some(style), Some(legend)) = (self.style, &self.legend) {
             let is_seen = |key: &Seen| seen.is_none_or(|seen| seen.contains(key));
             let entries: Vec<Entry> =
                 legend.iter().filter(|(key, _)| is_seen(key)).map(|(_, entry)| entry.clone()).collect();

@@ -34,6 +34,7 @@ pub mod scene;
 mod schema;
 #[doc(hidden)]
 pub mod shots;
+pub mod thickness;
 pub mod verify;
 pub mod view;
 mod within;

@@ -241,7 +241,8 @@ fn shown_of(bodies: &Bodies<'_>, request: &RenderRequest, seen: BTreeSet<Seen>) 
 /// Title and legend around a picture.
 fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &RenderRequest) -> Frame {
     let title = outputs.title_of(path, |direction| bodies.support(direction));
-    Frame::new(bodies.size(request), bodies.ground(request), title, bodies.legend.clone())
+    let (size, ground) = (bodies.size(request), bodies.ground(request));
+    Frame::new(size, ground, title, bodies.legend.clone(), bodies.ramp.clone())
 }
 
 /// Writes a square thumbnail of the model at `model` to `output`.

@@ -7,10 +7,11 @@ use rayon::prelude::*;
 use serde::Serialize;
 
 use super::relief::Relief;
+use crate::format::ColorMap;
 use crate::geom::{Affine, Dims, NodeIndex, VoxelIndex};
 use crate::load::{ModelView, NodeView};
 use crate::progress::{Progress, Silent};
-use crate::render::annotate::{Entry, Style};
+use crate::render::annotate::{Entry, Ramp, Style};
 use crate::render::picture::{Traversal, check_size, pool};
 use crate::render::reference::BitVolume;
 use crate::render::selfcheck::{self, Mismatches};
@@ -53,6 +54,10 @@ pub struct RenderRequest {
     pub traversal: Traversal,
     /// Colour (sRGB) of models without colours of their own; that of bone, or of a scene's materials.
     pub color: Option<[u8; 3]>,
+    /// Colour map of measured values; the quantity's own.
+    pub value_map: Option<ColorMap>,
+    /// Lowest and highest value of the colours; the quantity's own. Diverging maps are symmetric around 0.
+    pub value_range: Option<[f64; 2]>,
     /// Colour (sRGB) behind everything; transparent.
     pub background: Option<[u8; 3]>,
     /// The part of all models that is left: low and high bounds along each axis in mm, which may be infinite.
@@ -101,6 +106,8 @@ impl Default for RenderRequest {
             lod_bias: 0,
             traversal: Traversal::Exact,
             color: None,
+            value_map: None,
+            value_range: None,
             background: None,
             clip_mm: None,
             section: None,
@@ -223,7 +230,7 @@ fn render_within(
         .iter()
         .map(|model| Ok(Part::alone(view, dims, affine)?.made_of(model.material, model.clip.clone())));
     let parts: Vec<Part<'_>> = parts.collect::<Result<_, RenderError>>()?;
-    let bodies = Bodies { parts: &parts, scene: &scene, legend: None };
+    let bodies = Bodies { parts: &parts, scene: &scene, legend: None, ramp: None };
     let (image, report, _) = paint_whole(&bodies, request, &Silent, relief)?;
     Ok((image, report))
 }
@@ -234,6 +241,8 @@ pub(super) struct Bodies<'a> {
     pub(super) scene: &'a Scene,
     /// Lines for what may be seen, if a legend is wanted.
     pub(super) legend: Option<Vec<(Seen, Entry)>>,
+    /// The colours of values, if a legend is wanted and values are shown.
+    pub(super) ramp: Option<Ramp>,
 }
 
 impl Bodies<'_> {
@@ -358,11 +367,15 @@ impl Prepared {
         if request.ambient_rays > 0 || request.shading.is_some() {
             ambient.rays = request.ambient_rays;
         }
+        let shows_values = parts.iter().any(Part::shows_values);
         let look = Look {
             width,
             height,
             near_mm: scene.camera.near_mm,
-            shading: request.shading.or(scene.shading),
+            // Light on the colours of values would make a legend lie.
+            shading: request
+                .shading
+                .or(scene.shading.map(|own| if shows_values { Shading::Flat } else { own })),
             lights: scene.lights.clone(),
             ambient,
             background: bodies.ground(request).map(linear_of),

@@ -9,12 +9,12 @@ use super::relief::Relief;
 use super::render::{Bodies, RenderReport, RenderRequest, paint_whole};
 use crate::budget::mapped_rss_bytes;
 use crate::error::{Error, UsageError};
-use crate::fault::bad;
+use crate::fault::{bad, usage};
 use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::open_file;
 use crate::progress::{Progress, Silent};
-use crate::render::annotate::Entry;
+use crate::render::annotate::{Entry, Ramp};
 use crate::render::shade::Shader;
 use crate::render::{Image, Projection, RenderFault, ViewPoint};
 #[cfg(feature = "python")]
@@ -181,7 +181,9 @@ fn parts<'a, D: AsRef<[u8]>>(
         let opacity = opacity(model, file, placed, request)?;
         // By itself a model is shown in its colours, and everywhere in those of its labels.
         let shown = match placed.coloring {
-            Coloring::Own if opacity.is_some() || !is_scene(path) => &Coloring::Stored,
+            Coloring::Own if opacity.is_some() || !is_scene(path) || view.0.value_colors().is_some() => {
+                &Coloring::Stored
+            }
             _ => &placed.coloring,
         };
         let colors = Colors::of(model, shown);
@@ -196,6 +198,12 @@ fn parts<'a, D: AsRef<[u8]>>(
     Ok(parts)
 }
 
+/// The colours of the first model that shows measured values.
+fn ramp<D: AsRef<[u8]>>(models: &[Placed<'_, D>], parts: &[Part<'_>]) -> Option<Ramp> {
+    let ((_, model, ..), part) = models.iter().zip(parts).find(|(_, part)| part.shows_values())?;
+    Some(Ramp::new(model.frame().quantity.as_ref()?, *part.view().value_colors()?))
+}
+
 /// The models in their places, whose picture is as large as can be, and whose slice meets something.
 fn with_bodies<D: AsRef<[u8]>, T>(
     path: &Path,
@@ -205,8 +213,13 @@ fn with_bodies<D: AsRef<[u8]>, T>(
     job: impl FnOnce(&Bodies<'_>) -> Result<T, Error>,
 ) -> Result<T, Error> {
     let parts = parts(path, models, request)?;
-    let legend = has_legend.then(|| legend(path, models, request)).transpose()?;
-    let bodies = Bodies { parts: &parts, scene, legend };
+    let ramp = ramp(models, &parts);
+    if ramp.is_none() && (request.value_map.is_some() || request.value_range.is_some()) {
+        return Err(usage!("no measured values are shown, so there are no colours to choose; `oct compare -o` and `oct thickness -o` write models that have them").at(path).into());
+    }
+    let ramp = ramp.filter(|_| has_legend);
+    let legend = (has_legend && ramp.is_none()).then(|| legend(path, models, request)).transpose()?;
+    let bodies = Bodies { parts: &parts, scene, legend, ramp };
     let [width, height] = bodies.size(request);
     let of_scene = is_scene(path);
     crate::render::picture::check_size(width, height).map_err(|error| match *error.fault() {
@@ -242,7 +255,7 @@ pub(super) fn with_model<D: AsRef<[u8]>, T>(
     job: impl FnOnce(&Bodies<'_>) -> Result<T, Error>,
 ) -> Result<T, Error> {
     let scene = alone(path).shown_as(request.color, request.clip_mm);
-    let view = model.view();
+    let view = model.view_in_colors(request.value_map, request.value_range);
     let placed: Vec<Placed<'_, D>> =
         scene.models.iter().map(|placed| (placed, model, (&view, 0), path)).collect();
     with_bodies(path, &scene, &placed, (request, has_legend), job)
@@ -335,7 +348,8 @@ impl OpenScene {
         job: impl FnOnce(&Bodies<'_>) -> Result<T, Error>,
     ) -> Result<T, Error> {
         let files = &self.files;
-        let views: Vec<ModelView<'_>> = files.models.iter().map(Model::view).collect();
+        let (map, range) = (wanted.0.value_map, wanted.0.value_range);
+        let views: Vec<_> = files.models.iter().map(|model| model.view_in_colors(map, range)).collect();
         let models = self.scene.models.iter().zip(&files.of);
         let placed: Vec<_> = models
             .map(|(placed, file)| {

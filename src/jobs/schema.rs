@@ -25,6 +25,7 @@ use super::picture::PictureReport;
 use super::pores::PoresReport;
 use super::report::Report;
 use super::scan::{Listed, ScanReport};
+use super::thickness::ThicknessReport;
 use super::verify::VerifyReport;
 use crate::exit::ErrorReport;
 use crate::render::selfcheck::Mismatches;
@@ -56,6 +57,7 @@ fn schemas() -> Vec<(&'static str, &'static str, Value)> {
         ("intersect", "`oct intersect --json`", schema::<IntersectReport>()),
         ("compare", "`oct compare --json`", schema::<CompareReport>()),
         ("pores", "`oct pores --json`", schema::<PoresReport>()),
+        ("thickness", "`oct thickness --json`", schema::<ThicknessReport>()),
         ("render", "`oct render --json` and `oct thumbnail --json`", schema::<PictureReport>()),
         ("scan", "`oct scan --json`", schema::<List<ScanReport, Listed>>()),
         ("batch", "`oct batch --json`, and its `report.json`", schema::<List<BatchReport, Item>>()),

@@ -6,8 +6,8 @@ use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use crate::format::{
-    Channel, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind, Walls,
-    cell::Plane, rank,
+    Channel, ColorMap, FormatError, Header, LabelItems, Metadata, SectionEntry, SectionKind, SurfaceKind,
+    ValueColors, Walls, cell::Plane, rank,
 };
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
@@ -318,7 +318,20 @@ impl<D: AsRef<[u8]>> Model<D> {
             labels: labels
                 .as_ref()
                 .map(|range| LabelItems::new(part(range), self.frame.header.voxels, &self.frame.labels)),
+            values: self.frame.quantity.as_ref().and_then(|quantity| {
+                let items = self.section_bytes(SectionKind::Voxels(Channel::Value))?.as_chunks().0;
+                Some((items, ValueColors::new(quantity, self.metadata().value_scale, None, None)))
+            }),
         }
+    }
+
+    /// [`Model::view`], measured values in another map or range of colours.
+    pub(crate) fn view_in_colors(&self, map: Option<ColorMap>, range: Option<[f64; 2]>) -> ModelView<'_> {
+        let mut view = self.view();
+        if let (Some((_, colors)), Some(quantity)) = (&mut view.values, &self.frame.quantity) {
+            *colors = ValueColors::new(quantity, self.metadata().value_scale, map, range);
+        }
+        view
     }
 
     /// The skin voxels or cells, in the order of the file.
@@ -382,6 +395,8 @@ pub struct ModelView<'a> {
     leaves: Option<LeafItems<'a>>,
     colors: Option<&'a [[u8; 3]]>,
     labels: Option<LabelItems<'a>>,
+    /// Measured values, and their colours.
+    values: Option<(&'a [[u8; 2]], ValueColors)>,
 }
 
 impl<'a> ModelView<'a> {
@@ -400,6 +415,7 @@ impl<'a> ModelView<'a> {
             leaves: None,
             colors: None,
             labels: None,
+            values: None,
         }
     }
 
@@ -417,6 +433,16 @@ impl<'a> ModelView<'a> {
             Some(bytes) => u64::from_le_bytes(*bytes),
             None => rest.iter().rev().fold(0, |word, byte| word << 8 | u64::from(*byte)),
         }
+    }
+
+    /// True if a stored value of 0 means none.
+    pub(crate) fn has_quantity(&self) -> bool {
+        self.values.is_some()
+    }
+
+    /// The colours of measured values, of a model that shows them.
+    pub(crate) fn value_colors(&self) -> Option<&ValueColors> {
+        self.values.as_ref().filter(|_| self.labels.is_none()).map(|(_, colors)| colors)
     }
 
     /// Are some nodes larger leaves?
@@ -552,7 +578,12 @@ impl NodeView for ModelView<'_> {
     #[inline]
     fn voxel_color(&self, voxel: VoxelIndex) -> Option<[u8; 3]> {
         match self.labels {
-            None => self.colors?.get(voxel.index()?).copied(),
+            None => match &self.values {
+                Some((items, colors)) => {
+                    items.get(voxel.index()?).map(|item| colors.color(u16::from_le_bytes(*item)))
+                }
+                None => self.colors?.get(voxel.index()?).copied(),
+            },
             Some(labels) => labels.label(voxel.get()).map(|label| label.color),
         }
     }

@@ -135,7 +135,12 @@ impl Iterator for StoredVoxels<'_> {
             number,
             voxel,
             normal: self.normal(index),
-            value: self.values.and_then(|v| v.get(number)).map(|v| slope * to_f64(v) + intercept),
+            value: self
+                .values
+                .and_then(|v| v.get(number))
+                .map(to_f64)
+                .filter(|stored| *stored > 0.0 || !self.view.has_quantity())
+                .map(|stored| slope * stored + intercept),
             color: self.view.voxel_color(index),
             label: self.view.labels().and_then(|labels| labels.get(number)),
         })

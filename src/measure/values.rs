@@ -7,8 +7,7 @@ use std::path::Path;
 
 use crate::atomic::AtomicFile;
 use crate::format::{
-    Channel, ENTRY_BYTES, HEADER_BYTES, QUANTITY_MINOR, Quantity, SectionEntry, SectionKind, stored_value,
-    table_bytes,
+    Channel, HEADER_BYTES, QUANTITY_MINOR, Quantity, SectionEntry, SectionKind, stored_value, table_bytes,
 };
 use crate::load::{Frame, Model};
 use crate::platform::FileExt;

@@ -25,6 +25,7 @@ use crate::jobs::info::read_info;
 use crate::jobs::picture::{Outputs, render_file};
 use crate::jobs::pores::PoresRequest;
 use crate::jobs::render::RenderRequest;
+use crate::jobs::thickness::{Method, ThicknessOutputs, ThicknessRequest};
 use crate::progress::Progress;
 use crate::source::SubjectKind;
 use crate::volume::{ScalarType, SourceError, VolumeSource, VolumeView, sentences};
@@ -221,6 +222,36 @@ struct CompareAsked {
     iso: Option<f64>,
     memory_bytes: u64,
     threads: usize,
+}
+
+/// Options of a measurement of thickness.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields)]
+struct ThicknessAsked {
+    by: Method,
+    max_mm: Option<f64>,
+    thin_mm: Option<f64>,
+    threads: usize,
+}
+
+/// Measures how thick a model is; the report as JSON.
+#[pyfunction]
+#[pyo3(signature = (path, output, csv, asked, progress))]
+pub(super) fn thickness(
+    py: Python<'_>,
+    path: PathBuf,
+    output: Option<PathBuf>,
+    csv: Option<PathBuf>,
+    asked: &str,
+    progress: Watcher<'_, '_>,
+) -> PyResult<String> {
+    let ThicknessAsked { by, max_mm, thin_mm, threads } = read(py, asked)?;
+    let request = ThicknessRequest { by, max_mm, thin_mm, threads };
+    let outputs = ThicknessOutputs { model: output.as_deref(), csv: csv.as_deref() };
+    let report = watched(py, progress, |progress| {
+        crate::jobs::thickness::thickness(&path, &request, outputs, progress)
+    })?;
+    json(py, &report)
 }
 
 /// Compares two inputs; the report as JSON.

@@ -63,6 +63,7 @@ fn _infobyte(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(jobs::pores, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::export, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::compare, module)?)?;
+    module.add_function(wrap_pyfunction!(jobs::thickness, module)?)?;
     module.add_function(wrap_pyfunction!(jobs::render_scene, module)?)?;
     module.add_function(wrap_pyfunction!(options::size, module)?)?;
     Ok(())

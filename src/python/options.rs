@@ -12,6 +12,7 @@ use super::failure::usage;
 use crate::budget::parse_size;
 use crate::builder::BuildOptions;
 use crate::clean::CleanOptions;
+use crate::format::ColorMap;
 use crate::geom::{Affine, Dims, Orientation};
 use crate::jobs::build::{EachLabel, GridOptions, viewed_from};
 use crate::jobs::export::MAX_SMOOTH;
@@ -161,7 +162,10 @@ pub(super) struct PictureAsked {
     fov: Option<f64>,
     zoom: f64,
     color: Option<[u8; 3]>,
-    shading: String,
+    /// The model's own light without one.
+    shading: Option<String>,
+    colors: Option<String>,
+    range: Option<[f64; 2]>,
     blended: bool,
     samples: String,
     ao_rays: Option<u32>,
@@ -199,13 +203,33 @@ impl PictureAsked {
             ("ao", (Shading::Ao, Smoothing::Smooth)),
             ("stored", (Shading::Plain, Smoothing::Stored)),
             ("blended", (Shading::Plain, Smoothing::Blended)),
+            ("flat", (Shading::Flat, Smoothing::Smooth)),
         ];
-        let (shading, smoothing) =
-            choice("shading", &self.shading, shadings.map(|(name, kind)| (name.to_owned(), kind)))?;
+        let light =
+            |name: &String| choice("shading", name, shadings.map(|(name, kind)| (name.to_owned(), kind)));
+        let (shading, smoothing) = self
+            .shading
+            .as_ref()
+            .map(light)
+            .transpose()?
+            .map_or((None, Smoothing::Smooth), |(s, n)| (Some(s), n));
+        let maps = [
+            ("auto", None),
+            ("diverging", Some(ColorMap::Diverging)),
+            ("sequential", Some(ColorMap::Sequential)),
+        ];
+        let map = |name: &String| choice("colors", name, maps.map(|(name, map)| (name.to_owned(), map)));
+        if self.range.is_some_and(|[lo, hi]| !(lo < hi && lo.is_finite() && hi.is_finite())) {
+            return Err("range: give a lower and an upper value, the lower one first".into());
+        }
         let projection = self.projection.parse()?;
         let unused = [
             ("fov", "projection='perspective'", self.fov.is_some() && projection == Projection::Parallel),
-            ("ao_rays", "shading='soft' or 'ao'", self.ao_rays.is_some() && shading == Shading::Plain),
+            (
+                "ao_rays",
+                "shading='soft' or 'ao'",
+                self.ao_rays.is_some() && matches!(shading, Some(Shading::Plain | Shading::Flat)),
+            ),
         ];
         if let Some((name, with, _)) = unused.into_iter().find(|(.., is_unused)| *is_unused) {
             return Err(format!("{name} changes nothing without {with}; add that, or leave {name} out"));
@@ -230,7 +254,9 @@ impl PictureAsked {
             projection: Some(projection),
             fov_deg: self.fov,
             zoom: self.zoom,
-            shading: Some(shading),
+            shading,
+            value_map: self.colors.as_ref().map(map).transpose()?.flatten(),
+            value_range: self.range,
             smoothing: if self.blended { Smoothing::Blended } else { smoothing },
             ambient_rays: self.ao_rays.unwrap_or(0),
             samples: Some(if self.smooth_edges && samples == Samples::One { Samples::Auto } else { samples }),

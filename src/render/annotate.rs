@@ -15,7 +15,9 @@
 use super::Camera;
 use super::font::Letters;
 use super::image::Image;
+use crate::format::{Quantity, ValueColors};
 use crate::geom::dot;
+use crate::text::{Short, shown};
 
 /// Pixels of a picture's shorter side under which nothing is written.
 const MIN_SIDE: u32 = 64;
@@ -65,6 +67,38 @@ pub(crate) struct Entry {
     pub(crate) plain: String,
 }
 
+/// The colours of measured values, as a legend has them.
+#[derive(Clone, Debug)]
+pub(crate) struct Ramp {
+    colors: ValueColors,
+    /// Name and unit, and the meaning of the sign.
+    lines: Vec<String>,
+    tolerance: Option<[f64; 2]>,
+}
+
+/// Numbers along the bar of a ramp, both ends included.
+const TICKS: u32 = 5;
+
+impl Ramp {
+    pub(crate) fn new(quantity: &Quantity, colors: ValueColors) -> Self {
+        let unit = if quantity.unit.is_empty() { String::new() } else { format!(", {}", quantity.unit) };
+        let mut lines = vec![format!("{}{unit}", quantity.name)];
+        lines.extend(Some(quantity.sign.clone()).filter(|sign| !sign.is_empty()));
+        let lines = lines.iter().map(|line| shown(line).to_string()).collect();
+        Self { colors, lines, tolerance: quantity.tolerance }
+    }
+
+    /// Values and parts of the way up the bar.
+    fn ticks(&self) -> impl Iterator<Item = (String, f64)> {
+        let [lo, hi] = self.colors.range;
+        (0..TICKS).map(move |tick| {
+            let part = f64::from(tick) / f64::from(TICKS - 1);
+            let value = lo + part * (hi - lo);
+            (Short(if value.abs() < 1e-12 * (hi - lo) { 0.0 } else { value }).to_string(), part)
+        })
+    }
+}
+
 impl Style {
     /// For a picture of this width and height on a background (sRGB); `None` for one that is too small.
     pub(crate) fn of([width, height]: [u32; 2], ground: Option<[u8; 3]>) -> Option<Self> {
@@ -100,6 +134,23 @@ impl Style {
         let wide = |entry: &Entry| letters.as_ref().map_or(0.0, |letters| letters.width(entry.text(letters)));
         let names = entries.iter().map(wide).fold(0.0, f64::max);
         (names + 2.5 * self.em).ceil().min(WIDEST * f64::from(width)) as u32
+    }
+
+    /// Columns of the legend of these values, in a picture so wide.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "at most the picture's")]
+    pub(crate) fn ramp_columns(self, width: u32, ramp: &Ramp) -> u32 {
+        let letters = Letters::new(self.em);
+        let wide = |text: &str| letters.as_ref().map_or(0.0, |letters| letters.width(text));
+        let lines = ramp.lines.iter().map(|line| wide(line) + self.em);
+        let numbers = ramp.ticks().map(|(number, _)| wide(&number) + 2.5 * self.em);
+        lines.chain(numbers).fold(0.0, f64::max).ceil().min(WIDEST * f64::from(width)) as u32
+    }
+
+    /// A picture with the colours of values on its right, so many columns wide.
+    pub(crate) fn ramp(self, picture: &Image, columns: u32, ramp: &Ramp) -> Image {
+        let mut sheet = self.strip(picture, columns, picture.height);
+        sheet.ramp(ramp);
+        picture.beside(&sheet.image)
     }
 
     /// An empty strip, with the layers of `like`.
@@ -279,6 +330,50 @@ impl Sheet {
             self.put([x, y], DARK, covered(0.0));
             self.put([x, y], [grey; 3], covered(border));
         }
+    }
+
+    /// A bar with its numbers between name and sign, marks at the tolerance, and the colour of cells without a value.
+    #[expect(clippy::cast_possible_truncation, reason = "pixels of a picture")]
+    fn ramp(&mut self, ramp: &Ramp) {
+        let (em, ink) = (self.style.em, self.style.ink);
+        let Some(letters) = Letters::new(em) else { return };
+        let line = LINE_EMS * em;
+        let (left, room) = (0.5 * em, f64::from(self.image.width) - 0.5 * em);
+        for (number, text) in ramp.lines.iter().enumerate() {
+            let at = [left, 1.25 * em + number as f64 * line];
+            self.text(&letters, &letters.cut(text, room), at, ink);
+        }
+        let top = (0.75 * em + (ramp.lines.len() as f64 + 0.5) * line).round();
+        let bottom = (f64::from(self.image.height) - 3.0 * em).min(top + 24.0 * em).round();
+        let (x, wide, high) = (left as i64, em.round() as i64, bottom - top);
+        if high < line {
+            return;
+        }
+        self.fill([x - 1, top as i64 - 1], [wide + 2, high as i64 + 2], ink);
+        let [lo, hi] = ramp.colors.range;
+        let place = |part: f64| (bottom - part * high).round();
+        for row in top as i64..bottom as i64 {
+            let part = (bottom - row as f64 - 0.5) / high;
+            self.fill([x, row], [wide, 1], ramp.colors.at(lo + part * (hi - lo)));
+        }
+        for limit in ramp.tolerance.into_iter().flatten().filter(|limit| *limit > lo && *limit < hi) {
+            self.fill([x - 1, place((limit - lo) / (hi - lo)) as i64], [wide + 2, 2], DARK);
+        }
+        let mut numbers: Vec<(String, f64)> = ramp.ticks().collect();
+        if high < f64::from(TICKS) * em {
+            numbers.retain(|(_, part)| *part == 0.0 || *part == 1.0);
+        }
+        for (number, part) in numbers {
+            let y = place(part);
+            self.fill([x + wide, y.min(bottom - 1.0) as i64], [(0.3 * em) as i64, 1], ink);
+            let text = letters.cut(&number, room - 1.75 * em);
+            self.text(&letters, &text, [left + 1.5 * em, y + CAPITAL / 2.0 * em], ink);
+        }
+        let below = bottom + 1.25 * em;
+        self.fill([x - 1, below as i64 - 1], [wide + 2; 2], ink);
+        self.fill([x, below as i64], [wide; 2], ValueColors::NONE);
+        let at = [left + 1.5 * em, below + (1.0 + CAPITAL) / 2.0 * em];
+        self.text(&letters, &letters.cut("none", room - 1.75 * em), at, ink);
     }
 
     /// Swatches and names from the top.

@@ -34,6 +34,8 @@ choices! {
         Soft = "soft",
         /// One lamp at the eye, and ambient occlusion: hollows turn dark, ridges stay bright.
         Ao = "ao",
+        /// No light: colours as they are, which a legend of values tells.
+        Flat = "flat",
     }
 }
 

@@ -118,12 +118,17 @@ pub(crate) fn towards_key([right, up, forward]: [[f64; 3]; 3]) -> [f64; 3] {
 pub(crate) struct Rig {
     /// Upwards in the picture and towards the key lamp, unit vectors of the world; `None` for the one lamp at the eye.
     soft: Option<[[f64; 3]; 2]>,
+    /// True if colours are shown as they are.
+    flat: bool,
 }
 
 impl Rig {
     /// For a camera with these axes: to the right, up and forward in the picture.
     pub(crate) fn new(shading: Shading, axes: [[f64; 3]; 3]) -> Self {
-        Self { soft: (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]) }
+        Self {
+            soft: (shading == Shading::Soft).then(|| [axes[1], towards_key(axes)]),
+            flat: shading == Shading::Flat,
+        }
     }
 
     /// Linear RGB of a surface of this colour and unit normal, so far open, seen along `sight` (any length, not null); may
@@ -138,7 +143,7 @@ impl Rig {
         let cosine = if cosine < 1.0 { cosine } else { 1.0 };
         let Some([up, key]) = self.soft else {
             let falloff = cosine * ((1.0 - RELIEF) + RELIEF * cosine);
-            let strength = (AMBIENT + (1.0 - AMBIENT) * falloff) * open;
+            let strength = if self.flat { 1.0 } else { (AMBIENT + (1.0 - AMBIENT) * falloff) * open };
             return [color[0] * strength, color[1] * strength, color[2] * strength];
         };
         let turn = if along > 0.0 { -1.0 } else { 1.0 };

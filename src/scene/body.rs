@@ -102,6 +102,11 @@ impl<'a> Part<'a> {
         Self { material, clip, ..self }
     }
 
+    /// True if its colours are those of measured values.
+    pub(crate) fn shows_values(&self) -> bool {
+        matches!(self.colors, Some(Colors::Stored)) && self.view.value_colors().is_some()
+    }
+
     /// The same, in colours of the model.
     #[must_use]
     pub(crate) fn colored(self, colors: Option<Colors<'a>>) -> Self {

@@ -186,7 +186,7 @@ impl Look {
     /// Rays of each pixel that look around.
     fn sky_rays(&self) -> u32 {
         match (self.shading, self.ambient.rays) {
-            (Some(Shading::Plain), _) | (None, 0) => 0,
+            (Some(Shading::Plain | Shading::Flat), _) | (None, 0) => 0,
             (Some(Shading::Soft), 0) => SOFT_RAYS,
             (Some(Shading::Ao), 0) => AO_RAYS,
             (_, rays) => rays,

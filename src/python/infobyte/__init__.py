@@ -20,7 +20,7 @@ from typing import Any as _Any
 
 from . import _infobyte
 from ._build import _bar, build
-from ._compare import compare, pores
+from ._compare import compare, pores, thickness
 from ._errors import BudgetError, InfobyteError, InputError, UsageError
 from ._model import Hits, Mesh, Model, Nearest
 from ._model import loads as _loads
@@ -28,10 +28,10 @@ from ._model import loads as _loads
 __version__ = _infobyte.__version__
 __all__ = [
     "BudgetError", "Hits", "InfobyteError", "InputError", "Mesh", "Model", "Nearest", "UsageError", "build",
-    "compare", "open", "pack", "pores", "render_scene", "unpack", "verify",
+    "compare", "open", "pack", "pores", "render_scene", "thickness", "unpack", "verify",
 ]  # fmt: skip
 
-for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, Nearest, UsageError, build, compare, pores):
+for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, Nearest, UsageError, build, compare, pores, thickness):
     _public.__module__ = "infobyte"
 del _public
 

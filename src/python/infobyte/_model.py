@@ -203,7 +203,9 @@ class Model:
         fov: float | None = None,
         zoom: float = 1.0,
         color: Sequence[int] | None = None,
-        shading: str = "soft",
+        shading: str | None = None,
+        colors: str | None = None,
+        range: tuple[float, float] | None = None,
         blended: bool = False,
         samples: str | int = "auto",
         ao_rays: int | None = None,
@@ -226,14 +228,18 @@ class Model:
         `size`: side in pixels, or (width, height). `view`: `front` (the default), `back`, `left`, `right`, `top`, `bottom`
         or `iso`, of a patient in LPS; or `eye`, `look_at` and `up`, in LPS mm. `turned`: degrees about the z axis from
         `view`. `projection`: `parallel` or `perspective`, of `fov` degrees (35) from bottom to top. `zoom`:
-        magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft`, a key lamp, a lamp at the eye and the sky; `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
+        magnification about the middle. `color`: sRGB from 0 to 255 of a model without colours. `shading`: `soft` (the default), a key lamp, a lamp at the eye and the sky; `flat`, colours as they are (the default for measured values); `plain`, a lamp at the eye; `ao`, that one and ambient occlusion;
         `stored` or `blended`, plain light by the normals as they are stored or blended between voxels. `blended`: the same
         in any light. `ao_rays`: rays a pixel that look around, 1 for `soft` and 4 for `ao` by default. `samples`: `auto`,
         eight rays where neighbours differ in depth or normal, or 1, 4, 16, 64. `smooth_edges` makes 1 `auto`. `lod`: boxes
         about as small as a pixel, faster. `background`: sRGB from 0 to 255; otherwise it is transparent.
 
+        `colors`: the map of measured values, `auto`, `diverging` or `sequential`, from the lowest to the highest value of
+        `range`; by default those of the quantity.
+
         `annotate`: a scale bar, and a cube with the patient's sides, below. `title`: a text above, or `True` for the file's
-        name and the model's size in mm. `legend`: on the right, colours and names of the labels that are seen.
+        name and the model's size in mm. `legend`: on the right, colours and names of the labels that are seen, or
+        the colours of measured values.
 
         `clip`: bounds along axes in LPS mm, such as `{'z': (None, 40)}`; the outside is cut away, and cut faces of closed
         models are red. `only` and `hide`: the labels that are shown and not shown, by number, range or name, such as
@@ -267,7 +273,7 @@ class Model:
                 raise UsageError(f"layer {layer!r} is not known; choose from {', '.join(wanted)}")
         asked, (width, height) = _asked(
             size, view=view, eye=eye, look_at=look_at, up=up, turned=turned, projection=projection, fov=fov,
-            zoom=zoom, color=color, shading=shading, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
+            zoom=zoom, color=color, shading=shading, colors=colors, range=range, blended=blended, samples=samples, ao_rays=ao_rays, lod=lod, smooth_edges=smooth_edges,
             annotate=annotate, title=title, legend=legend, clip=clip, only=only, hide=hide, opacity=opacity, section=section, background=background,
             threads=threads,
         )
@@ -522,7 +528,7 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
             raise UsageError(f"{name} is {side}; it must be 1 to 32768")
     usual = {
         "view": None, "eye": None, "look_at": None, "up": None, "turned": None, "projection": "parallel", "fov": None,
-        "zoom": 1.0, "color": None, "shading": "soft", "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
+        "zoom": 1.0, "color": None, "shading": None, "colors": None, "range": None, "blended": False, "samples": "auto", "ao_rays": None, "lod": False, "smooth_edges": False,
         "annotate": False, "title": False, "legend": False, "clip": None, "only": None, "hide": (), "opacity": None, "section": None, "background": None,
         "threads": None,
     }
@@ -537,7 +543,7 @@ def _asked(size: int | tuple[int, int], **options: Any) -> tuple[str, tuple[int,
             asked[name] = _color(name, asked[name])
     if asked["section"] is not None:
         asked["section"] = _section(asked["section"])
-        sliced = ("zoom", "color", "annotate", "title", "legend", "clip", "only", "hide", "opacity", "section", "background", "threads")
+        sliced = ("zoom", "color", "colors", "range", "annotate", "title", "legend", "clip", "only", "hide", "opacity", "section", "background", "threads")
         foreign = [name for name in usual if name not in sliced and options.get(name, usual[name]) != usual[name]]
         if foreign:
             raise UsageError(f"{foreign[0]} is of a view; leave it out for a section")

@@ -1,0 +1,120 @@
+use super::*;
+use crate::builder::BuildOptions;
+use crate::format::SurfaceKind;
+use crate::geom::{Affine, Dims};
+use crate::jobs::render::RenderRequest;
+use crate::jobs::scene::picture_of;
+use crate::progress::Silent;
+use crate::{Threshold, Voxels};
+
+const SIDE: u32 = 40;
+const SPACING: f64 = 0.5;
+
+/// A body, below 0 inside, about the middle of a cube; in voxels of half a millimetre.
+fn build(folder: &Path, body: &dyn Fn([f64; 3]) -> f64, surface: SurfaceKind) -> std::path::PathBuf {
+    let path = folder.join("m.oct");
+    #[expect(clippy::cast_possible_truncation, reason = "samples in single precision")]
+    let sample = |p: [u32; 3]| -body(p.map(|c| f64::from(c) - 19.6)) as f32;
+    let dims = Dims::new(SIDE, SIDE, SIDE).unwrap();
+    let volume = Voxels::from_fn(dims, sample).placed(Affine::from_spacing([SPACING; 3]));
+    let options =
+        BuildOptions { threshold: Threshold::Iso(0.0), surface: Some(surface), ..Default::default() };
+    crate::build(&volume, &options, &path).unwrap();
+    path
+}
+
+fn length(p: [f64; 3]) -> f64 {
+    p.iter().map(|c| c * c).sum::<f64>().sqrt()
+}
+
+#[test]
+fn plates_shells_and_tubes_are_as_thick_as_they_are() {
+    let folder = tempfile::tempdir().unwrap();
+    let wall = |at: f64, thick: f64| at.abs() - thick / 2.0;
+    let turned = |p: [f64; 3]| (2.0 * p[0] + 3.0 * p[1] + 6.0 * p[2]) / 7.0;
+    type Body<'a> = &'a dyn Fn([f64; 3]) -> f64;
+    let bodies: [(Body<'_>, f64, f64); 6] = [
+        (&|p| wall(p[2], 6.0), 6.0, 0.035),
+        (&|p| wall(turned(p), 6.0), 6.0, 0.035),
+        (&|p| wall(turned(p), 3.0), 3.0, 0.03),
+        (&|p| wall(turned(p), 2.0), 2.0, 0.03),
+        (&|p| wall(length(p) - 13.0, 6.0), 6.0, 0.035),
+        (&|p| wall(p[0].hypot(p[1]) - 12.0, 5.0), 5.0, 0.035),
+    ];
+    for (number, (body, thick, most)) in bodies.into_iter().enumerate() {
+        let path = build(folder.path(), body, SurfaceKind::Cells);
+        for by in [Method::Ray, Method::Ball] {
+            let request = ThicknessRequest { by, max_mm: Some(9.0), ..Default::default() };
+            let output = folder.path().join("out.oct");
+            let outputs = ThicknessOutputs { model: Some(&output), csv: None };
+            let report = thickness(&path, &request, outputs, &Silent).unwrap();
+            let model = Model::open(&output).unwrap();
+            // Away from the rims that the border of the volume makes.
+            let inner = |c: &u32| (8..SIDE - 7).contains(c);
+            let cells: Vec<_> = model.voxels().filter(|cell| cell.voxel.iter().all(inner)).collect();
+            let values: Vec<f64> = cells.iter().filter_map(|cell| cell.value).collect();
+            assert!(values.len() > 400 && values.len() == cells.len(), "{number} {by:?}: {report:?}");
+            let square: f64 = values.iter().map(|v| (v / SPACING - thick).powi(2)).sum();
+            #[expect(clippy::cast_precision_loss, reason = "a few thousand")]
+            let rms = (square / values.len() as f64).sqrt();
+            assert!(rms < most, "{number} {by:?}: {rms}");
+        }
+    }
+}
+
+#[test]
+fn results_do_not_depend_on_threads_and_flat_colours_are_those_of_the_values() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = build(
+        folder.path(),
+        &|p| (length(p) - 15.0).max(9.0 - length([p[0] - 2.0, p[1], p[2]])),
+        SurfaceKind::Cells,
+    );
+    let mut made = Vec::new();
+    for threads in [1, 3] {
+        let request = ThicknessRequest { thin_mm: Some(2.5), threads, ..Default::default() };
+        let [model, csv] = ["t.oct", "t.csv"].map(|name| folder.path().join(name));
+        let outputs = ThicknessOutputs { model: Some(&model), csv: Some(&csv) };
+        let report = thickness(&path, &request, outputs, &Silent).unwrap();
+        let thin = report.thin.unwrap();
+        // On the outer ball and on the inner one, which do not touch.
+        assert_eq!(thin.places.len(), 2);
+        // The outer ball's surface nearest to the inner one's: walls of 4 to 8 voxels.
+        assert!((thin.places[0].thickness_mm - 2.0).abs() < 0.05, "{thin:?}");
+        assert_eq!((report.none.cells, report.thicker.cells), (0, 0));
+        made.push([model, csv].map(|path| std::fs::read(path).unwrap()));
+    }
+    assert_eq!(made[0], made[1]);
+    let model = Model::from_bytes(made[0][0].clone()).unwrap();
+    let colors = *model.view().value_colors().unwrap();
+    let values: Vec<[u8; 3]> = model.voxels().filter_map(|cell| cell.value).map(|v| colors.at(v)).collect();
+    let request = RenderRequest {
+        size: Some([64, 48]),
+        samples: Some(crate::render::Samples::One),
+        ..Default::default()
+    };
+    let (image, _) = picture_of(&path, &model, &request, &Silent).unwrap();
+    let pixels = image.rgba.as_chunks::<4>().0.iter().filter(|pixel| pixel[3] == 255);
+    let pixels: Vec<[u8; 3]> = pixels.map(|[r, g, b, _]| [*r, *g, *b]).collect();
+    let near = |a: &[u8; 3], b: &[u8; 3]| (0..3).all(|c| a[c].abs_diff(b[c]) <= 1);
+    assert!(pixels.len() > 500 && pixels.iter().all(|pixel| values.iter().any(|value| near(pixel, value))));
+}
+
+#[test]
+fn what_cannot_be_measured_is_refused_and_nothing_is_written() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join("out.oct");
+    let outputs = ThicknessOutputs { model: Some(&output), csv: None };
+    let skin = build(folder.path(), &|p| length(p) - 9.0, SurfaceKind::Skin);
+    let refused = |path: &Path, request: &ThicknessRequest, word: &str| {
+        let error = thickness(path, request, outputs, &Silent).unwrap_err().to_string();
+        assert!(error.contains(word) && !output.exists(), "{error}");
+    };
+    refused(&skin, &ThicknessRequest::default(), "skin of voxels");
+    let nothing = ThicknessRequest { max_mm: Some(0.0), ..Default::default() };
+    refused(&skin, &nothing, "above 0 mm");
+    let ball = build(folder.path(), &|p| length(p) - 9.0, SurfaceKind::Cells);
+    let short = ThicknessRequest { by: Method::Ball, max_mm: Some(3.0), ..Default::default() };
+    let report = thickness(&ball, &short, ThicknessOutputs::default(), &Silent).unwrap();
+    assert_eq!((report.thicker.cells, report.thickness), (report.cells, None));
+}
