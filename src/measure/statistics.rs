@@ -61,11 +61,6 @@ impl Distribution {
         self.count
     }
 
-    /// Area of the values, in mm2.
-    pub(crate) fn area(&self) -> f64 {
-        self.sums[0]
-    }
-
     /// Mean and root mean square; `None` without area.
     pub(crate) fn mean_and_rms(&self) -> Option<[f64; 2]> {
         let [area, first, second] = self.sums;
@@ -105,7 +100,7 @@ mod tests {
         assert_eq!((all.mean_and_rms(), all.range(), all.percentile(0.5)), (None, None, None));
         all.add(-1.0, 3.0);
         all.add(4.0, 1.0);
-        assert_eq!((all.area(), all.count()), (4.0, 2));
+        assert_eq!(all.count(), 2);
         assert_eq!(all.mean_and_rms(), Some([0.25, (19.0_f64 / 4.0).sqrt()]));
         assert_eq!(all.range(), Some([-1.0, 4.0]));
         for (part, due) in [(0.0, 1.0), (0.75, 1.0), (0.76, 4.0), (1.0, 4.0)] {

@@ -171,6 +171,7 @@ mod tests {
     }
 
     /// Part of the cells whose interval holds the truth, and the noise found over that put in.
+    #[expect(clippy::cast_possible_truncation, reason = "small bodies")]
     fn coverage(depth: Depth, noise: f64, slices: f64, seed: u64) -> (f64, f64) {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("m.oct");

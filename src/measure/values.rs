@@ -141,7 +141,7 @@ mod tests {
             range: [-1.0, 1.0],
             tolerance: None,
         };
-        let value = |at: u32| (at % 7 > 0).then(|| f64::from(at) / 25.0 - 1.0);
+        let value = |at: u32| (!at.is_multiple_of(7)).then(|| f64::from(at) / 25.0 - 1.0);
         let values = || (0..50).map(|at| Ok(value(at)));
         let model = Model::open(&plain).unwrap();
         let bytes = write_values(&model, &valued, &quantity, 2.0, values()).unwrap();

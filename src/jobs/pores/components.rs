@@ -80,6 +80,9 @@ pub(super) struct Components {
 /// The area of the surface that a cell adds to the samples of a label.
 pub(super) type Side = (u16, f64);
 
+/// Gives the areas of a cell.
+pub(super) type SidesOf<'a> = dyn Fn(&LayerCell, &mut dyn FnMut(Side)) + 'a;
+
 impl Components {
     pub(super) fn new(sought: Sought, frame: RegionFrame) -> Self {
         let (before, now) = (Rows::default(), Rows::default());
@@ -87,11 +90,7 @@ impl Components {
     }
 
     /// Takes the next slice; `sides` are the areas of a cell's surface by label. Returns the components that ended.
-    pub(super) fn slice(
-        &mut self,
-        slice: &RegionSlice,
-        sides: &dyn Fn(&LayerCell, &mut dyn FnMut(Side)),
-    ) -> Vec<Component> {
+    pub(super) fn slice(&mut self, slice: &RegionSlice, sides: &SidesOf<'_>) -> Vec<Component> {
         self.now.clear();
         for row in 0..self.frame.height {
             self.row(slice, row);
@@ -241,6 +240,7 @@ impl Components {
     }
 
     /// Takes out the components without a sample in this slice, and numbers the others anew.
+    #[expect(clippy::cast_possible_truncation, reason = "at most a component for each run of two slices")]
     fn settle(&mut self) -> Vec<Component> {
         self.components.iter_mut().for_each(|component| component.is_live = false);
         let mut parts = std::mem::take(&mut self.now);

@@ -60,12 +60,12 @@ impl Facet {
         let over = |l: f64| dot(self.normal, held(l)) - self.offset;
         // The last kink over the plane and the first one below it.
         let (mut last, mut first) = ((f64::NEG_INFINITY, 0.0), (f64::INFINITY, 0.0));
-        for a in 0..3 {
-            if self.normal[a] == 0.0 {
+        for ((from, normal), half) in from.into_iter().zip(self.normal).zip(self.half) {
+            if normal == 0.0 {
                 continue;
             }
-            for side in [-self.half[a], self.half[a]] {
-                let l = (from[a] - side) / self.normal[a];
+            for side in [-half, half] {
+                let l = (from - side) / normal;
                 let at = over(l);
                 if at >= 0.0 && l > last.0 {
                     last = (l, at);

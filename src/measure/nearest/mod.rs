@@ -159,6 +159,7 @@ impl<'a> Surface<'a> {
 
 /// The facets of a cell with corners.
 #[inline(never)]
+#[expect(clippy::cast_possible_truncation, reason = "numbers of corners")]
 fn octants(corners: &[i8; CORNERS], middle: [f64; 3], half: [f64; 3], mut each: impl FnMut(u8, Facet)) {
     let small = half.map(|h| h / 2.0);
     for octant in 0..CORNERS as u8 {

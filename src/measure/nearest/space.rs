@@ -55,13 +55,13 @@ impl Space {
 
     /// A place of the world in the frame.
     #[inline]
-    pub(crate) fn to_frame(&self, world: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn to_frame(self, world: [f64; 3]) -> [f64; 3] {
         self.to_frame.apply(world)
     }
 
     /// A place of the frame in the world.
     #[inline]
-    pub(crate) fn to_world(&self, frame: [f64; 3]) -> [f64; 3] {
+    pub(crate) fn to_world(self, frame: [f64; 3]) -> [f64; 3] {
         self.to_world.apply(frame)
     }
 

@@ -130,7 +130,7 @@ fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
     let mut random = Random(5);
     for round in 0..400 {
         let half = [0.5, 0.7, 0.5 + 2.0 * random.unit()];
-        let normal = crate::format::normal::decode_l1((random.unit() * 65535.0) as u16);
+        let normal = crate::format::normal::decode_l1(u16::try_from(random.below(65535)).unwrap());
         let offset = [-127.0, 127.0, 0.0, 60.0, -126.0][round % 5];
         let facet = Facet::new([3.0, -2.0, 9.0], half, normal, offset);
         let point = [3.0, -2.0, 9.0].map(|c| c + random.unit() * 8.0 - 4.0);

@@ -240,6 +240,7 @@ struct Way {
 
 impl Way {
     fn new(surface: &Surface<'_>) -> Self {
+        #[expect(clippy::cast_possible_truncation, reason = "a small constant")]
         let depth = surface.view.depth().min(MAX_LEVELS as u32 - 1);
         Self { cell: [0; 3], boxes: [BoxIndex::ROOT; MAX_LEVELS], reached: depth, depth }
     }
