@@ -17,7 +17,7 @@ from infobyte import distributed  # noqa: E402
 
 PAGE = HERE.parents[1] / "docs/PYTHON.md"
 
-ORDER = ["build", "open", "Model", "Hits", "Nearest", "Mesh", "compare", "pores", "pack", "unpack", "verify", "render_scene"]
+ORDER = ["build", "open", "Model", "Hits", "Nearest", "Mesh", "compare", "thickness", "pores", "pack", "unpack", "verify", "render_scene"]
 ERRORS = ["InfobyteError", "UsageError", "InputError", "BudgetError"]
 
 HEAD = """# Python

@@ -73,7 +73,7 @@ def test_layers_are_those_of_the_rays(model):
 
 @pytest.mark.parametrize(
     "options",
-    [dict(view="under"), dict(eye=(0, 0, 0)), dict(up=(0, 0, 1)), dict(shading="flat"), dict(projection="x"), dict(fov=40),
+    [dict(view="under"), dict(eye=(0, 0, 0)), dict(up=(0, 0, 1)), dict(shading="glossy"), dict(projection="x"), dict(fov=40),
      dict(fov=200, projection="perspective"), dict(ao_rays=3, shading="plain"),
      dict(size=0), dict(layers=["shadow"]), dict(background=5), dict(eye=(0, 0, float("nan")), look_at=(0, 0, 0))],
 )  # fmt: skip
