@@ -52,7 +52,12 @@ const fn of_labels(flags: &'static [&'static str]) -> Case {
     Case { flags, refused: |model, _| (model != "labels").then_some("labels") }
 }
 
-const CASES: [Case; 40] = [
+/// Measured values are needed, which none of the models has.
+const fn of_values(flags: &'static [&'static str]) -> Case {
+    Case { flags, refused: |_, _| Some("measured values") }
+}
+
+const CASES: [Case; 43] = [
     works(&["--force"]),
     works(&["--size", "20"]),
     works(&["--view", "left"]),
@@ -73,6 +78,9 @@ const CASES: [Case; 40] = [
     works(&["--shading", "ao"]),
     works(&["--shading", "stored"]),
     works(&["--shading", "blended"]),
+    works(&["--shading", "flat"]),
+    of_values(&["--colors", "sequential"]),
+    of_values(&["--range", "-1..1"]),
     works(&["--blended"]),
     works(&["--samples", "1"]),
     works(&["--samples", "4"]),
