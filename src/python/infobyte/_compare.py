@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import tempfile
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -104,6 +103,8 @@ def _path(of: Model | str | os.PathLike[str]) -> str:
 
 def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any], progress: Any) -> dict[str, Any]:
     """The report of a job that writes a model and a table of cells."""
+    import tempfile  # takes as long as all else
+
     with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
         listed = os.path.join(folder, "cells.csv") if table and csv is None else csv
         written = [None if path is None else os.fspath(path) for path in (output, listed)]
@@ -139,6 +140,8 @@ def pores(
     >>> report['bodies'], report['table']['sphericity'].round(1).tolist()
     (1, [1.0])
     """
+    import tempfile  # takes as long as all else
+
     with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
         path = model.path if isinstance(model, Model) else os.fspath(model)
