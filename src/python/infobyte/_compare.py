@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from typing import TYPE_CHECKING, Any
 
@@ -103,7 +102,8 @@ def _path(of: Model | str | os.PathLike[str]) -> str:
 
 def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any], progress: Any) -> dict[str, Any]:
     """The report of a job that writes a model and a table of cells."""
-    import tempfile  # takes as long as all else
+    import json
+    import tempfile  # both take as long as all else
 
     with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
         listed = os.path.join(folder, "cells.csv") if table and csv is None else csv
@@ -140,7 +140,7 @@ def pores(
     >>> report['bodies'], report['table']['sphericity'].round(1).tolist()
     (1, [1.0])
     """
-    import tempfile  # takes as long as all else
+    import tempfile
 
     with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
