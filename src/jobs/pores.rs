@@ -285,7 +285,7 @@ impl Geometry {
     }
 }
 
-/// What was found so far.
+/// Components and sums so far.
 struct Found {
     components: Components,
     least: u64,

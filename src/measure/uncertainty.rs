@@ -34,7 +34,7 @@ fn steepness(noise: &Noise, number: u8) -> f64 {
     noise.steepness * ((f64::from(number) - 1.0) / 8.0).exp2()
 }
 
-/// What all intervals of a model have in common.
+/// The part that all intervals of a model share.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Uncertainty<'a> {
     items: &'a [u8],

@@ -104,7 +104,7 @@ pub(super) struct CellSolid<'a> {
     volume: VolumeSolid<'a>,
     dims: Dims,
     bound: f64,
-    /// What workers have counted that are done.
+    /// Counts of the workers that are done.
     noise: Mutex<Option<NoiseCounts>>,
 }
 

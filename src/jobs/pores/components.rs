@@ -15,7 +15,7 @@ use crate::export::{LayerCell, RegionFrame, RegionSlice, Run};
 pub(super) enum Sought {
     /// Outside, enclosed.
     Pores,
-    /// Of one label, inside.
+    /// Inside, one label each.
     Bodies,
 }
 
