@@ -260,6 +260,9 @@ pub(crate) struct InfoArgs {
     /// voxels are measured
     #[arg(long)]
     pub(crate) measure: bool,
+    /// Also list the make-up of the file: tree, sections, ratios, checksum
+    #[arg(long)]
+    pub(crate) all: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

@@ -4,9 +4,8 @@ use clap::{Arg, Command, CommandFactory};
 
 use crate::args::Cli;
 
-/// Columns of a page, and of the names in its tables.
+/// Columns of a page.
 const COLUMNS: usize = 100;
-const NAMES: usize = 26;
 
 /// Pages by name, and what they are about.
 const PAGES: [(&str, &str, &str); 7] = [
@@ -36,6 +35,29 @@ const GROUPS: [(&str, &str); 5] = [
     ("Machine and output", "threads memory json force"),
 ];
 
+/// What ends the clause of an option's text that `-h` shows.
+const CLAUSE_ENDS: [&str; 5] = ["; ", ": ", ". ", ", such as", ", by default"];
+
+/// Words that other programs have for what is here a command or an option.
+const SYNONYMS: [(&str, &str); 10] = [
+    ("info", "measure stats metadata show header"),
+    ("build", "convert import voxelize create"),
+    ("export", "mesh save stl"),
+    ("view", "open viewer display"),
+    ("render", "picture image draw screenshot"),
+    ("compare", "diff deviation distance"),
+    ("intersect", "collide overlap clearance"),
+    ("--iso", "--threshold --level --isovalue"),
+    ("--output", "--out --file"),
+    ("--grid", "--resolution --voxels"),
+];
+
+/// The command or option of this program that a word of another one stands for.
+pub(crate) fn synonym(word: &str) -> Option<&'static str> {
+    let known = |names: &str| names.split(' ').any(|name| name == word);
+    SYNONYMS.iter().find(|(_, names)| known(names)).map(|(own, _)| *own)
+}
+
 /// The command line as help shows it; short help has no groups.
 pub(crate) fn command(is_short: bool) -> Command {
     let pages: Vec<String> =
@@ -43,7 +65,14 @@ pub(crate) fn command(is_short: bool) -> Command {
     Cli::command().after_help(format!("Pages:\n{}", pages.join("\n"))).mut_subcommands(|command| {
         let name = command.get_name().to_owned();
         let short = SHORT.iter().find(|(of, _)| *of == name).map(|(_, short)| *short);
-        command.mut_args(|arg| of_command(arg, &name, short, is_short))
+        let examples = command.get_after_help().map(ToString::to_string).unwrap_or_default();
+        let command = command.mut_args(|arg| of_command(arg, &name, short, is_short));
+        match short {
+            Some(_) if !is_short => {
+                command.after_help(format!("{examples}\n\nThe options that matter most are listed by -h."))
+            }
+            _ => command,
+        }
     })
 }
 
@@ -54,13 +83,13 @@ fn of_command(arg: Arg, command: &str, short: Option<&str>, is_short: bool) -> A
     let group = GROUPS.iter().find(|(_, names)| command == "render" && is_among(names));
     let heading = group.map(|(heading, _)| *heading);
     match short {
-        Some(short) if is_short && is_among(short) => {
+        Some(short) if is_short && !is_among(short) => arg.hide_short_help(true),
+        _ if is_short => {
             let full = arg.get_help().map(ToString::to_string).unwrap_or_default();
-            let first = ["; ", ": "].iter().filter_map(|end| full.find(end)).min().unwrap_or(full.len());
+            let first = CLAUSE_ENDS.iter().filter_map(|end| full.find(end)).min().unwrap_or(full.len());
             arg.help(full[..first].to_owned()).help_heading(None)
         }
-        Some(_) if is_short => arg.hide_short_help(true),
-        _ if heading.is_some() && !is_short => arg.help_heading(heading),
+        _ if heading.is_some() => arg.help_heading(heading),
         _ => arg,
     }
 }
@@ -74,39 +103,63 @@ pub(crate) fn page(words: &[&str]) -> Option<String> {
 
 /// A page as a terminal shows it: links without their targets, lines and tables within [`COLUMNS`].
 fn shown(page: &str) -> String {
-    let (mut out, mut is_code) = (String::new(), false);
+    let (mut out, mut is_code, mut rows) = (String::new(), false, Vec::new());
     for line in page.lines() {
+        if let Some(row) = line.strip_prefix('|').filter(|_| !is_code) {
+            rows.push(unlinked(row.trim_end().trim_end_matches('|')));
+            continue;
+        }
+        out += &table(&std::mem::take(&mut rows));
         if line.starts_with("```") {
             is_code = !is_code;
         } else if is_code {
             out += &format!("    {line}\n");
-        } else if let Some(row) = line.strip_prefix('|') {
-            let row = unlinked(row.trim_end().trim_end_matches('|'));
-            let cells: Vec<&str> = row.split('|').map(str::trim).collect();
-            let is_rule = cells.iter().all(|cell| cell.chars().all(|c| c == '-'));
-            if let ([name, rest @ ..], false) = (cells.as_slice(), is_rule) {
-                let rest = rest.join(" | ");
-                if name.chars().count() < NAMES {
-                    out += &wrapped(&rest, &format!("{name:NAMES$}"), NAMES);
-                } else {
-                    out += &wrapped(name, "", 2);
-                    out += &wrapped(&rest, &" ".repeat(NAMES), NAMES);
-                }
-            }
         } else {
             let hang = if line.starts_with("- ") { 2 } else { 0 };
-            out += &wrapped(&unlinked(line), "", hang);
+            out += &wrapped(&unlinked(line), hang, COLUMNS);
+        }
+    }
+    out + &table(&rows)
+}
+
+/// The rows of a table, their cells separated by `|`, in columns; of more than [`COLUMNS`] characters the widest column is
+/// broken into lines, or else the next.
+fn table(rows: &[String]) -> String {
+    let is_rule = |row: &&String| row.chars().all(|c| matches!(c, '-' | '|' | ' ' | ':'));
+    let rows: Vec<Vec<&str>> =
+        rows.iter().filter(|row| !is_rule(row)).map(|row| row.split('|').map(str::trim).collect()).collect();
+    let columns = rows.iter().map(Vec::len).max().unwrap_or(0);
+    let width = |at: usize| rows.iter().filter_map(|row| row.get(at)).map(|cell| cell.chars().count()).max();
+    let mut widths: Vec<usize> = (0..columns).map(|at| width(at).unwrap_or(0)).collect();
+    let room = COLUMNS.saturating_sub(2 * columns.saturating_sub(1));
+    while widths.iter().sum::<usize>() > room
+        && let Some(widest) = widths.iter_mut().max()
+    {
+        *widest -= 1;
+    }
+    let mut out = String::new();
+    for row in &rows {
+        let cells: Vec<String> =
+            row.iter().zip(&widths).map(|(cell, width)| wrapped(cell, 0, *width)).collect();
+        let lines: Vec<Vec<&str>> = cells.iter().map(|cell| cell.lines().collect()).collect();
+        for line in 0..lines.iter().map(Vec::len).max().unwrap_or(0) {
+            let part = |(cell, width): (&Vec<&str>, &usize)| {
+                format!("{:width$}  ", cell.get(line).copied().unwrap_or(""))
+            };
+            let text: String = lines.iter().zip(&widths).map(part).collect();
+            out += text.trim_end();
+            out.push('\n');
         }
     }
     out
 }
 
-/// A text in lines, of which all but the first are indented.
-fn wrapped(text: &str, first: &str, indent: usize) -> String {
-    let (mut out, mut line) = (String::new(), first.to_owned());
+/// A text in lines of at most `columns` characters, of which all but the first are indented; longer words stay whole.
+fn wrapped(text: &str, indent: usize, columns: usize) -> String {
+    let (mut out, mut line) = (String::new(), String::new());
     for word in text.split_whitespace() {
-        let is_begun = line.trim_start().len() > first.trim_start().len() || line.len() > indent;
-        if is_begun && line.chars().count() + 1 + word.chars().count() > COLUMNS {
+        let is_begun = line.len() > indent;
+        if is_begun && line.chars().count() + 1 + word.chars().count() > columns {
             out += line.trim_end();
             out.push('\n');
             line = " ".repeat(indent);
@@ -146,6 +199,10 @@ mod tests {
             let options = help.lines().skip_while(|line| !line.starts_with("Options:")).skip(1);
             let count = options.take_while(|line| !line.is_empty()).count();
             assert!(count <= 24 || SHORT.iter().all(|(of, _)| *of != name), "{name}: {count}\n{help}");
+            for arg in sub.get_arguments().filter(|arg| !arg.is_hide_short_help_set()) {
+                let text = arg.get_help().map(ToString::to_string).unwrap_or_default();
+                assert!(text.len() <= 90, "{name} {:?}: {} characters: {text}", arg.get_long(), text.len());
+            }
             let known: Vec<&str> = sub.get_arguments().filter_map(Arg::get_long).collect();
             let short = SHORT.iter().filter(|(of, _)| *of == name).flat_map(|(_, names)| names.split(' '));
             let grouped = GROUPS.iter().filter(|_| name == "render").flat_map(|(_, names)| names.split(' '));

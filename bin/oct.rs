@@ -102,15 +102,17 @@ fn refuse(e: &clap::Error) -> ExitCode {
     tell(&sentence, ExitKind::Usage, as_json)
 }
 
-/// What may have been meant by a command or an option that is not known.
+/// What may have been meant by a command or an option that is not known: a word for the same thing, or the most similar.
 fn meant(e: &clap::Error) -> Option<&str> {
     let guess = |kind| match e.get(kind)? {
         ContextValue::String(word) => Some(word.as_str()),
-        // The likest comes last.
+        // The most similar comes last.
         ContextValue::Strings(words) => words.last().map(String::as_str),
         _ => None,
     };
-    guess(ContextKind::SuggestedSubcommand).or_else(|| guess(ContextKind::SuggestedArg))
+    let unknown = || guess(ContextKind::InvalidSubcommand).or_else(|| guess(ContextKind::InvalidArg));
+    let synonym = unknown().and_then(help::synonym);
+    synonym.or_else(|| guess(ContextKind::SuggestedSubcommand)).or_else(|| guess(ContextKind::SuggestedArg))
 }
 
 /// Of what clap prints, that which says what is wrong; usage and hints follow after an empty line.
@@ -134,7 +136,7 @@ fn run(command: Command) -> Result<ExitCode, Failure> {
             platform::tell_of(&args.model, args.json);
             let mut info = info::read_info_measured(input.path(), args.measure)?;
             info.input = data(&args.model);
-            Ok(print(args.json, || info.json(), || info.text())?)
+            Ok(print(args.json, || info.json(), || info.text(args.all))?)
         }
         Command::Verify(args) => {
             let input = Input::of(&args.model)?;

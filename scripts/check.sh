@@ -71,6 +71,7 @@ if has program; then
     else
         echo "no control group can be made here: peaks are measured, not enforced"
     fi
+    step "release: the archive is complete" env INFOBYTE_OCT="$oct" scripts/release.sh --quick
     step "memory cap: the synthetic head, 512 cubed, in $cap" \
         python3 scripts/memory.py --oct "$oct" "${kernel[@]}" --demo 512 --only-demo --no-refusals --budgets "$cap" --threads 1,2
     step "memory cap: raw volumes of every kind, $cap and 16 MiB" \

@@ -12,6 +12,7 @@ use infobyte::jobs::export::MAX_SMOOTH;
 use infobyte::render::picture::Traversal;
 use infobyte::render::{NamedView, Projection, Samples};
 use infobyte::scene::{LabelRule, Section};
+use infobyte::text;
 use infobyte::volume::{Endian, ScalarType};
 
 pub(super) fn number(text: &str) -> Result<f64, String> {
@@ -306,12 +307,7 @@ pub(super) fn zoom(text: &str) -> Result<f64, String> {
 pub(crate) struct Rgb(pub(super) [u8; 3]);
 
 pub(super) fn color(text: &str) -> Result<Rgb, String> {
-    let digits = text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
-    let code = digits.and_then(|digits| u32::from_str_radix(digits, 16).ok());
-    let [_, r, g, b] = code
-        .ok_or_else(|| format!("'{text}' is not a colour; write #rrggbb, for example '#f0f0f0'"))?
-        .to_be_bytes();
-    Ok(Rgb([r, g, b]))
+    text::color(text).map(Rgb)
 }
 
 /// Some labels, and how much of the light they stop.

@@ -81,10 +81,10 @@ pub(crate) struct RenderArgs {
     /// of closed models are red
     #[arg(long, value_name = "BOUNDS", value_parser = parse::bounds)]
     pub(crate) clip: Option<parse::Bounds>,
-    /// Colour behind the model, #rrggbb; transparent by default, for a scene its own
+    /// Colour behind the model, #rrggbb or a name of CSS; transparent by default, for a scene its own
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) background: Option<parse::Rgb>,
-    /// Colour of models without colours of their own, #rrggbb; by default that of bone, or of a scene's materials
+    /// Colour of models without colours of their own, #rrggbb or a name of CSS; by default that of bone, or of a scene's materials
     #[arg(long, value_name = "COLOR", value_parser = parse::color)]
     pub(crate) color: Option<parse::Rgb>,
     /// Colours of measured values: as their quantity says, diverging around 0, or sequential

@@ -52,9 +52,9 @@ pub(crate) struct BuildArgs {
     /// 1,5,7..20
     #[arg(long, value_name = "all|LIST", group = "selection")]
     pub(crate) labels: Option<LabelChoice>,
-    /// Names and colours of labels: a TSV or CSV with a header, ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM
-    /// SEG tools
-    #[arg(long, value_name = "FILE", requires = "labels")]
+    /// Names and colours of labels: totalsegmentator (version 2), freesurfer, or a table: a TSV or CSV with a header,
+    /// ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM SEG tools
+    #[arg(long, value_name = "TABLE", requires = "labels")]
     pub(crate) names: Option<PathBuf>,
     /// Use free-text names of labels even where the input states the meaning of a code (DICOM SEG, .seg.nrrd, the
     /// JSON of DICOM SEG tools); free text may identify the patient, so by default the meanings of codes are used
@@ -331,7 +331,7 @@ pub(crate) struct WhichArgs {
 /// What becomes of symbolic links.
 #[derive(Debug, Args)]
 pub(crate) struct LinkArgs {
-    /// Search linked folders, and follow links out of a folder to data that a header or a side-car names
+    /// Search linked folders; also follow links out of a folder to data that a header or a side-car names
     #[arg(long)]
     pub(crate) follow_links: bool,
 }
@@ -341,8 +341,8 @@ pub(crate) struct LinkArgs {
 pub(crate) struct SearchArgs {
     #[command(flatten)]
     pub(crate) links: LinkArgs,
-    /// If a series has more than 16 similar volumes (phases of a film, functional MR), take all of them, not only
-    /// the first
+    /// Take all volumes of a series that has more than 16 similar ones; by default the first (phases of a film,
+    /// functional MR)
     #[arg(long)]
     pub(crate) all_volumes: bool,
 }

@@ -179,60 +179,31 @@ fn channels(frame: &Frame) -> Vec<&'static str> {
 }
 
 impl Info {
-    /// A table for people.
-    pub fn text(&self) -> String {
+    /// A table for people: what the model is, its size and measures; with `all`, also how the file is made up.
+    pub fn text(&self, all: bool) -> String {
         let frame = &self.frame;
         let m = &frame.metadata;
-        let voxels = frame.header.voxels;
-        let bytes = frame.header.file_bytes;
         let mut rows: Vec<(String, String)> = Vec::new();
         let mut row = |name: &str, text: String| rows.push((name.to_owned(), text));
-        row(
-            "file",
-            format!(
-                "{} (format {VERSION_MAJOR}.{}, {})",
-                shown(&self.input),
-                frame.header.minor,
-                frame.header.encoding.name()
-            ),
-        );
-        row(
-            "source",
-            format!(
-                "{}{} ({}{})",
-                if has_values(m) { format!("{} ", shown(&m.source.format)) } else { String::new() },
-                shown(&m.source.kind),
-                match m.source.files {
-                    0 => String::new(),
-                    1 => "1 file, ".to_owned(),
-                    files => format!("{files} files, "),
-                },
-                if has_values(m) { dtype(frame).to_string() } else { "without values".to_owned() }
-            ),
-        );
-        row(
-            "dims",
-            format!(
-                "{}x{}x{}  in a grid of {} cells a side, {} levels",
-                m.dims[0],
-                m.dims[1],
-                m.dims[2],
-                1_u64 << frame.dims().depth(),
-                frame.dims().depth()
-            ),
-        );
-        let [x, y, z] = m.spacing_mm;
-        let letters = crate::geom::Affine { rows: m.affine }.orientation_letters();
-        let [x, y, z] = [x, y, z].map(Short);
-        row("spacing", format!("{x} x {y} x {z} mm, axes {letters}"));
-        let (kept, surface) = match frame.surface() {
-            SurfaceKind::Skin => ("skin voxels", format!("skin {}-connected", m.connectivity)),
-            SurfaceKind::Cells => ("cells", "cells between samples".into()),
+        row("file", format!("{}, {}", shown(&self.input), Bytes(frame.header.file_bytes)));
+        row("model", what_it_is(frame));
+        let format = if has_values(m) { format!("{} ", shown(&m.source.format)) } else { String::new() };
+        let files = match m.source.files {
+            0 => String::new(),
+            1 => "1 file, ".to_owned(),
+            files => format!("{files} files, "),
         };
-        row("inside", format!("{}, {surface}", inside(m)));
-        row(kept, voxels.to_string());
+        let scalar = if has_values(m) { dtype(frame) } else { "without values" };
+        row("source", format!("{format}{} ({files}{scalar})", shown(&m.source.kind)));
+        row("inside", inside(m));
+        let [nx, ny, nz] = m.dims;
+        let letters = Affine { rows: m.affine }.orientation_letters();
+        let [x, y, z] = m.spacing_mm.map(Short);
+        row("voxels", format!("{nx} x {ny} x {nz}, spacing {x} x {y} x {z} mm, axes {letters}"));
+        for (name, text) in self.measured.iter().flat_map(Measured::rows) {
+            row(name, text);
+        }
         if let Some(error) = &m.error {
-            row("larger leaves", leaves(frame).to_string());
             let [bound, rms, p99, most] = [error.bound, error.rms, error.p99, error.most].map(Short);
             row("error", format!("within {bound} voxel of the cells: RMS {rms}, 99 % {p99}, most {most}"));
         }
@@ -242,45 +213,9 @@ impl Info {
         if let Some(noise) = &m.noise {
             row("noise", noise_text(noise));
         }
-        row("nodes", frame.header.nodes.to_string());
-        for (name, text) in self.measured.iter().flat_map(Measured::rows) {
-            row(name, text);
-        }
-        let one = one_of(frame);
-        let each =
-            |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, surface_boxes(frame)));
-        row("structure", each(structure_bytes(frame)));
-        for (name, b) in channel_bytes(frame) {
-            row(name, each(b));
-        }
-        row("whole file", each(bytes));
-        let (paper_dims, paper_grid) = paper_bytes(frame);
-        if m.source.bytes > 0 {
-            row(
-                "against raw",
-                format!("1 : {:.1}  ({})", ratio(m.source.bytes, bytes), Bytes(m.source.bytes)),
-            );
-        }
-        row(
-            "against paper",
-            format!(
-                "1 : {:.1}  (a volume of {PAPER_BYTES_PER_VOXEL} B a voxel; 1 : {:.1} if it filled the grid of cells)",
-                paper_dims / to_f64(bytes),
-                paper_grid / to_f64(bytes)
-            ),
-        );
-        row("checksum", format!("{:08x}", content_checksum(frame)));
-        row("written by", shown(&m.program).to_string());
-        for label in label_figures(frame, self.measured.as_ref()) {
-            let name =
-                if label.name.is_empty() { String::new() } else { format!("{}, ", shown(&label.name)) };
-            let volume = Short(label.volume_mm3);
-            let area = label
-                .area_mm2
-                .zip(label.area_error_mm2)
-                .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
-            let text = format!("{name}{}, {} voxels, {volume} mm³{area}", label.color, label.voxels);
-            rows.push((format!("label {}", label.number), text));
+        rows.extend(label_figures(frame, self.measured.as_ref()).iter().map(label_row));
+        if all {
+            rows.extend(file_rows(frame));
         }
         let width = rows.iter().map(|(name, _)| name.len()).max().unwrap_or(0);
         rows.iter().fold(String::new(), |mut text, (name, value)| {
@@ -288,6 +223,73 @@ impl Info {
             text
         })
     }
+}
+
+/// The surface that a model stores, for people.
+fn what_it_is(frame: &Frame) -> String {
+    let count = frame.header.voxels;
+    let mut text = match frame.surface() {
+        SurfaceKind::Skin => {
+            format!("{count} skin voxels, {}-connected", frame.metadata.connectivity)
+        }
+        SurfaceKind::Cells => format!("{count} cells between samples"),
+    };
+    if frame.header.leaves {
+        let _ = write!(text, ", {} larger leaves", leaves(frame));
+    }
+    if !frame.labels.is_empty() {
+        let _ = write!(text, ", {} labels", frame.labels.len());
+    }
+    text
+}
+
+/// A label, for people.
+fn label_row(label: &LabelFigures) -> (String, String) {
+    let name = if label.name.is_empty() { String::new() } else { format!("{}, ", shown(&label.name)) };
+    let area = label
+        .area_mm2
+        .zip(label.area_error_mm2)
+        .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
+    let volume = Short(label.volume_mm3);
+    let text = format!("{name}{}, {} voxels, {volume} mm³{area}", label.color, label.voxels);
+    (format!("label {}", label.number), text)
+}
+
+/// The make-up of a file: format, tree, sections and ratios.
+fn file_rows(frame: &Frame) -> Vec<(String, String)> {
+    let (m, header, depth) = (&frame.metadata, &frame.header, frame.dims().depth());
+    let encoding = header.encoding.name();
+    let mut rows = vec![
+        ("format".to_owned(), format!("{VERSION_MAJOR}.{}, {encoding}", header.minor)),
+        (
+            "grid".to_owned(),
+            format!("{} cells a side, {depth} levels, {} nodes", 1_u64 << depth, header.nodes),
+        ),
+    ];
+    let mut row = |name: &str, text: String| rows.push((name.to_owned(), text));
+    let one = one_of(frame);
+    let each =
+        |b: u64| format!("{:>12}  {:>7.4} B/{one}", Bytes(b).to_string(), ratio(b, surface_boxes(frame)));
+    row("structure", each(structure_bytes(frame)));
+    for (name, b) in channel_bytes(frame) {
+        row(name, each(b));
+    }
+    let bytes = header.file_bytes;
+    row("whole file", each(bytes));
+    if m.source.bytes > 0 {
+        row("against raw", format!("1 : {:.1}  ({})", ratio(m.source.bytes, bytes), Bytes(m.source.bytes)));
+    }
+    let (paper_dims, paper_grid) = paper_bytes(frame);
+    let [dims, grid] = [paper_dims, paper_grid].map(|paper| paper / to_f64(bytes));
+    row(
+        "against paper",
+        format!(
+            "1 : {dims:.1}  (a volume of {PAPER_BYTES_PER_VOXEL} B a voxel; 1 : {grid:.1} if it filled the grid of cells)"
+        ),
+    );
+    row("checksum", format!("{:08x}", content_checksum(frame)));
+    row("written by", shown(&m.program).to_string());
+    rows
 }
 
 impl Measured {
@@ -314,7 +316,9 @@ impl Measured {
                 )];
             }
             Self::Large => return vec![("measures", format!("take a while here; {MEASURE} takes them"))],
-            Self::Labels(found) => return vec![("extent", extent_text(found.box_mm))],
+            Self::Labels(found) => {
+                return vec![("size", size_text(found.box_mm)), ("extent", extent_text(found.box_mm))];
+            }
             Self::Impossible => {
                 return vec![("measures", format!("the model has no volume, or is damaged; see `{VERIFY}`"))];
             }
@@ -336,10 +340,14 @@ impl Measured {
             "not known: walls of one voxel do not say what is inside"
         };
         let mut volume = known(measures.volume_mm3, "mm³", no_volume);
-        if enclosed.cavities > 0 && measures.volume_mm3.is_some() {
-            let _ = write!(volume, ", cavities of {} voxels left out", enclosed.cavities);
+        if measures.volume_mm3.is_some() {
+            let _ = match enclosed.cavities {
+                0 => write!(volume, ", no cavities"),
+                cavities => write!(volume, ", cavities of {cavities} voxels left out"),
+            };
         }
         vec![
+            ("size", size_text(measures.box_mm)),
             ("extent", extent_text(measures.box_mm)),
             ("surface area", known(measures.area_mm2, "mm²", no_area)),
             ("volume", volume),
@@ -360,6 +368,12 @@ fn quantity_text(quantity: &Quantity) -> String {
         let _ = write!(text, ", tolerance {lo} to {hi} {unit}");
     }
     text
+}
+
+/// Edges of a box, for people.
+fn size_text([low, high]: [[f64; 3]; 2]) -> String {
+    let [x, y, z] = [0, 1, 2].map(|axis| high[axis] - low[axis]);
+    format!("{x:.1} x {y:.1} x {z:.1} mm")
 }
 
 /// Lowest and highest coordinates, for people.

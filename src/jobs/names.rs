@@ -2,10 +2,11 @@
 //!
 //! | table | a row |
 //! |---|---|
-//! | TSV or CSV with a header | columns index (or LabelValue), name, and color as #rrggbb or Color_R, Color_G, Color_B |
+//! | TSV or CSV with a header | columns index (or LabelValue), name, and color (#rrggbb or a name of CSS) or Color_R, Color_G, Color_B |
 //! | ITK-SNAP label descriptions | `number R G B A visible mesh "name"` |
 //! | Slicer colour table (.ctbl), FreeSurfer | `number name R G B A`; in .ctbl `_` stands for a blank |
 //! | JSON of DICOM SEG tools | `segmentAttributes`: labelID, SegmentedPropertyTypeCodeSequence and its modifier or SegmentLabel, recommendedDisplayRGBValue |
+//! | `totalsegmentator`, `freesurfer` | tables of the program itself, asked for by these words in place of a path |
 
 use std::collections::HashSet;
 use std::io::Read;
@@ -19,24 +20,39 @@ use crate::fault::{bad, usage};
 use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
-use crate::text::mark_bytes;
+use crate::text::{self, mark_bytes};
 use crate::volume::SourceError;
+
+/// Tables that the program has, by name.
+const TABLES: [(&str, &str); 2] = [
+    ("totalsegmentator", include_str!("tables/totalsegmentator.tsv")),
+    ("freesurfer", include_str!("tables/freesurfer.tsv")),
+];
 
 /// Longest table, and longest name in it, in bytes.
 const MAX_BYTES: u64 = 4 << 20;
 const MAX_NAME_BYTES: usize = 1000;
 
-/// Reads a table of labels, of the kind that its content shows; label 0 is left out. Of a code and a name that was typed in,
-/// as JSON may have both, the code's meaning is taken, unless `typed` says so.
+/// Reads a table of labels, of the kind that its content shows; label 0 is left out. `path` may be the name of a table of
+/// the program. Of a code and a name that was typed in, as JSON may have both, the code's meaning is taken, unless
+/// `typed` says so.
 ///
 /// # Errors
 /// The file cannot be read, is not one of these tables, or names a label twice.
 pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Error> {
+    let wrong = |line: usize| UsageError::LabelNames { path: path.to_path_buf(), line };
+    if let Some((_, table)) = TABLES.iter().find(|(name, _)| path == Path::new(name)) {
+        return Ok(of_rows(table, false).map_err(wrong)?);
+    }
+    if path.components().count() == 1 && path.extension().is_none() && !path.exists() {
+        let known = TABLES.map(|(name, _)| name).join(", ");
+        let fault = usage!("is neither a file nor a table of names of the program; its tables are {known}");
+        return Err(SourceError::from(fault.at(path)).into());
+    }
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let mut bytes = Vec::new();
     let file = open_file(path).map_err(unreadable)?;
     file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
-    let wrong = |line: usize| UsageError::LabelNames { path: path.to_path_buf(), line };
     if bytes.len() as u64 > MAX_BYTES {
         return Err(wrong(0).into());
     }
@@ -158,17 +174,12 @@ impl Columns {
     fn label(&self, row: &str, separator: char) -> Option<LabelName> {
         let fields: Vec<&str> = row.split(separator).map(|field| field.trim().trim_matches('"')).collect();
         let number = fields.get(self.number)?.parse().ok()?;
-        let hex = |text: &str| {
-            let text = text.strip_prefix('#').filter(|text| text.len() == 6)?;
-            let rgb = u32::from_str_radix(text, 16).ok()?.to_be_bytes();
-            Some([rgb[1], rgb[2], rgb[3]])
-        };
         let color = match (self.parts, self.color.and_then(|at| fields.get(at))) {
             (Some(parts), _) => {
                 let part = |i: usize| fields.get(parts[i])?.parse::<u8>().ok();
                 Some([part(0)?, part(1)?, part(2)?])
             }
-            (None, Some(color)) if !color.is_empty() && *color != "n/a" => Some(hex(color)?),
+            (None, Some(color)) if !color.is_empty() && *color != "n/a" => Some(text::color(color).ok()?),
             _ => None,
         };
         Some(LabelName { number, name: (*fields.get(self.name)?).to_owned(), color })
@@ -209,6 +220,26 @@ mod tests {
     }
 
     #[test]
+    fn the_programs_own_tables_are_asked_for_by_name() {
+        let table = |name: &str| read_label_names(Path::new(name), false);
+        let [bodies, brain] = ["totalsegmentator", "freesurfer"].map(|name| table(name).unwrap());
+        assert_eq!(
+            bodies.iter().map(|label| label.number).collect::<Vec<_>>(),
+            (1..=117).collect::<Vec<_>>()
+        );
+        assert_eq!([&bodies[4], &bodies[116]].map(|label| &*label.name), ["liver", "costal_cartilages"]);
+        for due in [
+            label(17, "Left-Hippocampus", Some([220, 216, 20])),
+            label(2035, "ctx-rh-insula", Some([255, 192, 32])),
+            label(3001, "wm-lh-bankssts", Some([230, 155, 215])),
+        ] {
+            assert!(brain.contains(&due), "{due:?}");
+        }
+        let said = table("freesurfur").unwrap_err().to_string();
+        assert!(said.contains("its tables are totalsegmentator, freesurfer"), "{said}");
+    }
+
+    #[test]
     fn tables_of_the_usual_tools_are_read_and_others_refused_with_their_line() {
         let folder = tempfile::tempdir().unwrap();
         let (red, blue) = (Some([255, 0, 0]), Some([0, 0, 254]));
@@ -239,7 +270,7 @@ mod tests {
         }
         let wrong = [
             ("index\tname\n1\ta\n1\tb\n", "label 1 twice"),
-            ("index\tname\tcolor\n1\ta\tred\n", "line 2"),
+            ("index\tname\tcolor\n1\ta\treddish\n", "line 2"),
             ("1 a 1 2\n", "line 1"),
             ("1 255 0 0 1 1 1 \"a\n", "line 1"),
             ("65536 a 1 2 3 0\n", "line 1"),

@@ -3,7 +3,7 @@
 use crate::fault::{Fault, bad};
 use crate::geom::dot;
 use crate::render::shade::linear_of;
-use crate::text::{Short, shown};
+use crate::text::{Short, color, shown};
 
 use super::fault::{Key, Table};
 
@@ -70,19 +70,9 @@ impl Checked {
         Ok(value.map(|c| c / length))
     }
 
-    /// Linear RGB of `#rrggbb`.
+    /// Linear RGB of a colour.
     pub(super) fn color(&self, name: &'static str, text: &str) -> Result<[f64; 3], Fault> {
-        let wrong = || {
-            bad!(
-                "{}: '{}' is not a colour; write six hex digits for red, green and blue, such as \"#e8d8b0\"",
-                self.key(name),
-                shown(text)
-            )
-        };
-        let digits =
-            text.strip_prefix('#').filter(|d| d.len() == 6 && d.bytes().all(|b| b.is_ascii_hexdigit()));
-        let code = u32::from_str_radix(digits.ok_or_else(wrong)?, 16).map_err(|_| wrong())?;
-        Ok(linear_of([16, 8, 0].map(|shift| (code >> shift).to_le_bytes()[0])))
+        color(text).map(linear_of).map_err(|wrong| bad!("{}: {wrong}", self.key(name)))
     }
 
     /// Light of some colour and strength.

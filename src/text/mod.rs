@@ -2,12 +2,14 @@
 //!
 //! | file | parts |
 //! |---|---|
+//! | `color` | colours |
 //! | `encoding` | byte order marks of text files |
 //! | `foreign` | text from outside, in the one way in which it is printed |
 //! | `names` | names of options and jobs, as the caller knows them |
 //! | `number` | numbers with the digits that mean something |
 //! | `system` | cures for refusals of the operating system |
 
+mod color;
 mod encoding;
 mod foreign;
 pub(crate) mod names;
@@ -18,6 +20,7 @@ use std::str::FromStr;
 
 use serde::{Deserialize, Deserializer, de::Error};
 
+pub use color::color;
 pub(crate) use encoding::{mark_bytes, plain_head};
 pub(crate) use foreign::html;
 pub use foreign::{Foreign, Shown, call, data, json, plain, shown};

@@ -186,7 +186,7 @@ pub(crate) fn forge_crcs(bad: &[u8], sound: &[u8]) -> Vec<u8> {
 fn all_jobs(path: &Path, out: &Path) -> [Result<(), infobyte::Error>; 5] {
     [
         Model::open(path).map(|_| ()).map_err(Into::into),
-        info::read_info(path).map(|i| drop((i.json(), i.text()))),
+        info::read_info(path).map(|i| drop((i.json(), i.text(true)))),
         verify_job::verify_file(path).map(|_| ()),
         pack::pack(path, out).map(|_| ()),
         pack::unpack(path, out).map(|_| ()),

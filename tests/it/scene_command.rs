@@ -139,7 +139,7 @@ fn bad_scenes_are_refused_with_the_key_and_the_cure() {
         (format!("{model}clip.box = [[0,0,0],[1,1,1],[2,2,2]]\n"), &["line 3", "2 lists belong here, not 3"]),
         (format!("{model}place = [[1,0,0,0],[0,1,0,0,9],[0,0,1,0]]\n"), &["line 3", "not 5"]),
         (format!("{model}scale = [1, 1, 1, 1]\n"), &["line 3", "scale"]),
-        (format!("{model}[clip]\ncap = \"red\"\n"), &["[clip], cap", "red", "#e8d8b0"]),
+        (format!("{model}[clip]\ncap = \"reddish\"\n"), &["[clip], cap", "reddish", "#rrggbb"]),
         (format!("background = \"#12345\"\n{model}"), &["background", "#12345"]),
         (format!("samples = 9\n{model}"), &["samples", "1 to 8"]),
         (format!("bounces = 65\n{model}"), &["bounces", "0 to 64"]),

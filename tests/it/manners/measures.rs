@@ -42,8 +42,13 @@ fn a_ball_in_uneven_voxels_has_its_area_volume_and_extent() {
     }
     assert_eq!(report["bounding_box_voxels"][0].as_array().unwrap().len(), 3);
     let table = oct(&["info", &text(&model)]).stdout;
-    for word in ["surface area", "volume", "extent", "mm²", "mm³", "±"] {
+    for word in ["size", "surface area", "volume", "extent", "mm²", "mm³", "±", "no cavities"] {
         assert!(table.contains(word), "{table}");
+    }
+    // What its author asks comes with --all, after what users ask.
+    let all = oct(&["info", "--all", &text(&model)]).stdout;
+    for word in ["against paper", "checksum", "levels"] {
+        assert!(all.contains(word) && !table.contains(word), "{all}");
     }
 }
 
