@@ -69,7 +69,7 @@ pub(crate) fn command(is_short: bool) -> Command {
         let command = command.mut_args(|arg| of_command(arg, &name, short, is_short));
         match short {
             Some(_) if !is_short => {
-                command.after_help(format!("{examples}\n\nThe options that matter most are listed by -h."))
+                command.after_help(format!("-h lists the options that matter most.\n\n{examples}"))
             }
             _ => command,
         }
