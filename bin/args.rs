@@ -208,6 +208,9 @@ pub(crate) struct IntersectArgs {
     /// Transform of the other model: three rows of four numbers, from its mm to those of the first
     #[arg(long, value_name = "M", allow_hyphen_values = true, value_parser = parse::placement)]
     pub(crate) place: Option<Affine>,
+    /// Exit with 6 unless the bodies are at least this far apart, in mm; 0: unless they do not overlap
+    #[arg(long, value_name = "MM", allow_hyphen_values = true, value_parser = parse::clearance)]
+    pub(crate) clearance: Option<f64>,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

@@ -27,7 +27,7 @@ use infobyte::format::SurfaceKind;
 use infobyte::geom::{Affine, Orientation};
 use infobyte::jobs::batch::{BatchRequest, LeftOutCount};
 use infobyte::jobs::build::{BuildJob, EachLabel, GridOptions};
-use infobyte::jobs::compare::CompareOutputs;
+use infobyte::jobs::compare::{CompareOutputs, Verdict};
 use infobyte::jobs::demo::DemoFiles;
 use infobyte::jobs::export::ExportRequest;
 use infobyte::jobs::names::read_label_names;
@@ -478,8 +478,10 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     for (row, by) in placement.rows.iter_mut().zip(args.moved.unwrap_or_default()) {
         row[3] += by;
     }
-    let report = jobs::intersect::intersect([&args.one, &args.other], &placement)?;
-    Ok(print(args.json, || &report, || report.text())?)
+    let report = jobs::intersect::intersect([&args.one, &args.other], &placement, args.clearance.is_some())?;
+    let shown = print(args.json, || &report, || report.text())?;
+    let is_too_near = args.clearance.is_some_and(|mm| !report.is_clear_by(mm));
+    Ok(if is_too_near { ExitCode::from(Verdict::DoesNotConform.code()) } else { shown })
 }
 
 fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {

@@ -267,6 +267,14 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
     }
 }
 
+/// A length of 0 or more.
+pub(super) fn clearance(text: &str) -> Result<f64, String> {
+    match number(text) {
+        Ok(length) if length >= 0.0 && length.is_finite() => Ok(length),
+        _ => Err("write a length in mm, of 0 or more".into()),
+    }
+}
+
 /// Voxels along the longest side of a mesh.
 pub(super) fn grid_side(text: &str) -> Result<u32, String> {
     match text.parse() {

@@ -1,4 +1,4 @@
-//! `oct intersect`: do two models touch, and where.
+//! `oct intersect`: do two models touch, and where; how far they overlap, or are apart.
 
 use std::path::{Path, PathBuf};
 use std::time::Instant;
@@ -11,6 +11,8 @@ use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::geom::Affine;
 use crate::intersect::{Placed, intersection};
+use crate::measure::nearest::{Gap, Surface};
+use crate::text::names::SURFACE;
 use crate::text::{Short, data, shown};
 
 /// Whether two models touch.
@@ -29,6 +31,15 @@ pub struct IntersectReport {
     /// Lowest and highest coordinates of the centres of those voxels, in mm (LPS).
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range_mm: Option<[[f64; 3]; 2]>,
+    /// Volume that both bodies fill; null unless both are models of cells without labels.
+    pub overlap_mm3: Option<f64>,
+    /// How deep the deepest place of either surface lies inside the other body: 0 where they do not overlap.
+    pub depth_mm: Option<f64>,
+    /// Least distance between the surfaces: 0 where bodies overlap.
+    pub clearance_mm: Option<f64>,
+    /// The two places between which it is, the first model's first, in mm (LPS).
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub clearance_between_mm: Option<[[f64; 3]; 2]>,
     /// Peak resident memory of the process.
     pub peak_rss_bytes: u64,
     /// Seconds from start to end.
@@ -37,11 +48,12 @@ pub struct IntersectReport {
 
 /// Checks two models, and tells which boxes of their finest levels have a point in common: of larger leaves the cells that
 /// their planes pass through; `placement` leads from the
-/// second one's millimetres to those of the first.
+/// second one's millimetres to those of the first. Of models of cells without labels it also measures the overlap, or the
+/// clearance; others are refused if that is needed.
 ///
 /// # Errors
 /// A model is damaged or cannot be read; the placement has no volume.
-pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectReport, Error> {
+pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Result<IntersectReport, Error> {
     let start = Instant::now();
     if placement.inverse().is_none() {
         return Err(UsageError::FlatPlacement { path: PathBuf::from(inputs[1]) }.into());
@@ -55,6 +67,21 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectRepo
     let other_placed = Placed { view: &other_view, affine: placement.after(&other.affine()) };
     let found = intersection(one_placed, other_placed);
     let both = found.and_then(|one| Some((one, intersection(other_placed, one_placed)?)));
+    let surfaces = [
+        Surface::open(&one_view, &one_placed.affine, one.dims()),
+        Surface::open(&other_view, &other_placed.affine, other.dims()),
+    ];
+    let gap = match surfaces {
+        [Ok(one), Ok(other)] => Gap::of(one, other),
+        [Err(fault), _] if needs_gap => return Err(fault.at(inputs[0]).into()),
+        [_, Err(fault)] if needs_gap => return Err(fault.at(inputs[1]).into()),
+        _ => None,
+    };
+    let (overlap_mm3, depth_mm, clearance_mm, clearance_between_mm) = match gap {
+        Some(Gap::Overlap { volume_mm3, depth_mm }) => (Some(volume_mm3), Some(depth_mm), Some(0.0), None),
+        Some(Gap::Apart { mm, between }) => (Some(0.0), Some(0.0), Some(mm), Some(between)),
+        None => (None, None, None, None),
+    };
     for (model, input) in [(&one, inputs[0]), (&other, inputs[1])] {
         model.check_unchanged(input)?;
     }
@@ -64,25 +91,43 @@ pub fn intersect(inputs: [&Path; 2], placement: &Affine) -> Result<IntersectRepo
         touching_voxels: both.map_or([0, 0], |(one, other)| [one.boxes, other.boxes]),
         first_mm: both.map(|(one, _)| one.first_mm),
         range_mm: both.map(|(one, _)| one.range_mm),
+        overlap_mm3,
+        depth_mm,
+        clearance_mm,
+        clearance_between_mm,
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
 }
 
 impl IntersectReport {
+    /// True where the bodies are known to be at least so many mm apart.
+    pub fn is_clear_by(&self, mm: f64) -> bool {
+        self.clearance_mm.is_some_and(|clearance| clearance >= mm) && self.depth_mm == Some(0.0)
+    }
+
     /// For people.
     pub fn text(&self) -> String {
         let [one, other] = [0, 1].map(|i| shown(&self.inputs[i]).to_string());
-        let Some([low, high]) = self.range_mm else { return format!("{one} and {other} do not touch\n") };
+        let point = |at: [f64; 3]| at.map(|c| Short(c).to_string()).join(", ");
+        let gap = match (self.overlap_mm3, self.depth_mm, self.clearance_mm, self.clearance_between_mm) {
+            (Some(volume), Some(depth), ..) if depth > 0.0 => {
+                format!("  they overlap by {} mm³, up to {} mm deep\n", Short(volume), Short(depth))
+            }
+            (.., Some(clearance), Some([from, to])) => {
+                format!("  {} mm apart, from {} to {} mm (LPS)\n", Short(clearance), point(from), point(to))
+            }
+            _ => {
+                format!("  overlap and clearance are not known: both need {SURFACE} cells, without labels\n")
+            }
+        };
+        let Some([low, high]) = self.range_mm else {
+            return format!("{one} and {other} do not touch\n{gap}");
+        };
         let [a, b] = self.touching_voxels;
-        let range = |i: usize| format!("{} .. {}", Short(low[i]), Short(high[i]));
+        let [x, y, z] = [0, 1, 2].map(|i| format!("{} .. {}", Short(low[i]), Short(high[i])));
         format!(
-            "{one} and {other} touch: {} box(es) of the first, {} of the second\n  at x {}, y {}, z {} mm (LPS)\n",
-            a,
-            b,
-            range(0),
-            range(1),
-            range(2)
+            "{one} and {other} touch: {a} box(es) of the first, {b} of the second\n  at x {x}, y {y}, z {z} mm (LPS)\n{gap}"
         )
     }
 }

@@ -61,6 +61,47 @@ fn balls_touch_where_their_middles_are_two_radii_apart() {
     }
 }
 
+/// Two balls of 20 mm: what they share is a lens of known volume, and what lies between them is known as well.
+#[test]
+fn balls_overlap_by_a_lens_or_are_apart() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name).to_str().unwrap().to_owned();
+    ball(&at("one.oct"), 1.0, SurfaceKind::Cells);
+    ball(&at("other.oct"), 0.7, SurfaceKind::Cells);
+    ball(&at("skin.oct"), 1.0, SurfaceKind::Skin);
+    let intersect =
+        |place: &[&str]| oct(&[&["intersect", &at("one.oct"), &at("other.oct"), "--json"], place].concat());
+    let pi = std::f64::consts::PI;
+    for distance in [0.0, 4.0, 19.3, 33.0, 38.5, 41.5, 44.0, 75.0_f64] {
+        let by = distance / 3.0_f64.sqrt();
+        let found = intersect(&["--move", &format!("{by},{by},{by}")]).json();
+        let number = |key: &str| found[key].as_f64().unwrap();
+        let gap = 40.0 - distance;
+        let lens = pi / 12.0 * gap.max(0.0).powi(2) * (80.0 + distance);
+        let close = |key: &str, due: f64, by: f64| {
+            assert!((number(key) - due).abs() <= by, "{distance} {key}: due {due}: {found}");
+        };
+        close("overlap_mm3", lens, 0.01 * lens + 1.0);
+        close("depth_mm", gap.min(distance).max(0.0), 0.06);
+        close("clearance_mm", (-gap).max(0.0), 0.03);
+        for (least, is_clear) in [("0", gap <= 0.0), ("3", gap <= -3.0)] {
+            let run = intersect(&["--move", &format!("{by},{by},{by}"), "--clearance", least]);
+            assert_eq!(run.code, if is_clear { 0 } else { 6 }, "{distance} {least}: {run:?}");
+        }
+    }
+    // One deep inside the other.
+    let found = intersect(&["--place", "0.3,0,0,0,0,0.3,0,0,0,0,0.3,0"]).json();
+    let number = |key: &str| found[key].as_f64().unwrap();
+    let small = 4.0 / 3.0 * pi * 216.0;
+    assert!((number("overlap_mm3") - small).abs() < 0.01 * small, "{found}");
+    assert!((number("depth_mm") - 14.0).abs() < 0.06 && number("clearance_mm") == 0.0, "{found}");
+    oct(&["intersect", &at("skin.oct"), &at("one.oct"), "--clearance", "0"])
+        .refused(3, &["skin.oct", "--surface cells"]);
+    let found = oct(&["intersect", &at("skin.oct"), &at("one.oct"), "--json"]).json();
+    assert!(found["clearance_mm"].is_null() && found["touch"] == true, "{found}");
+    oct(&["intersect", &at("one.oct"), &at("one.oct"), "--clearance", "-1"]).refused(2, &["--clearance"]);
+}
+
 #[test]
 fn what_cannot_be_placed_or_read_is_refused() {
     let folder = tempfile::tempdir().unwrap();

@@ -14,8 +14,10 @@
 //! | [`space`] | the frame |
 //! | [`tree`] | the search: from the last answer's cell, nearest child first |
 //! | [`side`] | inside or outside |
+//! | [`overlap`] | how far two bodies overlap, or are apart |
 
 mod facet;
+mod overlap;
 mod side;
 mod space;
 #[cfg(test)]
@@ -23,6 +25,7 @@ mod tests;
 mod tree;
 
 pub(crate) use facet::Facet;
+pub(crate) use overlap::Gap;
 pub(crate) use side::Side;
 pub(crate) use space::Space;
 pub(crate) use tree::{Found, Query, Search};
