@@ -119,7 +119,7 @@ fn every_report_is_what_its_schema_says() {
         ("render", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
         ("demo", oct(&["demo", "-o", &at("d.oct"), "--size", "24", "--json", "--memory", "16MiB"]).json()),
-        ("intersect", oct(&["intersect", &at("d.oct"), &at("d.oct"), "--move", "90,0,0", "--json"]).json()),
+        ("intersect", oct(&["intersect", &at("d.oct"), &at("d.oct"), "--move", "999,0,0", "--json"]).json()),
         ("selfcheck", oct(&["selfcheck", &model, "--rays", "1000", "--json"]).json()),
         ("report", oct(&["report", &model, "--out", &at("figures"), "--pixels", "16", "--json"]).json()),
         ("report", synthetic.json()),
