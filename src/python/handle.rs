@@ -2,6 +2,7 @@
 
 use std::fs::File;
 use std::io::{self, Read, Seek};
+use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -12,7 +13,7 @@ use pyo3::types::{PyBytes, PyDict};
 
 use super::failure::{raised, usage};
 use super::options::{PictureAsked, read};
-use super::rays::{self, Found, Given, Rays};
+use super::rays::{self, Found, Given, Rays, Room};
 use super::watch::watched;
 use crate::error::Error;
 use crate::format::{Encoding, SurfaceKind};
@@ -26,7 +27,7 @@ use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
 use crate::render::sight::Sight;
-use crate::render::{Image, RayCaster};
+use crate::render::{Image, Layout, RayCaster};
 use crate::text::data;
 
 /// The bytes of a model.
@@ -140,17 +141,29 @@ fn triples<'a>(py: Python<'_>, array: &'a PyReadonlyArray1<'_, f64>) -> PyResult
 struct Pixels<'a> {
     sight: Sight<'a>,
     width: usize,
+    height: usize,
 }
 
 impl Rays for Pixels<'_> {
+    fn count(&self) -> usize {
+        self.width * self.height
+    }
+
+    fn layout(&self) -> Layout {
+        Layout::image(self.width)
+    }
+
     #[expect(clippy::cast_precision_loss, reason = "at most 32768 pixels a side")]
-    fn of(&self, first: usize, origins: &mut Vec<[f64; 3]>, directions: &mut Vec<[f64; 3]>, count: usize) {
-        for pixel in first..first + count {
+    fn of<'a>(&'a self, part: Range<usize>, room: &'a mut Room) -> (&'a [[f64; 3]], &'a [[f64; 3]]) {
+        room.origins.clear();
+        room.directions.clear();
+        for pixel in part {
             let (x, y) = (pixel % self.width, pixel / self.width);
             let (origin, direction) = self.sight.line(x as f64 + 0.5, y as f64 + 0.5);
-            origins.push(origin);
-            directions.push(direction);
+            room.origins.push(origin);
+            room.directions.push(direction);
         }
+        (&room.origins, &room.directions)
     }
 }
 
@@ -245,9 +258,8 @@ impl Handle {
             let (space, camera) = camera_of(model, &request)?;
             let [width, height] = asked.size;
             let sight = Sight::new(&space, &camera, width, height);
-            let pixels = width as usize * height as usize;
-            let width = width as usize;
-            rays::first_hits(&RayCaster::new(model)?, &Pixels { sight, width }, pixels, request.threads)
+            let pixels = Pixels { sight, width: width as usize, height: height as usize };
+            rays::first_hits(&RayCaster::new(model)?, &pixels, request.threads)
         })?;
         Ok(arrays(py, found))
     }
@@ -283,8 +295,7 @@ impl Handle {
         if given.0.len() != given.1.len() {
             return Err(usage(py, "there are not as many directions as origins"));
         }
-        let found =
-            self.with(py, |model| rays::first_hits(&RayCaster::new(model)?, &given, given.0.len(), threads))?;
+        let found = self.with(py, |model| rays::first_hits(&RayCaster::new(model)?, &given, threads))?;
         Ok(arrays(py, found))
     }
 
@@ -296,11 +307,11 @@ impl Handle {
         t_max: f64,
         threads: usize,
     ) -> PyResult<Bound<'py, PyArray1<bool>>> {
-        let given = (triples(py, &origins)?, triples(py, &directions)?);
+        let given = Given(triples(py, &origins)?, triples(py, &directions)?);
         if given.0.len() != given.1.len() {
             return Err(usage(py, "there are not as many directions as origins"));
         }
-        let met = self.with(py, |model| rays::any_hit(&RayCaster::new(model)?, given, t_max, threads))?;
+        let met = self.with(py, |model| rays::any_hit(&RayCaster::new(model)?, &given, t_max, threads))?;
         Ok(PyArray1::from_vec(py, met))
     }
 

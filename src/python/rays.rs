@@ -1,15 +1,15 @@
 //! Many rays at once, on threads.
 
-use std::ops::Deref;
+use std::ops::{Deref, Range};
 
 use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::load::Model;
 use crate::render::picture::pool;
-use crate::render::{Hits, RayCaster, RenderError, RenderFault};
+use crate::render::{Layout, RayCaster, RenderError, RenderFault};
 
-/// Rays that a thread takes at a time: 1.4 MiB of hits.
+/// Rays that a thread takes at a time, about: parts are whole tiles.
 const PART: usize = 1 << 14;
 
 /// Arrays of hits with an item, or three, for each ray.
@@ -21,27 +21,38 @@ pub(super) struct Found {
     pub(super) voxel: Vec<i64>,
 }
 
-/// Makes the ray of a number from 0 on: origin, direction.
+/// Makes rays, or gives those that there are.
 pub(super) trait Rays: Sync {
-    fn of(&self, first: usize, origins: &mut Vec<[f64; 3]>, directions: &mut Vec<[f64; 3]>, count: usize);
+    /// Their number.
+    fn count(&self) -> usize;
+    /// How they stand.
+    fn layout(&self) -> Layout;
+    /// Origins and directions of a part of them, perhaps in `room`.
+    fn of<'a>(&'a self, part: Range<usize>, room: &'a mut Room) -> (&'a [[f64; 3]], &'a [[f64; 3]]);
 }
 
-/// Rays as they are given.
+/// Rays as they are given: origins and directions.
 pub(super) struct Given<'a>(pub(super) &'a [[f64; 3]], pub(super) &'a [[f64; 3]]);
 
 impl Rays for Given<'_> {
-    fn of(&self, first: usize, origins: &mut Vec<[f64; 3]>, directions: &mut Vec<[f64; 3]>, count: usize) {
-        origins.extend_from_slice(&self.0[first..first + count]);
-        directions.extend_from_slice(&self.1[first..first + count]);
+    fn count(&self) -> usize {
+        self.0.len()
+    }
+
+    fn layout(&self) -> Layout {
+        Layout::of(self.0, self.1, None)
+    }
+
+    fn of<'a>(&'a self, part: Range<usize>, _: &'a mut Room) -> (&'a [[f64; 3]], &'a [[f64; 3]]) {
+        (&self.0[part.clone()], &self.1[part])
     }
 }
 
-/// What a thread uses again for its next part.
+/// The rays of a part, to be used again for the next one.
 #[derive(Default)]
-struct Room {
-    origins: Vec<[f64; 3]>,
-    directions: Vec<[f64; 3]>,
-    hits: Hits,
+pub(super) struct Room {
+    pub(super) origins: Vec<[f64; 3]>,
+    pub(super) directions: Vec<[f64; 3]>,
 }
 
 /// The number of a wrong ray is that in its part.
@@ -52,14 +63,25 @@ fn from_start(mut error: RenderError, first: usize) -> RenderError {
     error
 }
 
-/// Runs `each` on every part; the error of the first part that has one.
+/// An array in parts of whole tiles.
+fn cut<T>(items: &mut [T], [part, least]: [usize; 2]) -> Vec<&mut [T]> {
+    let rest = items.len() % part;
+    // What is too short for a tile belongs to the part before.
+    let even = items.len() - if rest < least && items.len() > part { part + rest } else { rest };
+    let (even, last) = items.split_at_mut(even);
+    even.chunks_mut(part).chain((!last.is_empty()).then_some(last)).collect()
+}
+
+/// Runs `each` on every part, which it gets with the number of its first ray; the error of the first part that has one.
 fn in_parts<T: Send>(
     parts: Vec<T>,
+    part: usize,
     threads: usize,
     each: impl Fn(&mut Room, usize, T) -> Result<(), RenderError> + Sync,
 ) -> Result<(), Error> {
-    let run = |room: &mut Room, (number, part): (usize, T)| {
-        each(room, number * PART, part).err().map(|error| (number, from_start(error, number * PART)))
+    let run = |room: &mut Room, (number, of_part): (usize, T)| {
+        let first = number * part;
+        each(room, first, of_part).err().map(|error| (number, from_start(error, first)))
     };
     let wrong = if threads <= 1 || parts.len() == 1 {
         let mut room = Room::default();
@@ -74,37 +96,35 @@ fn in_parts<T: Send>(
     wrong.map_or(Ok(()), |(_, error)| Err(error.into()))
 }
 
-/// First hits of `count` rays.
+/// First hits of rays.
 pub(super) fn first_hits<P, D>(
     caster: &RayCaster<P>,
     rays: &impl Rays,
-    count: usize,
     threads: usize,
 ) -> Result<Found, Error>
 where
     P: Deref<Target = Model<D>> + Sync,
     D: AsRef<[u8]> + Sync,
 {
+    let count = rays.count();
     let mut found = Found {
         t: vec![f64::INFINITY; count],
         position: vec![[f64::NAN; 3]; count],
         normal: vec![[f64::NAN; 3]; count],
         voxel: vec![-1; count],
     };
-    let parts = found.t.chunks_mut(PART).zip(found.position.chunks_mut(PART));
-    let parts = parts.zip(found.normal.chunks_mut(PART)).zip(found.voxel.chunks_mut(PART)).collect();
-    in_parts(parts, threads, |room, first, (((t, position), normal), voxel)| {
-        room.origins.clear();
-        room.directions.clear();
-        rays.of(first, &mut room.origins, &mut room.directions, t.len());
-        caster.first_hits(&room.origins, &room.directions, &mut room.hits)?;
-        t.copy_from_slice(&room.hits.t);
-        position.copy_from_slice(&room.hits.position_mm);
-        normal.copy_from_slice(&room.hits.normal);
-        for (voxel, number) in voxel.iter_mut().zip(&room.hits.number) {
-            *voxel = i64::try_from(*number).unwrap_or(-1);
-        }
-        Ok(())
+    let layout = rays.layout();
+    let part = layout.part(PART);
+    let parts = cut(&mut found.t, part).into_iter().zip(cut(&mut found.position, part));
+    let parts = parts.zip(cut(&mut found.normal, part)).zip(cut(&mut found.voxel, part)).collect();
+    in_parts(parts, part[0], threads, |room, first, (((t, position), normal), voxel)| {
+        let (origins, directions) = rays.of(first..first + t.len(), room);
+        caster.points(layout, origins, directions, |ray, point| {
+            t[ray] = point.t;
+            position[ray] = point.position_mm;
+            normal[ray] = point.normal.unwrap_or([f64::NAN; 3]);
+            voxel[ray] = i64::try_from(point.number).unwrap_or(-1);
+        })
     })?;
     Ok(found)
 }
@@ -112,7 +132,7 @@ where
 /// Does each ray meet anything?
 pub(super) fn any_hit<P, D>(
     caster: &RayCaster<P>,
-    (origins, directions): (&[[f64; 3]], &[[f64; 3]]),
+    rays: &impl Rays,
     t_max: f64,
     threads: usize,
 ) -> Result<Vec<bool>, Error>
@@ -120,10 +140,10 @@ where
     P: Deref<Target = Model<D>> + Sync,
     D: AsRef<[u8]> + Sync,
 {
-    let mut met = vec![false; origins.len()];
-    in_parts(met.chunks_mut(PART).collect(), threads, |_, first, met| {
-        let part = first..first + met.len();
-        caster.any_hit(&origins[part.clone()], &directions[part], t_max, met)
+    let (mut met, layout) = (vec![false; rays.count()], rays.layout());
+    let part = layout.part(PART);
+    in_parts(cut(&mut met, part), part[0], threads, |room, first, met| {
+        caster.met(layout, rays.of(first..first + met.len(), room), t_max, met)
     })?;
     Ok(met)
 }

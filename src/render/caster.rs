@@ -9,7 +9,7 @@ use super::normals::shown::cell_coordinates;
 use super::ray::{BadRay, Ray};
 use super::single;
 use super::surface::Skin;
-use super::tile::{Listed, TILE, Tracer, row_of};
+use super::tile::{Layout, Listed, RAYS, Tracer};
 use super::traverse::Hit;
 use super::{GridSpace, RenderError};
 use crate::cpu::Form;
@@ -19,6 +19,9 @@ use crate::render::RenderFault;
 
 /// Rays that are made before they are traced: 140 KiB with their hits.
 const AT_ONCE: usize = 1024;
+
+/// Base-2 logarithm of one more than the tiles that are not tried after tiles that did not fit, at most.
+const MAX_UNFIT: u32 = 6;
 
 /// Traces rays through a model, in world coordinates (LPS mm).
 ///
@@ -62,6 +65,16 @@ pub struct SurfacePoint {
     pub number: u64,
     /// Unit vector out of the surface, where the model has normals.
     pub normal: Option<[f64; 3]>,
+}
+
+impl SurfacePoint {
+    const NONE: Self = Self {
+        position_mm: [f64::NAN; 3],
+        t: f64::INFINITY,
+        voxel: [0; 3],
+        number: Hits::NOTHING,
+        normal: None,
+    };
 }
 
 /// The hits of many rays: arrays with an item for each ray, in their order, to be used again for the next rays.
@@ -124,13 +137,81 @@ impl Hits {
     }
 }
 
-/// Rays that are traced eight in turns, some at a time.
-struct Turns<'a> {
+/// Takes what the rays of an array meet.
+trait Found {
+    /// True if it is enough to know that something is met.
+    const ANY: bool;
+    /// A ray meets something: what, unless any will do.
+    fn take(&mut self, ray: usize, hit: Option<&Hit>);
+}
+
+/// Rays that meet something at a parameter of at most `t_max`; with `ANY` without regard to that.
+struct Met<'a, const ANY: bool> {
+    t_max: f64,
+    met: &'a mut [bool],
+}
+
+impl<const ANY: bool> Found for Met<'_, ANY> {
+    const ANY: bool = ANY;
+
+    #[inline]
+    fn take(&mut self, ray: usize, hit: Option<&Hit>) {
+        self.met[ray] = hit.is_none_or(|hit| hit.t <= self.t_max);
+    }
+}
+
+/// Hits that are taken to the world together.
+struct Points<'a, F> {
+    space: &'a GridSpace,
     view: &'a ModelView<'a>,
     cells: Option<&'a Cells<'a>>,
-    /// Is it enough to know that something is met?
-    any: bool,
-    found: &'a mut dyn FnMut(usize, Option<&Hit>),
+    lines: (&'a [[f64; 3]], &'a [[f64; 3]]),
+    count: usize,
+    rays: [usize; RAYS],
+    points: [SurfacePoint; RAYS],
+    /// Normals as they are stored, by axis.
+    normals: [[f64; RAYS]; 3],
+    out: F,
+}
+
+impl<F: FnMut(usize, &SurfacePoint)> Found for Points<'_, F> {
+    const ANY: bool = false;
+
+    #[inline]
+    fn take(&mut self, ray: usize, hit: Option<&Hit>) {
+        let (Some(hit), at) = (hit, self.count % RAYS) else { return };
+        let (origin, direction) = (self.lines.0[ray], self.lines.1[ray]);
+        let (point, normal) = stored(self.view, self.cells, self.space, hit, (origin, direction));
+        self.rays[at] = ray;
+        self.points[at] = point;
+        for (normals, part) in self.normals.iter_mut().zip(normal.unwrap_or([f64::NAN; 3])) {
+            normals[at] = part;
+        }
+        self.count = at + 1;
+        if self.count == RAYS {
+            self.give();
+        }
+    }
+}
+
+impl<F: FnMut(usize, &SurfacePoint)> Points<'_, F> {
+    /// Gives the points away that are here.
+    fn give(&mut self) {
+        self.space.normals_to_world(self.cells.is_some(), &mut self.normals);
+        for (at, (ray, point)) in self.rays.iter().zip(&mut self.points).take(self.count).enumerate() {
+            let normal = [0, 1, 2].map(|a| self.normals[a][at]);
+            point.normal = (!normal[0].is_nan()).then_some(normal);
+            (self.out)(*ray, point);
+        }
+        self.count = 0;
+    }
+}
+
+/// Rays that are traced eight in turns, some at a time.
+struct Turns<'a, F> {
+    view: &'a ModelView<'a>,
+    cells: Option<&'a Cells<'a>>,
+    found: &'a mut F,
     batch: Batch,
     numbers: Vec<usize>,
     rays: Vec<Ray>,
@@ -138,16 +219,11 @@ struct Turns<'a> {
     met: Vec<bool>,
 }
 
-impl<'a> Turns<'a> {
-    fn new(
-        view: &'a ModelView<'a>,
-        cells: Option<&'a Cells<'a>>,
-        any: bool,
-        found: &'a mut dyn FnMut(usize, Option<&Hit>),
-    ) -> Self {
+impl<'a, F: Found> Turns<'a, F> {
+    fn new(view: &'a ModelView<'a>, cells: Option<&'a Cells<'a>>, found: &'a mut F) -> Self {
         let (numbers, rays) = (Vec::with_capacity(AT_ONCE), Vec::with_capacity(AT_ONCE));
         let batch = Batch::default();
-        Self { view, cells, any, found, batch, numbers, rays, hits: Vec::new(), met: Vec::new() }
+        Self { view, cells, found, batch, numbers, rays, hits: Vec::new(), met: Vec::new() }
     }
 
     fn take(&mut self, number: usize, ray: Ray) {
@@ -160,8 +236,8 @@ impl<'a> Turns<'a> {
 
     /// Traces what was taken.
     fn trace(&mut self) {
-        let Self { view, cells, any, found, batch, numbers, rays, hits, met } = self;
-        match (*any, cells) {
+        let Self { view, cells, found, batch, numbers, rays, hits, met } = self;
+        match (F::ANY, cells) {
             (true, Some(cells)) => batch.any(view, *cells, rays, 0, met),
             (true, None) => batch.any(view, &Skin, rays, 0, met),
             (false, Some(cells)) => batch.nearest(view, *cells, rays, 0, hits),
@@ -169,8 +245,8 @@ impl<'a> Turns<'a> {
         }
         for (at, ray) in numbers.iter().enumerate() {
             let hit = hits.get(at).and_then(Option::as_ref);
-            if hit.is_some() || (*any && met.get(at).is_some_and(|met| *met)) {
-                found(*ray, hit);
+            if hit.is_some() || (F::ANY && met.get(at).is_some_and(|met| *met)) {
+                found.take(*ray, hit);
             }
         }
         numbers.clear();
@@ -205,12 +281,19 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
             Some(cells) => single::trace(Form::best(), &view, cells, &ray, 0),
             None => single::trace(Form::best(), &view, &Skin, &ray, 0),
         };
-        Ok(trace.hit.map(|hit| self.point(&view, cells.as_ref(), &hit, (origin_mm, direction))))
+        Ok(trace.hit.map(|hit| {
+            let (point, normal) = stored(&view, cells.as_ref(), &self.space, &hit, (origin_mm, direction));
+            let normal = normal.map(|normal| match cells {
+                Some(_) => self.space.index_normal_to_world(normal),
+                None => self.space.normal_to_world(normal),
+            });
+            SurfacePoint { normal, ..point }
+        }))
     }
 
     /// The first hits of many rays, bit for bit those of [`RayCaster::first_hit`]. Rays of an image, row by row, at least
-    /// 8 x 8 of them, are traced in tiles as pictures are, several times faster: rows are found by where rays jump, and
-    /// each tile is measured. Other rays may be in any order: eight of them are in flight at a time, so that they wait for
+    /// 8 x 8 of them, and those of a scanner's rings or a line, are traced 64 together as those of pictures are, several times
+    /// faster: rows of any length are found by where rays jump or turn, and each 64 are measured. Other rays may be in any order: eight of them are in flight at a time, so that they wait for
     /// memory together.
     ///
     /// Memory: `hits` has 88 bytes a ray, and keeps them for the next call; the call itself takes 180 KiB. It runs on
@@ -241,18 +324,38 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         hits: &mut Hits,
     ) -> Result<(), RenderError> {
         hits.reset(origins_mm.len());
-        let view = self.model.view();
-        let cells = view.cells().map(Cells::new);
-        let traced = self.trace(origins_mm, directions, false, &mut |ray, hit| {
-            if let Some(hit) = hit {
-                let line = (origins_mm[ray], directions[ray]);
-                hits.set(ray, &self.point(&view, cells.as_ref(), hit, line));
-            }
-        });
+        let layout = Layout::of(origins_mm, directions, None);
+        let traced = self.points(layout, origins_mm, directions, |ray, point| hits.set(ray, point));
         if traced.is_err() {
             hits.reset(0);
         }
         traced
+    }
+
+    /// [`RayCaster::first_hits`] of rays that stand so in their array; `out` takes the hits.
+    pub(crate) fn points(
+        &self,
+        layout: Layout,
+        origins_mm: &[[f64; 3]],
+        directions: &[[f64; 3]],
+        out: impl FnMut(usize, &SurfacePoint),
+    ) -> Result<(), RenderError> {
+        let (view, lines) = (self.model.view(), (origins_mm, directions));
+        let cells = view.cells().map(Cells::new);
+        let mut points = Points {
+            space: &self.space,
+            view: &view,
+            cells: cells.as_ref(),
+            lines,
+            count: 0,
+            rays: [0; RAYS],
+            points: [SurfacePoint::NONE; RAYS],
+            normals: [[0.0; RAYS]; 3],
+            out,
+        };
+        self.trace(layout, lines, &mut points)?;
+        points.give();
+        Ok(())
     }
 
     /// Does each of many rays meet anything at `t` of at most `t_max`, a multiple of the direction's length? For shadows
@@ -272,35 +375,44 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         if met.len() != origins_mm.len() {
             return Err(RenderFault::RayCount { rays: origins_mm.len(), others: met.len() }.into());
         }
-        met.fill(false);
-        self.trace(origins_mm, directions, t_max == f64::INFINITY, &mut |ray, hit| {
-            met[ray] = hit.is_none_or(|hit| hit.t <= t_max);
-        })
+        self.met(Layout::of(origins_mm, directions, None), (origins_mm, directions), t_max, met)
     }
 
-    /// Traces rays: in tiles where they stand in the array as those of an image do, eight in turns elsewhere. `found` is
-    /// given the rays that meet something, and what; with `any` perhaps not that.
+    /// [`RayCaster::any_hit`] of rays that stand so in their array, and are as many as the answers.
+    pub(crate) fn met(
+        &self,
+        layout: Layout,
+        lines: (&[[f64; 3]], &[[f64; 3]]),
+        t_max: f64,
+        met: &mut [bool],
+    ) -> Result<(), RenderError> {
+        met.fill(false);
+        if t_max == f64::INFINITY {
+            return self.trace(layout, lines, &mut Met::<true> { t_max, met });
+        }
+        self.trace(layout, lines, &mut Met::<false> { t_max, met })
+    }
+
+    /// Traces rays: in tiles where neighbours in the array are neighbours, eight in turns elsewhere.
     fn trace(
         &self,
-        origins_mm: &[[f64; 3]],
-        directions: &[[f64; 3]],
-        any: bool,
-        found: &mut dyn FnMut(usize, Option<&Hit>),
+        layout: Layout,
+        lines: (&[[f64; 3]], &[[f64; 3]]),
+        found: &mut impl Found,
     ) -> Result<(), RenderError> {
-        let rays = origins_mm.len();
-        if rays != directions.len() {
-            return Err(RenderFault::RayCount { rays, others: directions.len() }.into());
+        let rays = lines.0.len();
+        if rays != lines.1.len() {
+            return Err(RenderFault::RayCount { rays, others: lines.1.len() }.into());
         }
         self.model.unchanged_during(|| {
             let view = self.model.view();
             let cells = view.cells().map(Cells::new);
-            let mut turns = Turns::new(&view, cells.as_ref(), any, found);
-            if !self.in_tiles(origins_mm, directions, &mut turns) {
-                for (index, (origin, direction)) in origins_mm.iter().zip(directions).enumerate() {
+            let mut turns = Turns::new(&view, cells.as_ref(), found);
+            if self.in_tiles(layout, lines, &mut turns).is_err() {
+                // Some ray is refused: the first.
+                for index in 0..rays {
                     let at = |fault: BadRay| RenderError::from(RenderFault::RayAt { index, fault });
-                    if let Some(ray) = self.space.ray(*origin, *direction).map_err(at)? {
-                        turns.take(index, ray);
-                    }
+                    self.space.ray(lines.0[index], lines.1[index]).map_err(at)?;
                 }
             }
             turns.trace();
@@ -308,75 +420,72 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
         })
     }
 
-    /// Traces rays eight by eight, if they stand in the array as those of an image do. Tiles that are not nearly affine
-    /// are left to `turns`. `false`, perhaps after some of them, where that is not so or a ray is refused.
-    fn in_tiles(&self, origins_mm: &[[f64; 3]], directions: &[[f64; 3]], turns: &mut Turns<'_>) -> bool {
-        let Some(columns) = row_of(origins_mm, directions).filter(|columns| *columns >= TILE) else {
-            return false;
-        };
-        let rows = origins_mm.len() / columns;
-        if rows < TILE || rows * columns != origins_mm.len() {
-            return false;
-        }
+    /// Traces rays 64 by 64 where they are neighbours. Those that are not nearly affine are left to `turns`.
+    fn in_tiles<F: Found>(
+        &self,
+        layout: Layout,
+        lines: (&[[f64; 3]], &[[f64; 3]]),
+        turns: &mut Turns<'_, F>,
+    ) -> Result<(), BadRay> {
         let (mut tracer, mut listed) = (Tracer::default(), Listed::new(self.space.dims().depth()));
-        // The last tile of a row or column has some rays of the one before it.
-        let starts = |count: usize| (0..count).step_by(TILE).map(move |at| (at, at.min(count - TILE)));
-        for (wanted_row, row) in starts(rows) {
-            for (wanted_column, column) in starts(columns) {
-                let number = |ray: usize| (row + ray / TILE) * columns + column + ray % TILE;
-                let lines = |ray: usize| (origins_mm[number(ray)], directions[number(ray)]);
-                if listed.fill(&self.space, lines).is_err() {
-                    return false;
-                }
-                let in_row = (0xff_u64 << (wanted_column - column) & 0xff) * 0x0101_0101_0101_0101;
-                let asked = in_row & u64::MAX << (TILE * (wanted_row - row));
-                let (hits, mut left) = match turns.cells {
-                    Some(cells) => tracer.trace_listed(turns.view, cells, &listed, asked),
-                    None => tracer.trace_listed(turns.view, &Skin, &listed, asked),
+        let (tiles, rest) = layout.tiles(lines.0.len());
+        // Where tiles do not fit, fewer and fewer are tried.
+        let (mut unfit, mut skipped) = (0_u32, 0_u32);
+        for tile in tiles {
+            let mut left = tile.asked;
+            if skipped > 0 {
+                skipped -= 1;
+            } else {
+                listed.fill(tracer.form(), &self.space, lines, |ray| tile.number(ray))?;
+                let (hits, unfitting) = match turns.cells {
+                    Some(cells) => tracer.trace_listed(turns.view, cells, &listed, tile.asked),
+                    None => tracer.trace_listed(turns.view, &Skin, &listed, tile.asked),
                 };
+                left = unfitting;
+                unfit = if left == 0 { 0 } else { (unfit + 1).min(MAX_UNFIT) };
+                skipped = (1 << unfit) - 1;
                 let mut bits = hits.bits();
                 while bits != 0 {
                     let ray = bits.trailing_zeros() as usize;
                     bits &= bits - 1;
-                    (turns.found)(number(ray), hits.hit(ray).as_ref());
+                    turns.found.take(tile.number(ray), hits.hit(ray).as_ref());
                 }
-                while left != 0 {
-                    let ray = left.trailing_zeros() as usize;
-                    left &= left - 1;
-                    let (origin, direction) = lines(ray);
-                    if let Ok(Some(exact)) = self.space.ray(origin, direction) {
-                        turns.take(number(ray), exact);
-                    }
+            }
+            while left != 0 {
+                let number = tile.number(left.trailing_zeros() as usize);
+                left &= left - 1;
+                if let Some(ray) = self.space.ray(lines.0[number], lines.1[number])? {
+                    turns.take(number, ray);
                 }
             }
         }
-        true
-    }
-
-    /// A hit in the world.
-    fn point(
-        &self,
-        view: &ModelView<'_>,
-        cells: Option<&Cells<'_>>,
-        hit: &Hit,
-        (origin_mm, direction): ([f64; 3], [f64; 3]),
-    ) -> SurfacePoint {
-        let position_mm = std::array::from_fn(|i| origin_mm[i] + hit.t * direction[i]);
-        // Larger leaves have no number among the cells: those below the greatest are theirs.
-        let number = hit.voxel(view).unwrap_or(Hits::NOTHING - 1 - hit.box_number);
-        let normal = match cells {
-            Some(cells) => {
-                let normal = if hit.edge_log2 > 0 {
-                    view.leaf_plane(NodeIndex::new(hit.box_number)).normal.map(f64::from)
-                } else {
-                    cells.normal(number, cell_coordinates(&self.space, hit.cell, position_mm))
-                };
-                Some(self.space.index_normal_to_world(normal))
+        for number in rest..lines.0.len() {
+            if let Some(ray) = self.space.ray(lines.0[number], lines.1[number])? {
+                turns.take(number, ray);
             }
-            None => view
-                .voxel_direction(VoxelIndex::new(number))
-                .map(|stored| self.space.normal_to_world(stored.map(f64::from))),
-        };
-        SurfacePoint { position_mm, t: hit.t, voxel: hit.cell, number, normal }
+        }
+        Ok(())
     }
+}
+
+/// A hit in the world; its normal as it is stored, of index space where there are cells.
+#[inline]
+fn stored(
+    view: &ModelView<'_>,
+    cells: Option<&Cells<'_>>,
+    space: &GridSpace,
+    hit: &Hit,
+    (origin_mm, direction): ([f64; 3], [f64; 3]),
+) -> (SurfacePoint, Option<[f64; 3]>) {
+    let position_mm = each3!(A => origin_mm[A] + hit.t * direction[A]);
+    // Larger leaves have no number among the cells: those below the greatest are theirs.
+    let number = hit.voxel(view).unwrap_or(Hits::NOTHING - 1 - hit.box_number);
+    let normal = match cells {
+        Some(_) if hit.edge_log2 > 0 => {
+            Some(view.leaf_plane(NodeIndex::new(hit.box_number)).normal.map(f64::from))
+        }
+        Some(cells) => Some(cells.normal(number, cell_coordinates(space, hit.cell, position_mm))),
+        None => view.voxel_direction(VoxelIndex::new(number)).map(|stored| stored.map(f64::from)),
+    };
+    (SurfacePoint { position_mm, t: hit.t, voxel: hit.cell, number, normal: None }, normal)
 }

@@ -112,3 +112,5 @@ pub use error::RenderError;
 pub(crate) use error::{CameraFault, Layer, RenderFault};
 pub use image::Image;
 pub use space::GridSpace;
+#[cfg(feature = "python")]
+pub(crate) use tile::Layout;

@@ -1,5 +1,6 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
+use crate::cpu::{Form, Kernel, Lanes};
 use crate::format::cell::Plane;
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
 use crate::load::{ModelView, NodeView};
@@ -7,6 +8,7 @@ use crate::render::RenderFault;
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
+use super::tile::RAYS;
 
 /// A model's place in the world.
 #[derive(Clone, Debug)]
@@ -101,6 +103,12 @@ impl GridSpace {
         self.normal_to_world(self.index_normal_to_frame(n))
     }
 
+    /// [`GridSpace::normal_to_world`], or of index space [`GridSpace::index_normal_to_world`], of a tile's vectors by axis.
+    pub(crate) fn normals_to_world(&self, of_index: bool, normals: &mut [[f64; RAYS]; 3]) {
+        let divisor = if of_index { self.frame_mm } else { [1.0; 3] };
+        Form::best().run(NormalsToWorld { rows: &self.normal_rows, divisor, normals });
+    }
+
     /// Box-frame vector of a vector of index space.
     #[inline]
     pub(crate) fn index_normal_to_frame(&self, n: [f64; 3]) -> [f64; 3] {
@@ -181,6 +189,31 @@ impl GridSpace {
             waiting[first..].sort_by(|a, b| a.0.total_cmp(&b.0));
         }
         if best.is_finite() { best } else { root.0 }
+    }
+}
+
+/// [`GridSpace::normals_to_world`] for any lanes: the operations of one normal, in their order.
+struct NormalsToWorld<'a> {
+    rows: &'a [[f64; 3]; 3],
+    divisor: [f64; 3],
+    normals: &'a mut [[f64; RAYS]; 3],
+}
+
+impl Kernel for NormalsToWorld<'_> {
+    type Output = ();
+
+    // A loop over arrays: it is vectorised for the form that runs it.
+    #[inline(always)]
+    fn run(self, _: impl Lanes) {
+        let Self { rows: [x, y, z], divisor, normals: [n_x, n_y, n_z] } = self;
+        for i in 0..RAYS {
+            let n = [n_x[i] / divisor[0], n_y[i] / divisor[1], n_z[i] / divisor[2]];
+            let turned = |r: &[f64; 3]| r[0] * n[0] + r[1] * n[1] + r[2] * n[2];
+            let world = [turned(x), turned(y), turned(z)];
+            let length = (world[0] * world[0] + world[1] * world[1] + world[2] * world[2]).sqrt();
+            let by = if length > 0.0 { length } else { 1.0 };
+            (n_x[i], n_y[i], n_z[i]) = (world[0] / by, world[1] / by, world[2] / by);
+        }
     }
 }
 

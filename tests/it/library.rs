@@ -262,6 +262,18 @@ fn image([columns, rows]: [u32; 2], eye: [f64; 3], is_parallel: bool) -> (Vec<[f
         .unzip()
 }
 
+/// A scanner's rays, by ring or by azimuth.
+fn fan(columns: u32, rows: u32, by_ring: bool) -> (Vec<[f64; 3]>, Vec<[f64; 3]>) {
+    let eye = sheared().apply([18.0, -40.0, 22.0]);
+    let line = |i: u32| {
+        let at = [f64::from(i % columns), f64::from(i / columns)];
+        let (turn, up) = if by_ring { (at[0], at[1]) } else { (at[1], at[0]) };
+        let (turn, up) = (turn * 0.01 + 1.0, up * 0.08 - 0.3);
+        (eye, [turn.cos() * up.cos(), turn.sin() * up.cos(), up.sin()])
+    };
+    (0..columns * rows).map(line).unzip()
+}
+
 #[test]
 fn many_rays_meet_what_each_of_them_meets() {
     let mut random = Random(2026);
@@ -272,6 +284,9 @@ fn many_rays_meet_what_each_of_them_meets() {
         image([33, 9], [12.0, 10.0, 8.0], false),
         image([50, 50], [30.0, 80.0, -40.0], true),
         image([200, 7], [30.0, 80.0, -40.0], true),
+        fan(100, 9, true),
+        fan(9, 100, false),
+        fan(130, 1, true),
     ];
     let scattered = origins.len();
     for (from, along) in &sets {

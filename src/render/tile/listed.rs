@@ -6,7 +6,8 @@
 //! them within the grid is measured and added to the tile's slack; above [`MAX_OFF`] cells the rays go another way.
 //! Estimates only: what is hit is decided by the exact rays, as always.
 
-use crate::cpu::Lanes;
+use crate::cpu::{DOUBLES, Form, Kernel, Lanes, Truths};
+use crate::geom::Affine;
 use crate::render::ray::{BadRay, Ray};
 use crate::render::sight::{MAX_CELLS, Pencil, Row, Sight, quantised};
 use crate::render::space::GridSpace;
@@ -16,13 +17,8 @@ use super::beam::{RAYS, SURELY_MOVES, TILE};
 /// How far a line may be from its estimate, in cells: a tile at this takes about 1.3 times as long as one at 0.
 pub(super) const MAX_OFF: f64 = 0.02;
 
-/// How many times as far as from the first ray to the second is to the first ray of the next row, at least.
-const JUMP: f64 = 4.0;
-
-/// A step from a ray to the next may be this part of the numbers that it is between: their rounding.
-const ROUNDING: f64 = 1e-9;
-
-/// 64 rays in grid space, in rows of eight.
+/// 64 rays in grid space, in rows of eight. Those of a line, or of a column, are affine in the row and the place in it,
+/// too.
 #[derive(Clone, Debug)]
 pub(crate) struct Listed {
     depth: u32,
@@ -39,7 +35,7 @@ pub(super) trait Source: Copy {
     fn depth(self) -> u32;
 
     /// The rays as affine functions of the pixel counted from the tile's corner, where they are that nearly.
-    fn pencil(self, corner: (usize, usize)) -> Option<Pencil>;
+    fn pencil<L: Lanes>(self, l: L, corner: (usize, usize)) -> Option<Pencil>;
 
     /// A row of the tile's rays.
     fn row<L: Lanes>(self, l: L, corner: (usize, usize), row: usize) -> Row<L>;
@@ -57,7 +53,7 @@ impl Source for &Sight<'_> {
     }
 
     #[inline(always)]
-    fn pencil(self, corner: (usize, usize)) -> Option<Pencil> {
+    fn pencil<L: Lanes>(self, _: L, corner: (usize, usize)) -> Option<Pencil> {
         Sight::pencil(self, corner)
     }
 
@@ -80,8 +76,9 @@ impl Source for &Listed {
         self.depth
     }
 
-    fn pencil(self, _: (usize, usize)) -> Option<Pencil> {
-        self.fitted()
+    #[inline(always)]
+    fn pencil<L: Lanes>(self, l: L, _: (usize, usize)) -> Option<Pencil> {
+        self.fitted(l)
     }
 
     #[inline(always)]
@@ -104,130 +101,178 @@ impl Listed {
         Self { depth, origin: [[0.0; RAYS]; 3], direction: [[0.0; RAYS]; 3] }
     }
 
-    /// Takes the rays of a tile, origin and direction in the world.
+    /// Takes the rays of a tile: their lines in the world are those of `numbers`.
     ///
     /// # Errors
     /// Some ray is refused.
-    #[inline]
     pub(crate) fn fill(
         &mut self,
+        form: Form,
         space: &GridSpace,
-        lines: impl Fn(usize) -> ([f64; 3], [f64; 3]),
+        lines: (&[[f64; 3]], &[[f64; 3]]),
+        numbers: impl Fn(usize) -> usize,
     ) -> Result<(), BadRay> {
-        let matrix = space.world_to_grid();
-        let (mut sum, mut null) = (0.0, false);
-        for ray in 0..RAYS {
-            let (origin, direction) = lines(ray);
-            let (origin, direction) = (matrix.apply(origin), matrix.apply_vector(direction));
-            let mut size = 0.0;
-            for a in 0..3 {
-                (self.origin[a][ray], self.direction[a][ray]) = (origin[a], direction[a]);
-                sum += (origin[a] + direction[a]) * 0.0;
-                size += direction[a].abs();
-            }
-            null |= size == 0.0;
-        }
-        // 0 times NaN or infinity is NaN.
-        if sum != 0.0 {
-            return Err(BadRay::NotFinite);
-        }
-        if null { Err(BadRay::NoDirection) } else { Ok(()) }
+        form.run(Fill { listed: self, matrix: space.world_to_grid(), lines, numbers })
     }
 
     /// The affine functions that fit best, if they fit.
-    fn fitted(&self) -> Option<Pencil> {
-        let mean = each3!(A => self.direction[A].iter().sum::<f64>());
+    #[inline(always)]
+    fn fitted<L: Lanes>(&self, l: L) -> Option<Pencil> {
+        let mean = each3!(A => {
+            let rows = self.direction[A].as_chunks::<DOUBLES>().0;
+            l.d(sum(l, rows.iter().fold(l.d(0.0), |sum, row| sum + l.d_load(row))))
+        });
         let mut part = [0.0; RAYS];
-        let mut least = f64::MAX;
-        for (ray, part) in part.iter_mut().enumerate() {
-            let along = (0..3).fold(0.0, |sum, a| sum + self.direction[a][ray] * mean[a]);
-            *part = 1.0 / along;
-            least = if along < least { along } else { least };
+        let (mut least, mut farthest) = (l.d(f64::MAX), l.d(0.0));
+        for row in 0..TILE {
+            let d = each3!(A => l.d_load(&self.direction[A].as_chunks().0[row]));
+            let along = d[0] * mean[0] + d[1] * mean[1] + d[2] * mean[2];
+            least = l.d_choose(l.d_lt(along, least), along, least);
+            l.d_store(l.d(1.0) / along, &mut part.as_chunks_mut().0[row]);
+            for origin in &self.origin {
+                farthest = larger(l, farthest, l.d_abs(l.d_load(&origin.as_chunks().0[row])));
+            }
         }
-        let is_far = self.origin.iter().flatten().any(|o| o.abs() > MAX_CELLS);
-        let all_ahead = least > 0.0;
+        let is_far = (l.d_lt(l.d(MAX_CELLS), farthest)).bits() & 0xff != 0;
+        let all_ahead = l.d_lt(l.d(0.0), least).bits() & 0xff == 0xff;
         if is_far || !all_ahead {
             return None;
         }
         let (mut origin, mut direction, mut off) = ([[0.0; 3]; 3], [[0.0; 3]; 3], [[0.0; 3]; 2]);
-        let mut scaled = [0.0; RAYS];
+        let mut scaled = [[0.0; RAYS]; 3];
         for a in 0..3 {
-            for (scaled, (direction, part)) in scaled.iter_mut().zip(self.direction[a].iter().zip(&part)) {
-                *scaled = direction * part;
+            for row in 0..TILE {
+                let at = l.d_load(&self.direction[a].as_chunks().0[row]) * l.d_load(&part.as_chunks().0[row]);
+                l.d_store(at, &mut scaled[a].as_chunks_mut().0[row]);
             }
-            (direction[0][a], direction[1][a], direction[2][a], off[1][a]) = fitted(&scaled);
-            (origin[0][a], origin[1][a], origin[2][a], off[0][a]) = fitted(&self.origin[a]);
+            (direction[0][a], direction[1][a], direction[2][a], off[1][a]) = fitted(l, &scaled[a]);
+            (origin[0][a], origin[1][a], origin[2][a], off[0][a]) = fitted(l, &self.origin[a]);
         }
         let pencil = Pencil { origin, direction, off: Some(off) };
-        self.moves_alike(&part).then_some(pencil)
+        move_alike(l, &scaled).then_some(pencil)
     }
+}
 
-    /// Does every axis have all rays run along it one way, or none at all? Beams rest on that.
-    fn moves_alike(&self, part: &[f64; RAYS]) -> bool {
-        let size =
-            |ray: usize| (0..3).fold(0.0_f64, |m, a| m.max((self.direction[a][ray] * part[ray]).abs()));
-        let longest = (0..RAYS).fold(0.0_f64, |m, ray| m.max(size(ray)));
-        self.direction.iter().all(|direction| {
-            let (mut low, mut high, mut nearest) = (f64::MAX, f64::MIN, f64::MAX);
-            for (direction, part) in direction.iter().zip(part) {
-                let d = direction * part;
-                (low, high, nearest) = (low.min(d), high.max(d), nearest.min(d.abs()));
+/// [`Listed::fill`] for any lanes.
+struct Fill<'a, F> {
+    listed: &'a mut Listed,
+    matrix: &'a Affine,
+    lines: (&'a [[f64; 3]], &'a [[f64; 3]]),
+    numbers: F,
+}
+
+impl<F: Fn(usize) -> usize> Kernel for Fill<'_, F> {
+    type Output = Result<(), BadRay>;
+
+    #[inline(always)]
+    fn run(self, l: impl Lanes) -> Result<(), BadRay> {
+        let Self { listed, matrix, lines, numbers } = self;
+        let (mut sum, zero) = (l.d(0.0), l.d(0.0));
+        let mut null = l.d_lt(zero, zero);
+        for row in 0..TILE {
+            let (mut from, mut along) = ([[0.0; DOUBLES]; 3], [[0.0; DOUBLES]; 3]);
+            for i in 0..TILE {
+                let number = numbers(row * TILE + i);
+                let (origin, direction) = (&lines.0[number], &lines.1[number]);
+                for a in 0..3 {
+                    (from[a][i], along[a][i]) = (origin[a], direction[a]);
+                }
             }
-            let is_still = low == 0.0 && high == 0.0;
-            is_still || (low * high > 0.0 && nearest > 2.0 * SURELY_MOVES * longest)
-        })
+            let (from, along) = (each3!(A => l.d_load(&from[A])), each3!(A => l.d_load(&along[A])));
+            let mut size = zero;
+            for a in 0..3 {
+                // The operations of `Affine::apply`, in its order.
+                let r = matrix.rows[a];
+                let turned = |v: [_; 3]| l.d(r[0]) * v[0] + l.d(r[1]) * v[1] + l.d(r[2]) * v[2];
+                let (origin, direction) = (turned(from) + l.d(r[3]), turned(along));
+                l.d_store(origin, &mut listed.origin[a].as_chunks_mut().0[row]);
+                l.d_store(direction, &mut listed.direction[a].as_chunks_mut().0[row]);
+                sum = sum + (origin + direction) * zero;
+                size = size + l.d_abs(direction);
+            }
+            null = null | l.d_eq(size, zero);
+        }
+        // 0 times NaN or infinity is NaN.
+        if l.d_eq(sum, zero).bits() & 0xff != 0xff {
+            return Err(BadRay::NotFinite);
+        }
+        if null.bits() & 0xff != 0 { Err(BadRay::NoDirection) } else { Ok(()) }
     }
+}
+
+#[inline(always)]
+fn larger<L: Lanes>(l: L, one: L::D, other: L::D) -> L::D {
+    l.d_choose(l.d_lt(one, other), other, one)
+}
+
+/// Sum of all lanes.
+#[inline(always)]
+fn sum<L: Lanes>(l: L, values: L::D) -> f64 {
+    let mut lanes = [0.0; DOUBLES];
+    l.d_store(values, &mut lanes);
+    lanes.iter().sum()
+}
+
+/// Greatest of all lanes.
+#[inline(always)]
+fn greatest<L: Lanes>(l: L, values: L::D) -> f64 {
+    let mut lanes = [0.0; DOUBLES];
+    l.d_store(values, &mut lanes);
+    lanes.into_iter().fold(f64::MIN, f64::max)
+}
+
+/// True if every axis has all rays run along it one way, or none at all. Beams rest on that.
+#[inline(always)]
+fn move_alike<L: Lanes>(l: L, directions: &[[f64; RAYS]; 3]) -> bool {
+    let (mut longest, mut ranges) = (0.0_f64, [[0.0; 3]; 3]);
+    for (direction, range) in directions.iter().zip(&mut ranges) {
+        let lowest = l.d(f64::MIN);
+        let (mut low, mut high, mut near) = (lowest, lowest, lowest);
+        for row in direction.as_chunks().0 {
+            let d = l.d_load(row);
+            (low, high) = (larger(l, low, l.d(0.0) - d), larger(l, high, d));
+            near = larger(l, near, l.d(0.0) - l.d_abs(d));
+        }
+        *range = [-greatest(l, low), greatest(l, high), -greatest(l, near)];
+        longest = longest.max(range[0].abs()).max(range[1].abs());
+    }
+    ranges.iter().all(|[low, high, nearest]| {
+        let is_still = *low == 0.0 && *high == 0.0;
+        is_still || (low * high > 0.0 && *nearest > 2.0 * SURELY_MOVES * longest)
+    })
 }
 
 /// The affine function of the pixel that fits best by least squares, as its value at pixel (0, 0) and its changes with x
 /// and y; and how far it is off at most.
-fn fitted(values: &[f64; RAYS]) -> (f64, f64, f64, f64) {
+#[inline(always)]
+fn fitted<L: Lanes>(l: L, values: &[f64; RAYS]) -> (f64, f64, f64, f64) {
     /// Sum of squares of a pixel's distance from the tile's middle along an axis, over the tile.
     const SQUARES: f64 = 336.0;
-    let middle = (TILE - 1) as f64 / 2.0;
-    let (mut sum, mut x_sum, mut y_sum) = (0.0, 0.0, 0.0);
-    for (row, values) in values.as_chunks::<TILE>().0.iter().enumerate() {
-        for (column, value) in values.iter().enumerate() {
-            sum += value;
-            x_sum += (column as f64 - middle) * value;
-            y_sum += (row as f64 - middle) * value;
-        }
+    const MIDDLE: f64 = (TILE - 1) as f64 / 2.0;
+    const COLUMN: [f64; DOUBLES] = [0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0];
+    let rows = values.as_chunks::<DOUBLES>().0;
+    let column = l.d_load(&COLUMN);
+    let (mut columns, mut y_sum) = (l.d(0.0), l.d(0.0));
+    for (row, values) in rows.iter().enumerate() {
+        let values = l.d_load(values);
+        columns = columns + values;
+        y_sum = y_sum + l.d(row as f64 - MIDDLE) * values;
     }
-    let (x, y) = (x_sum / SQUARES, y_sum / SQUARES);
-    let first = sum / RAYS as f64 - middle * (x + y);
-    let mut off = 0.0_f64;
-    for (row, values) in values.as_chunks::<TILE>().0.iter().enumerate() {
-        for (column, value) in values.iter().enumerate() {
-            off = off.max((first + column as f64 * x + row as f64 * y - value).abs());
-        }
+    let x = sum(l, (column - l.d(MIDDLE)) * columns) / SQUARES;
+    let y = sum(l, y_sum) / SQUARES;
+    let first = sum(l, columns) / RAYS as f64 - MIDDLE * (x + y);
+    let (mut off, along) = (l.d(0.0), l.d(first) + column * l.d(x));
+    for (row, values) in rows.iter().enumerate() {
+        off = larger(l, off, l.d_abs(along + l.d(row as f64 * y) - l.d_load(values)));
     }
-    (first, x, y, off)
-}
-
-/// Rays of a row, if an array looks as if it were an image's: there directions or origins jump first.
-pub(crate) fn row_of(origins: &[[f64; 3]], directions: &[[f64; 3]]) -> Option<usize> {
-    let step = |lines: &[[f64; 3]], at: usize| -> Option<(f64, f64)> {
-        let (before, here) = (lines.get(at - 1)?, lines.get(at)?);
-        let far = (0..3).fold(0.0_f64, |m, a| m.max((here[a] - before[a]).abs()));
-        let size = (0..3).fold(0.0_f64, |m, a| m.max(here[a].abs()));
-        Some((far, size * ROUNDING))
-    };
-    let (origin, direction) = (step(origins, 1)?, step(directions, 1)?);
-    let jumps = |(far, rounding): (f64, f64), first: (f64, f64)| far > JUMP * first.0 + rounding;
-    let mut at = 2;
-    loop {
-        if jumps(step(origins, at)?, origin) || jumps(step(directions, at)?, direction) {
-            return Some(at);
-        }
-        at += 1;
-    }
+    (first, x, y, greatest(l, off))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::Form;
-    use crate::geom::{Affine, Dims};
+    use crate::cpu::Portable;
+    use crate::geom::Dims;
     use crate::memory_tree::MemoryTree;
     use crate::render::surface::Skin;
     use crate::render::tile::Tracer;
@@ -236,11 +281,11 @@ mod tests {
     fn an_affine_function_is_fitted_and_what_is_left_is_measured() {
         let mut values: [f64; RAYS] =
             std::array::from_fn(|i| 3.0 + (i % 8) as f64 * 0.5 - (i / 8) as f64 * 2.0);
-        let (first, x, y, off) = fitted(&values);
+        let (first, x, y, off) = fitted(Portable, &values);
         assert!((first - 3.0).abs() < 1e-12 && (x - 0.5).abs() < 1e-12 && (y + 2.0).abs() < 1e-12);
         assert!(off < 1e-12);
         values[20] += 1.0;
-        assert!(fitted(&values).3 > 0.9);
+        assert!(fitted(Portable, &values).3 > 0.9);
     }
 
     #[test]
@@ -255,28 +300,13 @@ mod tests {
                 let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
                 ([20.0 + if ray == 9 { moved } else { 0.0 }, 15.0, -50.0], d.map(|c| c / length))
             };
-            listed.fill(&space, line).unwrap();
+            let (origins, directions): (Vec<_>, Vec<_>) = (0..RAYS).map(line).unzip();
             for form in Form::available() {
+                listed.fill(form, &space, (&origins, &directions), |ray| ray).unwrap();
                 let mut tracer = Tracer::new(form);
                 let (hits, rest) = tracer.trace_listed(&tree.view(), &Skin, &listed, asked);
                 assert_eq!((rest, hits.bits() == 0), (left, left != 0), "{form:?}");
             }
         }
-    }
-
-    #[test]
-    fn rows_end_where_lines_jump() {
-        let pinhole = |i: usize| {
-            let d = [(i % 20) as f64 - 9.5, (i / 20) as f64 - 5.0, 30.0];
-            let length = d.iter().map(|c| c * c).sum::<f64>().sqrt();
-            d.map(|c| c / length)
-        };
-        let directions: Vec<_> = (0..200).map(pinhole).collect();
-        let (here, ahead) = (vec![[1.0, 2.0, 3.0]; 200], vec![[0.0, 0.0, 1.0]; 200]);
-        assert_eq!(row_of(&here, &directions), Some(20));
-        let origins: Vec<_> = (0..200).map(|i| [f64::from(i % 25), f64::from(i / 25), 0.0]).collect();
-        assert_eq!(row_of(&origins, &ahead), Some(25));
-        assert_eq!(row_of(&here, &ahead), None);
-        assert_eq!(row_of(&[], &[]), None);
     }
 }

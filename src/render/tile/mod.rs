@@ -73,6 +73,7 @@
 mod beam;
 mod exact;
 mod larger;
+mod layout;
 mod listed;
 mod planes;
 mod prove;
@@ -87,7 +88,8 @@ use super::traverse::Hit;
 use crate::cpu::Form;
 
 pub use beam::{RAYS, TILE};
-pub(crate) use listed::{Listed, row_of};
+pub(crate) use layout::Layout;
+pub(crate) use listed::Listed;
 
 /// Which rays to trace, and how far down.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -266,6 +268,11 @@ impl Tracer {
             pairs: planes::Pairs::new(),
             hits: TileHits::new(),
         }
+    }
+
+    /// Its form.
+    pub(crate) fn form(&self) -> Form {
+        self.form
     }
 
     /// First hits of a tile's rays: those of [`super::traverse::first_hit_sealed`], for every form.

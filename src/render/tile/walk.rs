@@ -48,7 +48,7 @@ impl<S: Surface, R: Source> Kernel for Walk<'_, S, R> {
         let depth = self.source.depth().min(MAX_DEPTH);
         let unit = self.tile.lod_edge_log2.min(depth);
         let beam = (depth > unit)
-            .then(|| self.source.pencil(self.tile.corner))
+            .then(|| self.source.pencil(lanes, self.tile.corner))
             .flatten()
             .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
         let alone = match beam {
