@@ -10,7 +10,7 @@ use infobyte::text::call;
 use tempfile::TempDir;
 
 use crate::failure::{Dash, Failure, Refusal, Written};
-use crate::platform::link_to_open;
+use crate::platform::hidden_file;
 
 /// Standard input or output, where the name of a file is expected.
 pub(crate) fn is_dash(path: &Path) -> bool {
@@ -37,11 +37,10 @@ impl Input {
             return Ok(Self { path: named.to_path_buf(), _spooled: None });
         }
         let failed = |cause| Error::Output { path: folder.to_path_buf(), cause };
-        let mut file = tempfile::tempfile_in(folder).map_err(failed)?;
-        io::copy(&mut io::stdin().lock(), &mut file).map_err(failed)?;
         let link = tempfile::tempdir_in(folder).map_err(failed)?;
         let path = link.path().join("standard input");
-        link_to_open(&file, &path).map_err(failed)?;
+        let mut file = hidden_file(&path, folder).map_err(failed)?;
+        io::copy(&mut io::stdin().lock(), &mut file).map_err(failed)?;
         call(path.clone(), "standard input");
         Ok(Self { path, _spooled: Some((file, link)) })
     }

@@ -152,8 +152,21 @@ fn is_final(cause: &io::Error) -> bool {
     )
 }
 
+/// A file with a name that [`sweep`] knows.
 fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
-    tempfile::Builder::new().prefix(".oct-").permissions(platform::new_file_permissions()).tempfile_in(folder)
+    loop {
+        let name = temporary_name();
+        let mut builder = tempfile::Builder::new();
+        builder.prefix(&name).rand_bytes(0);
+        if let Some(permissions) = platform::new_file_permissions() {
+            builder.permissions(permissions);
+        }
+        match builder.tempfile_in(folder) {
+            // Left behind by a process of the same number.
+            Err(cause) if cause.kind() == io::ErrorKind::AlreadyExists => {}
+            made => return made,
+        }
+    }
 }
 
 /// Removes what processes that were killed in the one moment of replacing a file have left in `folder`: a

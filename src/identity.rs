@@ -13,7 +13,7 @@ use crate::platform::{changed, file_id};
 pub(crate) fn file_identity(path: &Path) -> u64 {
     let mut hash = DefaultHasher::new();
     if let Ok(meta) = fs::metadata(path) {
-        (meta.len(), changed(&meta), file_id(&meta)).hash(&mut hash);
+        (meta.len(), changed(&meta), file_id(path).ok()).hash(&mut hash);
     }
     hash.finish()
 }

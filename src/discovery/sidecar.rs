@@ -282,6 +282,7 @@ mod tests {
     use crate::source::{Finding, OpenOptions};
     use crate::volume::{Endian, ScalarType};
 
+    #[cfg(unix)]
     #[test]
     fn a_pipe_is_no_side_car() {
         let folder = tempfile::tempdir().unwrap();

@@ -59,7 +59,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
                 continue;
             }
             let entries = fs::read_dir(input).map_err(unreadable)?;
-            let mut way = WalkState { follow, entered: vec![file_id(&meta)] };
+            let mut way = WalkState { follow, entered: vec![file_id(input).map_err(unreadable)?] };
             folder(at, entries, Path::new(""), depth, &mut way, visitor)?;
         } else if meta.is_file() {
             visitor.file(at, Path::new(""), &meta)?;
@@ -107,7 +107,7 @@ fn folder(
         let path = prefix.join(&name);
         let Ok(kind) = entry.file_type() else { continue };
         let linked = kind.is_symlink().then(|| fs::metadata(entry.path()).ok()).flatten();
-        let linked = linked.filter(Metadata::is_dir).map(|meta| file_id(&meta));
+        let linked = linked.filter(Metadata::is_dir).and_then(|_| file_id(&entry.path()).ok());
         if linked.is_some_and(|folder| !way.follow || way.entered.contains(&folder)) {
             visitor.not_entered(&path, NotVolume::LinkedFolder);
         } else if kind.is_dir() || linked.is_some() {
@@ -118,7 +118,7 @@ fn folder(
             } else if !visitor.takes_folder(input, &path)? {
                 match fs::read_dir(entry.path()) {
                     Ok(inside) => {
-                        let own = fs::metadata(entry.path()).map(|meta| file_id(&meta));
+                        let own = file_id(&entry.path());
                         way.entered.push(own.unwrap_or_default());
                         folder(input, inside, &path, depth - 1, way, visitor)?;
                         way.entered.pop();

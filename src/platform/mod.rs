@@ -12,13 +12,17 @@
 //! | `resident` | resident memory given back |
 //! | `torn` | mappings whose file is cut short while they are read, in Python |
 
-#[cfg(not(target_os = "linux"))]
+#[cfg(not(any(target_os = "linux", windows)))]
 compile_error!(
-    "infobyte supports Linux so far: another system needs a folder in src/platform with the items of `linux`"
+    "infobyte supports Linux and Windows: another system needs a folder in src/platform with the items of `linux`"
 );
 
 #[cfg(target_os = "linux")]
 mod linux;
+#[cfg(windows)]
+mod windows;
 
 #[cfg(target_os = "linux")]
 pub use linux::*;
+#[cfg(windows)]
+pub use windows::*;

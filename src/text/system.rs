@@ -62,11 +62,11 @@ const RAISE_LIMIT: &str = "too many files are open; raise the limit, for example
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::platform::Errno;
-
+    #[cfg(unix)]
     #[test]
     fn the_cure_fits_the_cause() {
+        use super::*;
+        use crate::platform::Errno;
         let of = |errno: Errno| io::Error::from_raw_os_error(errno.raw_os_error());
         assert!(reading(&of(Errno::MFILE), "as usual").to_string().contains("ulimit"));
         assert_eq!(reading(&of(Errno::NOENT), "as usual").to_string(), "as usual");

@@ -66,19 +66,31 @@ const MESSAGES: &str = "cause error fault message misuse note reason refusal sen
 /// Files that may contain `unsafe`: the mapping, what happens when its file is cut short, and vector instructions with
 /// safe twins.
 const UNSAFE_FILES: &[&str] = &[
-    "bin/platform.rs",
+    "bin/platform/linux.rs",
     "src/builder/lanes.rs",
     "src/cpu/x86.rs",
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/platform/linux/resident.rs",
     "src/platform/linux/torn.rs",
+    "src/platform/windows/files.rs",
+    "src/platform/windows/machine.rs",
+    "src/platform/windows/memory.rs",
     "src/render/pairs_vbmi2.rs",
 ];
 
 /// Where the operating system is seen, and how.
-const PLATFORM: &[&str] = &["src/platform/", "bin/platform.rs"];
-const SYSTEM: &[&str] = &["std::os::", "/proc", "rustix::", "libc::", "signal_hook::", "target_os"];
+const PLATFORM: &[&str] = &["src/platform/", "bin/platform/"];
+const SYSTEM: &[&str] = &[
+    "std::os::",
+    "/proc",
+    "rustix::",
+    "libc::",
+    "signal_hook::",
+    "target_os",
+    "windows_sys::",
+    "cfg(windows",
+];
 
 /// No source file is longer; near 300 is comfortable.
 const MAX_LINES: usize = 800;

@@ -10,7 +10,7 @@ use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use crate::error::Error;
-use crate::platform::{self, file_id};
+use crate::platform::{self, file_id, open_file_id};
 
 /// Name of the file: it begins like the other hidden files of the program, and is hidden from searches.
 const NAME: &str = ".oct-lock";
@@ -76,10 +76,8 @@ impl Drop for FolderLock {
 
 /// Is this the file that has the name, and not one that was removed from it?
 fn is_named(file: &File, path: &Path) -> bool {
-    match (file.metadata(), fs::symlink_metadata(path)) {
-        (Ok(open), Ok(named)) => file_id(&open) == file_id(&named),
-        _ => false,
-    }
+    let is_file = fs::symlink_metadata(path).is_ok_and(|named| named.is_file());
+    is_file && open_file_id(file).is_ok_and(|open| file_id(path).is_ok_and(|named| open == named))
 }
 
 #[cfg(test)]

@@ -20,9 +20,20 @@ pub(crate) use std::os::unix::fs::symlink;
 #[cfg(test)]
 pub(crate) use rustix::io::Errno;
 
-/// Identity of a file regardless of its name: the device and its number there.
-pub(crate) fn file_id(meta: &Metadata) -> (u64, u64) {
-    (meta.dev(), meta.ino())
+/// Identity of an open file regardless of its name: the device and its number there.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn open_file_id(file: &File) -> io::Result<(u64, u64)> {
+    file.metadata().map(|meta| (meta.dev(), meta.ino()))
+}
+
+/// Identity of a file or folder that a path leads to.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn file_id(path: &Path) -> io::Result<(u64, u64)> {
+    std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()))
 }
 
 /// When a file's bytes were changed: seconds and nanoseconds.
@@ -50,9 +61,9 @@ pub(crate) fn open_file(path: &Path) -> io::Result<File> {
     Ok(file)
 }
 
-/// Permissions of a new file for the owner, the group and others, before the process's mask.
-pub(crate) fn new_file_permissions() -> Permissions {
-    Permissions::from_mode(0o666)
+/// Permissions of a new file for the owner, the group and others, before the process's mask; `None` where there are none.
+pub(crate) fn new_file_permissions() -> Option<Permissions> {
+    Some(Permissions::from_mode(0o666))
 }
 
 /// A file in `folder` that has no name yet, for [`give_name`]; gone with its last descriptor, even when the process

@@ -202,7 +202,7 @@ pub(crate) fn frames_of(file: &[u8]) -> Result<Vec<Vec<u8>>, String> {
 
 /// Samples of 16 bits.
 pub(crate) fn words(bytes: &[u8]) -> Vec<u16> {
-    bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned).collect()
+    bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned::<u16>).collect()
 }
 
 pub(crate) fn geometry_of(file: &[u8]) -> Result<Vec<FrameGeometry>, ScanError> {

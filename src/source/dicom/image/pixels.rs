@@ -416,7 +416,7 @@ mod tests {
         let padding = background.and_then(|b| layout.padding(PaddingAttributes::of(header), b, 1.0, 0.0));
         let mut bytes: Vec<u8> = raw.iter().flat_map(|v| v.to_le_bytes()).collect();
         layout.decode_padded(&mut bytes, padding);
-        bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned).collect()
+        bytes.chunks_exact(2).map(bytemuck::pod_read_unaligned::<u16>).collect()
     }
 
     #[test]

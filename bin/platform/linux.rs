@@ -1,4 +1,4 @@
-//! All of the command that depends on the operating system: signals, and links to open files.
+//! Linux.
 //!
 //! A mapped file that is cut short is one sentence and the exit code of its kind, instead of a process that is gone.
 //! Reading a page of a mapping that the file does not reach any more raises SIGBUS. There is no way back into the
@@ -24,9 +24,11 @@ pub(crate) fn report_size_limits() {
     let _ = flag::register(SIGXFSZ, Arc::new(AtomicBool::new(false)));
 }
 
-/// Makes a link at `path` by which this process opens a file that may have no name.
-pub(crate) fn link_to_open(file: &File, path: &Path) -> io::Result<()> {
-    std::os::unix::fs::symlink(format!("/dev/fd/{}", file.as_raw_fd()), path)
+/// Makes a file without a name on the file system of a folder, and a link at `path` by which this process opens it.
+pub(crate) fn hidden_file(path: &Path, folder: &Path) -> io::Result<File> {
+    let file = tempfile::tempfile_in(folder)?;
+    std::os::unix::fs::symlink(format!("/dev/fd/{}", file.as_raw_fd()), path)?;
+    Ok(file)
 }
 
 /// Sees to it that a bus error ends the process with a sentence about the file at `path`, which is about to be

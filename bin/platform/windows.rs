@@ -1,0 +1,27 @@
+//! Windows.
+
+use std::fs::File;
+use std::io;
+use std::path::Path;
+
+/// Nothing to do: writing past a limit is an error here.
+pub(crate) fn report_size_limits() {}
+
+/// Nothing to do: the system refuses to cut a file that is mapped.
+pub(crate) fn tell_of(_: &Path, _: bool) {}
+
+/// Makes a file at `path`, which lies in a temporary folder.
+pub(crate) fn hidden_file(path: &Path, _: &Path) -> io::Result<File> {
+    File::create_new(path)
+}
+
+/// Shows an address in the user's browser; whether that works is not waited for.
+pub(crate) fn open_browser(address: &str) {
+    let quiet = std::process::Stdio::null;
+    let _ = std::process::Command::new("rundll32.exe")
+        .args(["url.dll,FileProtocolHandler", address])
+        .stdin(quiet())
+        .stdout(quiet())
+        .stderr(quiet())
+        .spawn();
+}

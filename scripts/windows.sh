@@ -1,0 +1,140 @@
+#!/usr/bin/env bash
+# Windows, from Linux: type-checks the program, or builds it, runs it under Wine, and compares what it writes with what the
+# Linux program writes, byte for byte.
+#
+#   scripts/windows.sh --check    type-checks library and program; what continuous integration runs
+#   scripts/windows.sh            builds both release programs and compares; some fifteen minutes on two cores
+#   scripts/windows.sh OCT OCT_EXE    compares these two
+#
+# Needs mingw and, to compare, Wine: installed with apt where they are missing and that can be done. INFOBYTE_DATA names a
+# folder of real data for more cases. Wine is no Windows: what passes here was not run there.
+set -euo pipefail
+cd "$(dirname "$0")/.."
+target=x86_64-pc-windows-gnu
+
+needs() {
+    command -v "$1" >/dev/null && return
+    local as_root=()
+    [ "$(id -u)" = 0 ] || as_root=(sudo)
+    "${as_root[@]}" apt-get update -qq
+    DEBIAN_FRONTEND=noninteractive "${as_root[@]}" apt-get install -y -qq --no-install-recommends "${@:2}" >/dev/null
+}
+
+if [ $# != 2 ]; then
+    if ! { needs x86_64-w64-mingw32-g++ gcc-mingw-w64-x86-64 g++-mingw-w64-x86-64 &&
+        { rustup target list --installed | grep -qx $target || rustup target add $target; }; }; then
+        echo "windows: skipped: mingw, or the target $target, cannot be installed"
+        exit 0
+    fi
+fi
+if [ "${1:-}" = --check ]; then
+    exec cargo check --locked --lib --bins --target $target
+fi
+if [ $# = 2 ]; then
+    oct=$(realpath "$1") exe=$(realpath "$2")
+else
+    cargo build --locked --release
+    cargo build --locked --release --bin oct --target $target
+    folder=$(realpath "${CARGO_TARGET_DIR:-target}")
+    oct=$folder/release/oct exe=$folder/$target/release/oct.exe
+fi
+needs wine wine wine64
+
+work=$(mktemp -d)
+export WINEPREFIX=$work/prefix WINEDEBUG=-all
+# Its server is that of this prefix alone.
+trap 'wineserver -k 2>/dev/null || true; wineserver -w 2>/dev/null || true; rm -rf "$work"' EXIT
+cp "$exe" "$work/oct.exe"
+if ! wine "$work/oct.exe" --version >/dev/null 2>&1; then
+    # Wine before 9 lacks the library from which the standard library takes random numbers.
+    cat >"$work/random.c" <<'RANDOM_NUMBERS'
+#include <windows.h>
+BOOLEAN NTAPI SystemFunction036(PVOID, ULONG);
+__declspec(dllexport) BOOL WINAPI ProcessPrng(PBYTE to, SIZE_T bytes) { return SystemFunction036(to, (ULONG)bytes); }
+RANDOM_NUMBERS
+    x86_64-w64-mingw32-gcc -O1 -shared -o "$work/bcryptprimitives.dll" "$work/random.c" -ladvapi32
+fi
+wine "$work/oct.exe" --version
+
+fixtures=$(realpath fixtures)
+data=${INFOBYTE_DATA:-}
+mkdir "$work/linux" "$work/wine"
+cases=0
+# A command on each system, in a folder of its own, and the exit code that is due.
+ends_with() {
+    local due=$1 on_linux=0 on_wine=0
+    shift
+    (cd "$work/linux" && "$oct" "$@" >"$work/said.linux" 2>&1) || on_linux=$?
+    (cd "$work/wine" && wine "$work/oct.exe" "$@" >"$work/said.wine" 2>&1) || on_wine=$?
+    cases=$((cases + 1))
+    if [ "$on_linux" != "$due" ] || [ "$on_wine" != "$due" ]; then
+        echo "windows: exit code $on_wine, $on_linux on Linux, where $due is due: oct $*"
+        tail -n 3 "$work/said.linux" "$work/said.wine"
+        exit 1
+    fi
+}
+both() { ends_with 0 "$@"; }
+
+both demo --size 64 -o head.oct --quiet --memory 64MiB
+both demo --size 48 --write-raw head.raw
+both build head.raw -o raw.oct --dims 48x48x48 --dtype i16 --iso 400 --quiet
+both build synthetic:gyroid@48 -o cells.oct --quiet
+both build synthetic:gyroid@48 -o leaves.oct --error 0.1 --quiet
+both build synthetic:head@64 -o skin.oct --surface skin --channels normal,value --quiet
+both build "$fixtures/csg/bracket.csg" -o bracket.oct --grid 64 --quiet
+both build synthetic:head@64 -o noisy.oct --uncertainty --memory 48MiB --threads 1 --quiet
+for model in cells leaves skin; do
+    both pack $model.oct -o $model.packed.oct
+    both unpack $model.packed.oct -o $model.unpacked.oct
+    both verify $model.packed.oct
+    both render $model.oct -o $model.png --size 96 --view iso
+    for form in stl ply obj glb 3mf nrrd nii.gz html; do
+        both export $model.oct -o $model.$form
+    done
+done
+both build cells.stl -o stl.oct --grid 64 --quiet
+both build cells.glb -o glb.oct --grid 64 --quiet
+both build cells.3mf -o threemf.oct --grid 64 --quiet
+both build skin.nrrd -o nrrd.oct --quiet
+both build skin.nii.gz -o nifti.oct --labels all --quiet
+both strip skin.oct -o stripped.oct --channels normal --levels 1
+both render skin.oct -o shaded.png --size 96 --projection perspective --shading ao --background steelblue
+both render cells.oct -o section.png --size 96 --section z=20
+both render cells.oct -o turn.gif --size 64 --turntable 4
+both thumbnail skin.packed.oct -o thumb.png
+both compare cells.oct cells.stl -o deviation.oct --csv deviation.csv
+both render deviation.oct -o deviation.png --size 96 --legend
+both thickness cells.oct --csv thickness.csv
+both pores bracket.oct --csv pores.csv
+both plan synthetic:head@64 --parts 2 --out job --iso 400
+both part job/plan.json 0
+both part job/plan.json 1
+both merge job/plan.json -o merged.oct
+ends_with 3 verify absent.oct
+ends_with 3 build absent.nrrd -o never.oct
+ends_with 3 verify "$fixtures/x_cut.oct"
+ends_with 2 build synthetic:head@32 -o m.oct --iso x
+if [ -d "$data" ]; then
+    while read -r name input arguments; do
+        # shellcheck disable=SC2086  # words
+        both build "$data/$input" -o "real-$name.oct" --quiet $arguments
+    done <<REAL
+dicom ct-philips-28
+jpeg2000 ct-j2k-2
+multiframe multiframe
+nifti nifti-iguana
+nrrd nrrd-brain
+labels labels/liver_spine_seg.nrrd --labels all
+gzip labels/totalseg-example.nii.gz --labels all
+REAL
+fi
+
+# Plans and records of parts name folders and times.
+list() { (cd "$work/$1" && find . -type f ! -path './job/*' -print0 | sort -z | xargs -0 sha256sum); }
+list linux >"$work/linux.sums"
+list wine >"$work/wine.sums"
+if ! diff "$work/linux.sums" "$work/wine.sums"; then
+    echo "windows: files differ from Linux's"
+    exit 1
+fi
+echo "windows: $cases commands under Wine, $(wc -l <"$work/linux.sums") files equal to Linux's"

@@ -1,0 +1,226 @@
+//! Files.
+#![expect(unsafe_code, reason = "calls of the system")]
+
+use std::ffi::OsStr;
+use std::fs::{File, Metadata, OpenOptions, Permissions};
+use std::io::{self, IoSliceMut};
+use std::os::windows::ffi::OsStrExt as _;
+use std::os::windows::fs::{FileExt as _, MetadataExt, OpenOptionsExt};
+use std::os::windows::io::AsRawHandle;
+use std::path::Path;
+
+#[cfg(test)]
+pub(crate) use std::os::windows::fs::symlink_file as symlink;
+
+use thiserror::Error;
+use windows_sys::Win32::Foundation::{ERROR_TOO_MANY_OPEN_FILES, HANDLE};
+use windows_sys::Win32::Storage::FileSystem::{
+    BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, FILE_FLAG_OPEN_REPARSE_POINT, FILE_TYPE_DISK,
+    GetDiskFreeSpaceExW, GetFileInformationByHandle, GetFileType, GetFinalPathNameByHandleW,
+};
+
+/// Names as bytes, as Rust encodes them: UTF-8, and lone surrogates in the same way.
+pub(crate) trait OsStrExt {
+    /// Its bytes.
+    fn as_bytes(&self) -> &[u8];
+    /// The name of bytes that [`Self::as_bytes`] gave.
+    fn from_bytes(bytes: &[u8]) -> &Self;
+}
+
+impl OsStrExt for OsStr {
+    fn as_bytes(&self) -> &[u8] {
+        self.as_encoded_bytes()
+    }
+
+    fn from_bytes(bytes: &[u8]) -> &Self {
+        // SAFETY: bytes come from `as_bytes` of the same process, whole or cut at separators, which are ASCII.
+        unsafe { Self::from_encoded_bytes_unchecked(bytes) }
+    }
+}
+
+/// Reading and writing at places of a file. The system moves the file's cursor, too, which nobody may rely on who reads at
+/// places.
+pub(crate) trait FileExt {
+    /// As `pread`.
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize>;
+    /// Fills all bytes.
+    fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()>;
+    /// Writes all bytes.
+    fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()>;
+}
+
+impl FileExt for File {
+    fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        self.seek_read(bytes, offset)
+    }
+
+    fn read_exact_at(&self, mut bytes: &mut [u8], mut offset: u64) -> io::Result<()> {
+        while !bytes.is_empty() {
+            match self.seek_read(bytes, offset) {
+                Ok(0) => return Err(io::ErrorKind::UnexpectedEof.into()),
+                Ok(read) => {
+                    bytes = &mut bytes[read..];
+                    offset += read as u64;
+                }
+                Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
+                Err(cause) => return Err(cause),
+            }
+        }
+        Ok(())
+    }
+
+    fn write_all_at(&self, mut bytes: &[u8], mut offset: u64) -> io::Result<()> {
+        while !bytes.is_empty() {
+            match self.seek_write(bytes, offset) {
+                Ok(0) => return Err(io::ErrorKind::WriteZero.into()),
+                Ok(written) => {
+                    bytes = &bytes[written..];
+                    offset += written as u64;
+                }
+                Err(cause) if cause.kind() == io::ErrorKind::Interrupted => {}
+                Err(cause) => return Err(cause),
+            }
+        }
+        Ok(())
+    }
+}
+
+fn handle(file: &File) -> HANDLE {
+    file.as_raw_handle()
+}
+
+/// Identity of an open file regardless of its name: the volume and its number there.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn open_file_id(file: &File) -> io::Result<(u64, u64)> {
+    // SAFETY: a structure of integers may be zeros; the handle is open, and the pointer is to a value that lives through the
+    // call.
+    let (done, known) = unsafe {
+        let mut known: BY_HANDLE_FILE_INFORMATION = std::mem::zeroed();
+        (GetFileInformationByHandle(handle(file), &raw mut known), known)
+    };
+    if done == 0 {
+        return Err(io::Error::last_os_error());
+    }
+    let number = u64::from(known.nFileIndexHigh) << 32 | u64::from(known.nFileIndexLow);
+    Ok((known.dwVolumeSerialNumber.into(), number))
+}
+
+/// Identity of a file or folder that a path leads to.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn file_id(path: &Path) -> io::Result<(u64, u64)> {
+    open_file_id(&OpenOptions::new().access_mode(0).custom_flags(FILE_FLAG_BACKUP_SEMANTICS).open(path)?)
+}
+
+/// When a file's bytes were changed: seconds and nanoseconds.
+pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
+    /// Ticks of 100 ns in a second, and seconds from 1601 to 1970.
+    const TICKS: i64 = 10_000_000;
+    const TO_1970: i64 = 11_644_473_600;
+    let ticks = meta.last_write_time().cast_signed();
+    (ticks.div_euclid(TICKS) - TO_1970, ticks.rem_euclid(TICKS) * 100)
+}
+
+/// A folder, a pipe or a device where a file is needed; held by an [`io::Error`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
+#[error("it is not a regular file")]
+pub(crate) struct NotRegular;
+
+/// Opens a regular file for reading; a folder, a pipe and a device (`NUL`, `COM1`) are refused.
+///
+/// # Errors
+/// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
+pub(crate) fn open_file(path: &Path) -> io::Result<File> {
+    let refused = || io::Error::new(io::ErrorKind::InvalidInput, NotRegular);
+    if std::fs::metadata(path)?.is_dir() {
+        return Err(refused());
+    }
+    let file = File::open(path)?;
+    // SAFETY: the handle is open.
+    if unsafe { GetFileType(handle(&file)) } != FILE_TYPE_DISK || !file.metadata()?.is_file() {
+        return Err(refused());
+    }
+    Ok(file)
+}
+
+/// Permissions of a new file: those of its folder, by the system.
+pub(crate) fn new_file_permissions() -> Option<Permissions> {
+    None
+}
+
+/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+///
+/// # Errors
+/// Always.
+pub(crate) fn unnamed_file(_: &Path) -> io::Result<File> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+///
+/// # Errors
+/// Always.
+pub(crate) fn give_name(_: &File, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Was it refused by [`open_file`]?
+pub(crate) fn is_not_regular(cause: &io::Error) -> bool {
+    cause.get_ref().is_some_and(|inner| inner.is::<NotRegular>())
+}
+
+/// Opens a file for reading and writing, and makes it where it is missing; a link is opened itself.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn open_itself(path: &Path) -> io::Result<File> {
+    let mut options = OpenOptions::new();
+    options.read(true).write(true).create(true).truncate(false);
+    options.custom_flags(FILE_FLAG_OPEN_REPARSE_POINT).open(path)
+}
+
+/// Reads into several buffers from one place on; returns how much was read.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64) -> io::Result<usize> {
+    let mut all = 0;
+    for part in parts {
+        let read = file.read_at(part, offset + all as u64)?;
+        all += read;
+        if read < part.len() {
+            break;
+        }
+    }
+    Ok(all)
+}
+
+/// Room that the file system of a file has left, in bytes.
+pub(crate) fn free_bytes(file: &File) -> Option<u64> {
+    let mut name = [0_u16; 1 << 10];
+    // SAFETY: the handle is open, and the buffer as long as is said.
+    let length = unsafe { GetFinalPathNameByHandleW(handle(file), name.as_mut_ptr(), 1 << 10, 0) };
+    let name = name.get(..usize::try_from(length).ok()?).filter(|name| !name.is_empty())?;
+    let folder = std::os::windows::ffi::OsStringExt::from_wide(name);
+    let folder: std::ffi::OsString = folder;
+    let wide: Vec<u16> = Path::new(&folder).parent()?.as_os_str().encode_wide().chain([0]).collect();
+    let mut free = 0;
+    // SAFETY: the name ends with a zero; the pointer is to a value that lives through the call, the others may be null.
+    let done = unsafe {
+        GetDiskFreeSpaceExW(wide.as_ptr(), &raw mut free, std::ptr::null_mut(), std::ptr::null_mut())
+    };
+    (done != 0).then_some(free)
+}
+
+/// Most files that this process may have open; `None` without a limit.
+pub(crate) fn open_files_limit() -> Option<u64> {
+    None
+}
+
+/// Was a file refused because too many are open?
+pub(crate) fn is_too_many_open(cause: &io::Error) -> bool {
+    cause.raw_os_error() == Some(ERROR_TOO_MANY_OPEN_FILES.cast_signed())
+}

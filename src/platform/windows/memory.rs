@@ -1,0 +1,78 @@
+//! Memory that the operating system accounts to this process: its working set.
+#![expect(unsafe_code, reason = "calls of the system")]
+
+use windows_sys::Win32::System::Memory::VirtualUnlock;
+use windows_sys::Win32::System::ProcessStatus::{K32GetProcessMemoryInfo, PROCESS_MEMORY_COUNTERS};
+use windows_sys::Win32::System::Threading::{GetCurrentProcess, SetProcessWorkingSetSize};
+
+/// Buffers from this size on are the system's own allocations, which are returned at once.
+pub(crate) const MAPPED_FROM: usize = 128 << 10;
+
+fn counters() -> Option<PROCESS_MEMORY_COUNTERS> {
+    let bytes = u32::try_from(size_of::<PROCESS_MEMORY_COUNTERS>()).ok()?;
+    // SAFETY: a structure of integers may be zeros; its length is said, and it lives through the call.
+    let (done, counters) = unsafe {
+        let mut counters: PROCESS_MEMORY_COUNTERS = std::mem::zeroed();
+        (K32GetProcessMemoryInfo(GetCurrentProcess(), &raw mut counters, bytes), counters)
+    };
+    (done != 0).then_some(counters)
+}
+
+/// Peak working set of this process in bytes; 0 where the system does not tell.
+pub fn peak_rss_bytes() -> u64 {
+    counters().map_or(0, |counters| counters.PeakWorkingSetSize as u64)
+}
+
+/// Present working set of this process in bytes; 0 where the system does not tell.
+pub fn current_rss_bytes() -> u64 {
+    counters().map_or(0, |counters| counters.WorkingSetSize as u64)
+}
+
+/// The same.
+pub(crate) fn resident_bytes() -> u64 {
+    current_rss_bytes()
+}
+
+/// All of it: the system does not tell files' pages apart.
+pub(crate) fn own_rss_bytes() -> u64 {
+    current_rss_bytes()
+}
+
+/// 0: the system does not tell.
+pub(crate) fn file_rss_bytes() -> u64 {
+    0
+}
+
+/// `None`: the system does not tell.
+pub(crate) fn mapped_rss_bytes(_: &[u8]) -> Option<u64> {
+    None
+}
+
+/// Nothing to set: the system's heap returns large buffers by itself.
+pub fn map_large_buffers() {}
+
+/// Takes what is not needed at once out of the working set; what is looked at again comes back from the system's cache.
+///
+/// Cost: some hundred page faults later.
+pub fn give_back() {
+    // SAFETY: the handle is the process's own pseudo handle; both sizes at their greatest ask for this.
+    let _ = unsafe { SetProcessWorkingSetSize(GetCurrentProcess(), usize::MAX, usize::MAX) };
+}
+
+/// Takes all pages of a mapping out of the working set. If the system refuses, the pages stay.
+pub(crate) fn give_back_pages(map: &memmap2::Mmap) {
+    // SAFETY: the range is mapped. To unlock pages that are not locked takes them out of the working set, and fails.
+    let _ = unsafe { VirtualUnlock(map.as_ptr().cast(), map.len()) };
+}
+
+/// A mapping whose file cannot be cut short: the system refuses that while it is mapped.
+#[derive(Debug)]
+pub(crate) struct Watched;
+
+impl Watched {
+    /// Nothing has to be done.
+    #[allow(clippy::unnecessary_wraps, reason = "the same face on every system")]
+    pub(crate) fn new(_: &[u8]) -> Option<Self> {
+        Some(Self)
+    }
+}

@@ -1,0 +1,9 @@
+//! Windows.
+
+mod files;
+mod machine;
+mod memory;
+
+pub(crate) use files::*;
+pub(crate) use machine::*;
+pub use memory::*;
