@@ -23,7 +23,7 @@ use infobyte::export::ExportForm;
 use infobyte::format::Channels;
 use infobyte::geom::Affine;
 
-pub(crate) use compare::{CompareArgs, ThicknessArgs};
+pub(crate) use compare::{CompareArgs, MeasureArgs, ThicknessArgs};
 pub(crate) use parts::{MergeArgs, PartArgs, PlanArgs};
 pub(crate) use picture::{RenderArgs, ThumbnailArgs};
 pub(crate) use volume::{BatchArgs, BuildArgs, BuildCommand, DemoArgs, RawArgs, ScanArgs};

@@ -484,33 +484,35 @@ fn intersect(args: &args::IntersectArgs) -> Result<ExitCode, Failure> {
     Ok(if is_too_near { ExitCode::from(Verdict::DoesNotConform.code()) } else { shown })
 }
 
+/// Checks of a measurement before it begins, and its bars.
+fn begin_measuring(inputs: &[&Path], run: &args::MeasureArgs) -> Result<Bars, Failure> {
+    refuse_dash(inputs.iter().copied(), Dash::AmongFiles)?;
+    refuse_dash(run.output.as_deref(), Dash::Model)?;
+    refuse_dash(run.csv.as_deref(), Dash::Layer)?;
+    check_suffixes(run.output.as_deref(), Written::Model, run.force)?;
+    inputs.iter().take(1).for_each(|input| platform::tell_of(input, run.json));
+    Ok(Bars::new(run.json || run.quiet))
+}
+
 fn compare(args: &args::CompareArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.actual.as_path(), args.nominal.as_path()], Dash::AmongFiles)?;
-    refuse_dash(args.output.as_deref(), Dash::Model)?;
-    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
-    check_suffixes(args.output.as_deref(), Written::Model, args.force)?;
-    platform::tell_of(&args.actual, args.json);
-    let outputs = CompareOutputs { model: args.output.as_deref(), csv: args.csv.as_deref() };
-    let bars = Bars::new(args.json || args.quiet);
-    let report = jobs::compare::compare([&args.actual, &args.nominal], &args.request(), outputs, &bars);
+    let (inputs, run) = ([args.actual.as_path(), &args.nominal], &args.run);
+    let bars = begin_measuring(&inputs, run)?;
+    let outputs = CompareOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
+    let report = jobs::compare::compare(inputs, &args.request(), outputs, &bars);
     bars.finish();
     let report = report?;
-    let code = print(args.json, || &report, || report.text())?;
+    let code = print(run.json, || &report, || report.text())?;
     Ok(report.verdict().map_or(code, |verdict| ExitCode::from(verdict.code())))
 }
 
 fn thickness(args: &args::ThicknessArgs) -> Result<ExitCode, Failure> {
-    refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
-    refuse_dash(args.output.as_deref(), Dash::Model)?;
-    refuse_dash(args.csv.as_deref(), Dash::Layer)?;
-    check_suffixes(args.output.as_deref(), Written::Model, args.force)?;
-    platform::tell_of(&args.model, args.json);
-    let outputs = ThicknessOutputs { model: args.output.as_deref(), csv: args.csv.as_deref() };
-    let bars = Bars::new(args.json || args.quiet);
-    let report = jobs::thickness::thickness(&args.model, &args.request(), outputs, &bars);
+    let (model, run) = (args.model.as_path(), &args.run);
+    let bars = begin_measuring(&[model], run)?;
+    let outputs = ThicknessOutputs { model: run.output.as_deref(), csv: run.csv.as_deref() };
+    let report = jobs::thickness::thickness(model, &args.request(), outputs, &bars);
     bars.finish();
     let report = report?;
-    Ok(print(args.json, || &report, || report.text())?)
+    Ok(print(run.json, || &report, || report.text())?)
 }
 
 fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {

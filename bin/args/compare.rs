@@ -11,20 +11,36 @@ use infobyte::jobs::thickness::{Method, ThicknessRequest};
 
 use super::{ThreadArgs, parse};
 
+/// Options of both.
 #[derive(Debug, Args)]
-pub(crate) struct CompareArgs {
-    /// What was made: a model, or anything that `build` reads
-    #[arg(value_name = "ACTUAL")]
-    pub(crate) actual: PathBuf,
-    /// What it should be; a mesh is built on a grid twice as fine as that of ACTUAL
-    #[arg(value_name = "NOMINAL")]
-    pub(crate) nominal: PathBuf,
-    /// Write ACTUAL with its deviations as values, to be shown in colours
+pub(crate) struct MeasureArgs {
+    /// Write the measured model with its values, to be shown in colours
     #[arg(short, long, value_name = "OUT.oct")]
     pub(crate) output: Option<PathBuf>,
     /// Write a table of all cells
     #[arg(long, value_name = "FILE.csv")]
     pub(crate) csv: Option<PathBuf>,
+    #[command(flatten)]
+    pub(crate) threads: ThreadArgs,
+    /// Write OUT.oct even if its name says that it is another kind of file
+    #[arg(long)]
+    pub(crate) force: bool,
+    /// Print one JSON object
+    #[arg(long)]
+    pub(crate) json: bool,
+    /// No progress
+    #[arg(long)]
+    pub(crate) quiet: bool,
+}
+
+#[derive(Debug, Args)]
+pub(crate) struct CompareArgs {
+    /// The part as made: a model, or anything that `build` reads
+    #[arg(value_name = "ACTUAL")]
+    pub(crate) actual: PathBuf,
+    /// The part as it should be; a mesh is built on a grid twice as fine as that of ACTUAL
+    #[arg(value_name = "NOMINAL")]
+    pub(crate) nominal: PathBuf,
     /// Greatest deviation that conforms, in mm, or the least and the greatest
     #[arg(long, value_name = "MM|LO..HI", allow_hyphen_values = true, value_parser = parse::tolerance)]
     pub(crate) tolerance: Option<[f64; 2]>,
@@ -59,16 +75,7 @@ pub(crate) struct CompareArgs {
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
     #[command(flatten)]
-    pub(crate) threads: ThreadArgs,
-    /// Write OUT.oct even if its name says that it is another kind of file
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    pub(crate) run: MeasureArgs,
 }
 
 impl CompareArgs {
@@ -89,7 +96,7 @@ impl CompareArgs {
             worst: self.worst,
             threshold: self.iso.map_or(Threshold::Otsu, Threshold::Iso),
             memory: MemoryCap::Process(self.memory),
-            threads: self.threads.count(),
+            threads: self.run.threads.count(),
         }
     }
 }
@@ -108,9 +115,6 @@ pub(crate) struct ThicknessArgs {
     /// The model of cells (mapped or packed)
     #[arg(value_name = "MODEL.oct")]
     pub(crate) model: PathBuf,
-    /// Write the model with its thickness as values, to be shown in colours
-    #[arg(short, long, value_name = "OUT.oct")]
-    pub(crate) output: Option<PathBuf>,
     /// How it is measured
     #[arg(long, value_enum, default_value = "ray")]
     by: By,
@@ -121,20 +125,8 @@ pub(crate) struct ThicknessArgs {
     /// List places that are thinner, in mm
     #[arg(long, value_name = "MM", value_parser = parse::positive)]
     thin: Option<f64>,
-    /// Write a table of all cells
-    #[arg(long, value_name = "FILE.csv")]
-    pub(crate) csv: Option<PathBuf>,
     #[command(flatten)]
-    threads: ThreadArgs,
-    /// Write OUT.oct even if its name says that it is another kind of file
-    #[arg(long)]
-    pub(crate) force: bool,
-    /// Print one JSON object
-    #[arg(long)]
-    pub(crate) json: bool,
-    /// No progress
-    #[arg(long)]
-    pub(crate) quiet: bool,
+    pub(crate) run: MeasureArgs,
 }
 
 impl ThicknessArgs {
@@ -144,7 +136,7 @@ impl ThicknessArgs {
             by: if self.by == By::Ball { Method::Ball } else { Method::Ray },
             max_mm: self.max,
             thin_mm: self.thin,
-            threads: self.threads.count(),
+            threads: self.run.threads.count(),
         }
     }
 }

@@ -8,15 +8,15 @@
 
 use crate::format::Noise;
 
-/// Buckets of differences: 32 for each power of two from [`LEAST`] on, and one for none.
+/// Buckets of differences: 32 for each power of two from [`MIN_EXPONENT`] on, and one for none.
 const PARTS_BITS: u32 = 5;
-const LEAST: i32 = -40;
+const MIN_EXPONENT: i32 = -40;
 const OCTAVES: usize = 80;
 const BUCKETS: usize = (OCTAVES << PARTS_BITS) + 1;
 /// Side, axis, and whether samples are apart.
 const KINDS: usize = 2 * 3 * 2;
 /// Differences below which a median says nothing.
-const FEWEST: u64 = 64;
+const MIN_COUNT: u64 = 64;
 /// The median of the sizes of normal deviates.
 const MEDIAN: f64 = 0.674_489_750_196_081_7;
 
@@ -95,14 +95,14 @@ impl NoiseCounts {
 /// The bucket of a difference: 0 for none.
 fn bucket(difference: f32) -> usize {
     let bits = difference.abs().to_bits() >> (f32::MANTISSA_DIGITS - 1 - PARTS_BITS);
-    let first = ((127 + LEAST) as u32) << PARTS_BITS;
+    let first = ((127 + MIN_EXPONENT) as u32) << PARTS_BITS;
     (bits + 1).saturating_sub(first).min(BUCKETS as u32 - 1) as usize
 }
 
 /// Least and greatest difference of a bucket; whole numbers stand for all that round to them.
 fn ends(bucket: usize, step: f64) -> [f64; 2] {
     let Some(number) = bucket.checked_sub(1) else { return [0.0, 0.5 * step] };
-    let octave = 2.0_f64.powi((number >> PARTS_BITS) as i32 + LEAST);
+    let octave = 2.0_f64.powi((number >> PARTS_BITS) as i32 + MIN_EXPONENT);
     let part = (number & ((1 << PARTS_BITS) - 1)) as f64;
     let parts = f64::from(1_u32 << PARTS_BITS);
     let [low, high] = [1.0 + part / parts, 1.0 + (part + 1.0) / parts].map(|v| v * octave);
@@ -112,7 +112,7 @@ fn ends(bucket: usize, step: f64) -> [f64; 2] {
 /// The median of what was counted, between the ends of its bucket in proportion.
 fn median(counts: &[u32], step: f64) -> Option<f64> {
     let all = counts.iter().map(|count| u64::from(*count)).sum::<u64>();
-    if all < FEWEST {
+    if all < MIN_COUNT {
         return None;
     }
     let mut before = 0;

@@ -23,6 +23,7 @@ pub(crate) mod nearest;
 pub mod opened;
 pub mod pack;
 pub mod parts;
+mod pass;
 pub mod picture;
 pub mod pores;
 mod relief;

@@ -10,11 +10,11 @@ use crate::geom::{Affine, cross, dot};
 
 use super::nearest::{Place, Query, Sample, Search};
 
-/// Least samples.
-const LEAST: usize = 1000;
+/// Fewest samples.
+const MIN_SAMPLES: usize = 1000;
 
-/// Most rounds.
-const ROUNDS: u32 = 50;
+/// Greatest number of rounds.
+const MAX_ROUNDS: u32 = 50;
 
 /// A direction is free where its part of all heights' change is less than this.
 const FREE: f64 = 0.01;
@@ -60,9 +60,9 @@ pub(crate) fn fit(
     most_mm: f64,
     is_stopped: &dyn Fn() -> bool,
 ) -> Result<Option<Fit>, Fault> {
-    if samples.len() < LEAST {
+    if samples.len() < MIN_SAMPLES {
         return Err(unfit!(
-            "has only {} cells to be fitted by, and {LEAST} are needed; build it finer, or place it by hand",
+            "has only {} cells to be fitted by, and {MIN_SAMPLES} are needed; build it finer, or place it by hand",
             samples.len()
         ));
     }
@@ -81,7 +81,7 @@ pub(crate) fn fit(
             cut(&mut pairs);
         }
         fit.rms[1] = rms(&pairs);
-        if pairs.len() < LEAST {
+        if pairs.len() < MIN_SAMPLES {
             return Err(apart(fit.rms[1]));
         }
         let (step, free) = step(&pairs);
@@ -91,7 +91,7 @@ pub(crate) fn fit(
         fit.free = free;
         fit.placement = step.motion.after(&fit.placement);
         fit.rounds += 1;
-        if step.moves < STILL * finest || fit.rounds == ROUNDS {
+        if step.moves < STILL * finest || fit.rounds == MAX_ROUNDS {
             break;
         }
     }
@@ -218,7 +218,7 @@ fn name(direction: &[f64; 6]) -> String {
         [[direction[0], direction[1], direction[2]], [direction[3], direction[4], direction[5]]];
     let is_turn = dot(turn, turn) >= dot(shift, shift);
     let main = if is_turn { turn } else { shift };
-    // The same axis whatever the sign that the decomposition gives it.
+    // One sign for both directions of an axis.
     let largest = main.iter().fold(0.0_f64, |most, c| if c.abs() > most.abs() + 1e-9 { *c } else { most });
     let [x, y, z] = main.map(|c| c / (dot(main, main).sqrt() * largest.signum()) + 0.0);
     let what = if is_turn { "rotation about" } else { "translation along" };

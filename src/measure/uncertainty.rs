@@ -23,7 +23,7 @@ const MODEL: f64 = 0.03;
 const UNEVEN: f64 = 0.6;
 
 /// Least part of the median steepness that is believed.
-const LEAST_PART: f64 = 0.25;
+const MIN_PART: f64 = 0.25;
 
 /// The twelve edges as pairs of corners.
 const EDGES: [(usize, usize); 12] =
@@ -59,7 +59,7 @@ impl<'a> Uncertainty<'a> {
             2 * before >= all && all > 0
         })?;
         let sigma = ((noise.inside.powi(2) + noise.outside.powi(2)) / 2.0).sqrt();
-        let least = LEAST_PART * steepness(&noise, median);
+        let least = MIN_PART * steepness(&noise, median);
         Some(Self { items, noise, sigma, spacing_mm: model.metadata().spacing_mm, least })
     }
 

@@ -1,18 +1,15 @@
 //! `oct compare`: how far the surface of one model lies from that of another.
 
-mod pass;
 mod report;
+mod rule;
 mod subject;
 
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use super::export::{commit, refuse_input};
-use super::opened::scratch_beside;
-use crate::atomic::AtomicFile;
-use crate::budget::{MemoryCap, peak_rss_bytes, resident_bytes};
+use super::export::refuse_input;
+use super::pass::{Pass, Records, relieve};
+use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::enclosed::extent;
 use crate::error::Error;
@@ -24,19 +21,15 @@ use crate::measure::fit::fit;
 use crate::measure::nearest::{Sample, Surface};
 use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
-use crate::measure::write_values;
 use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
 
-use pass::{Doubt, Measured, Row, Rule};
 pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
+use rule::{Doubt, Measured, Row, Rule};
 use subject::Input;
-
-/// Pages of the models are given back when the process has more than this.
-const RESIDENT_BYTES: u64 = 13 << 19;
 
 /// Part of the nominal's diagonal within which counterparts are looked for.
 const RADIUS: f64 = 1.0 / 20.0;
@@ -44,8 +37,8 @@ const RADIUS: f64 = 1.0 / 20.0;
 /// Most cells that a fit goes by.
 const SAMPLES: u64 = 20_000;
 
-/// Most that a fit may leave (RMS), as a part of the radius.
-const MOST_LEFT: f64 = 1.0 / 4.0;
+/// Greatest distance that a fit may leave (RMS), as a part of the radius.
+const MAX_REST: f64 = 1.0 / 4.0;
 
 /// How two models are compared.
 #[derive(Clone, Debug)]
@@ -102,9 +95,6 @@ pub struct CompareOutputs<'a> {
     /// A table of all cells.
     pub csv: Option<&'a Path>,
 }
-
-/// Columns of the table.
-const COLUMNS: &str = "x_mm,y_mm,z_mm,deviation_mm,u95_mm,area_mm2\n";
 
 /// Compares two models, or inputs that models can be built of: each cell of the actual model with the nearest point of
 /// the nominal one. Deviations are in mm, positive outside the nominal; places are in its millimetres.
@@ -207,56 +197,37 @@ impl Job<'_> {
         let placement = self.place(radius_mm)?;
         let cosine = request.angle_deg.to_radians().cos();
         let rule = Rule { placement: placement.affine(), radius_mm, cosine };
-        let unwritable = |path: Option<&Path>| {
-            let path = path.unwrap_or(folder).to_path_buf();
-            move |cause| Error::Output { path, cause }
-        };
-        let scratch = scratch_beside(folder).map_err(unwritable(None))?;
-        let table = outputs.csv.map(AtomicFile::create).transpose().map_err(unwritable(outputs.csv))?;
+        let mut records = Records::create(folder, outputs.csv, "deviation")?;
         let mut found = Found::new(radius_mm, one.surface.space.finest);
-        {
-            let mut values = BufWriter::new(&scratch);
-            let mut rows = table.as_ref().map(|table| BufWriter::new(table.file()));
-            if let Some(rows) = &mut rows {
-                rows.write_all(COLUMNS.as_bytes()).map_err(unwritable(outputs.csv))?;
+        self.progress.stage("comparing", one.model.header().voxels);
+        self.measure(&rule, [one, other], |row| {
+            found.add(row, request.tolerance_mm);
+            if let (Some(_), Some(shift)) = (row.value, one.doubt.shift_mm(row.number)) {
+                found.shift = [found.shift[0] + shift * row.area_mm2, found.shift[1] + row.area_mm2];
             }
-            self.progress.stage("comparing", one.model.header().voxels);
-            rule.measure(one, other, request.threads, self.progress, &|| self.relieve(), |row| {
-                found.add(row, request.tolerance_mm);
-                if let (Some(_), Some(shift)) = (row.value, one.doubt.shift_mm(row.number)) {
-                    found.shift = [found.shift[0] + shift * row.area_mm2, found.shift[1] + row.area_mm2];
-                }
-                for value in [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN)) {
-                    values.write_all(&value.to_le_bytes()).map_err(unwritable(None))?;
-                }
-                match &mut rows {
-                    Some(rows) => rows.write_all(text_row(row).as_bytes()).map_err(unwritable(outputs.csv)),
-                    None => Ok(()),
-                }
-            })?;
-            values.flush().map_err(unwritable(None))?;
-            rows.map_or(Ok(()), |mut rows| rows.flush()).map_err(unwritable(outputs.csv))?;
-        }
+            let values = [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN));
+            records.add((row.at_mm, row.area_mm2), &values, values)
+        })?;
         let to_actual = self.way_back(&rule)?;
-        let p95 = found.distribution.percentile(0.95);
-        let worst = self.worst(&scratch, &rule, p95).map_err(unwritable(None))?;
+        let worst = self.worst(&mut records, &rule, found.distribution.percentile(0.95))?;
         for (measured, path) in [one, other].iter().zip(self.paths) {
             measured.model.check_unchanged(path)?;
         }
-        if let Some(output) = outputs.model {
-            if self.progress.stopped() {
-                return Err(Error::Stopped);
-            }
-            let quantity = self.quantity(&found);
-            let values = stored(&scratch).map_err(unwritable(None))?;
-            let values = values.map(|value| value.map(|[value, _]| Some(value).filter(|v| !v.is_nan())));
-            write_values(one.model, output, &quantity, radius_mm, values)
-                .map_err(unwritable(Some(output)))?;
-        }
-        if let (Some(table), Some(path)) = (table, outputs.csv) {
-            commit(table, path, self.progress)?;
-        }
+        records.finish::<2>((one.model, outputs.model), &self.quantity(&found), radius_mm, self.progress)?;
         Ok(found.report(self, &rule, placement, to_actual, worst))
+    }
+
+    /// Measures the cells of one model from the surface of the other.
+    fn measure(
+        &self,
+        rule: &Rule,
+        [one, other]: [Measured<'_>; 2],
+        each: impl FnMut(&Row) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let pass = Pass { models: &[one.model, other.model], progress: self.progress };
+        let workers = (0..self.request.threads.max(1)).map(|_| other.surface.search());
+        let row = |number, cell| Row { number, cell, ..Row::default() };
+        pass.run(workers, row, |search, rows| rule.fill(&one, &other, search, rows), each)
     }
 
     /// Where the actual model lies.
@@ -274,7 +245,7 @@ impl Job<'_> {
             .map(|(row, normal)| Sample { point: row.at_mm, normal, area: row.area_mm2 })
             .collect();
         let mut search = self.other.surface.search();
-        let found = fit(&samples, given.affine(), &mut search, radius_mm * MOST_LEFT, &|| {
+        let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &|| {
             self.relieve();
             self.progress.stopped()
         });
@@ -292,10 +263,7 @@ impl Job<'_> {
 
     /// Gives the pages of both models back when there are many.
     fn relieve(&self) {
-        if resident_bytes() > RESIDENT_BYTES {
-            self.one.model.give_back();
-            self.other.model.give_back();
-        }
+        relieve(&[self.one.model, self.other.model]);
     }
 
     /// The greatest distance of the nominal from the actual model, if it is asked for.
@@ -307,7 +275,7 @@ impl Job<'_> {
         let back = Rule { placement, ..*rule };
         let mut most: Option<f64> = None;
         self.progress.stage("comparing back", self.other.model.header().voxels);
-        back.measure(self.other, self.one, self.request.threads, self.progress, &|| self.relieve(), |row| {
+        self.measure(&back, [self.other, self.one], |row| {
             most = row.value.map_or(most, |value| Some(most.unwrap_or(0.0).max(value.abs())));
             Ok(())
         })?;
@@ -315,11 +283,11 @@ impl Job<'_> {
     }
 
     /// The worst places: beyond the tolerance, or without one beyond the 95th percentile.
-    fn worst(&self, scratch: &File, rule: &Rule, p95: Option<f64>) -> io::Result<Vec<Worst>> {
+    fn worst(&self, records: &mut Records<'_>, rule: &Rule, p95: Option<f64>) -> Result<Vec<Worst>, Error> {
         let mut places = Places::default();
         let p95 = p95.unwrap_or(f64::INFINITY);
-        for (cell, value) in self.one.model.voxels().zip(stored(scratch)?) {
-            let [value, u95] = value?;
+        for (cell, value) in self.one.model.voxels().zip(records.values()?) {
+            let [value, u95] = value.map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
             let is_out = match self.request.tolerance_mm {
                 Some([lo, hi]) => value < lo || value > hi,
                 None => value.abs() > p95,
@@ -369,21 +337,6 @@ impl Job<'_> {
     }
 }
 
-/// The values of a scratch file, from its start, with half their 95 % intervals; NaN for none.
-fn stored(mut scratch: &File) -> io::Result<impl Iterator<Item = io::Result<[f64; 2]>>> {
-    scratch.rewind()?;
-    let mut file = BufReader::new(scratch);
-    Ok(std::iter::from_fn(move || {
-        let mut bytes = [0; 16];
-        match file.read_exact(&mut bytes) {
-            Err(cause) if cause.kind() == io::ErrorKind::UnexpectedEof => None,
-            read => Some(
-                read.map(|()| [0, 8].map(|at| f64::from_le_bytes(std::array::from_fn(|i| bytes[at + i])))),
-            ),
-        }
-    }))
-}
-
 /// Diagonal of the box around a model's surface.
 fn diagonal_mm(of: &Measured<'_>) -> f64 {
     let [low, end] = extent(of.surface.view).unwrap_or([[0; 3], of.surface.dims]);
@@ -392,13 +345,7 @@ fn diagonal_mm(of: &Measured<'_>) -> f64 {
     dot(edges, edges).sqrt()
 }
 
-fn text_row(row: &Row) -> String {
-    let [x, y, z] = row.at_mm;
-    let [value, u95] = [row.value, row.u95_mm()].map(|v| v.map(|v| v.to_string()).unwrap_or_default());
-    format!("{x},{y},{z},{value},{u95},{}\n", row.area_mm2)
-}
-
-/// What a pass found.
+/// Sums of a pass.
 struct Found {
     distribution: Distribution,
     cells: u64,

@@ -121,15 +121,15 @@ impl Deviation {
     }
 }
 
-/// Greatest distances, of what has a counterpart.
+/// Greatest distances of cells that have a counterpart.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Hausdorff {
-    /// Of the actual model's cells from the nominal surface.
+    /// Distance of the actual model's cells from the nominal surface.
     pub to_nominal: Option<f64>,
-    /// Of the nominal's cells from the actual surface; null unless it is asked for.
+    /// Distance of the nominal's cells from the actual surface; null unless it is asked for.
     pub to_actual: Option<f64>,
-    /// Most by which the surfaces within cells are farther than their middles: half a diagonal.
+    /// Bound on how much farther the surfaces within cells are than their middles: half a diagonal.
     pub within_mm: f64,
 }
 

@@ -67,8 +67,7 @@ impl<'a> Gauge<'a> {
         let ray = Ray::new(view.depth(), origin, direction, 0.0).ok().flatten()?;
         let leaving = Leaving { cells: view.cells()?, origin, direction };
         let hit = trace(Form::best(), view, &leaving, &ray, 0).hit?;
-        let is_border = (0..3).any(|a| hit.cell[a] == 0 || hit.cell[a] + 1 >= self.surface.dims[a]);
-        (!is_border).then_some(hit.t)
+        (!self.surface.touches_border(hit.cell)).then_some(hit.t)
     }
 
     /// Diameter of the largest ball that touches the place from within, at most `length`; `None` if a cap of the build at the

@@ -5,8 +5,6 @@ mod report;
 #[cfg(test)]
 mod tests;
 
-use std::fs::File;
-use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 use std::path::Path;
 use std::thread;
 use std::time::Instant;
@@ -14,11 +12,11 @@ use std::time::Instant;
 use serde::{Deserialize, Serialize};
 
 use super::compare::Area;
-use super::export::{commit, refuse_input};
-use super::opened::{open_model, scratch_beside};
+use super::export::refuse_input;
+use super::opened::open_model;
+use super::pass::{Pass, Records};
 use super::verify::verify_unless_packed;
-use crate::atomic::AtomicFile;
-use crate::budget::{peak_rss_bytes, resident_bytes};
+use crate::budget::peak_rss_bytes;
 use crate::error::Error;
 use crate::fault::{unfit, usage};
 use crate::format::{ColorMap, Quantity};
@@ -26,7 +24,6 @@ use crate::load::Model;
 use crate::measure::nearest::{Sample, Search, Surface};
 use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
-use crate::measure::write_values;
 use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
@@ -34,25 +31,16 @@ use crate::text::data;
 use gauge::{Gauge, Thickness};
 pub use report::{Spread, ThicknessReport, Thin, ThinPlace};
 
-/// Pages of the model are given back when the process has more than this.
-const RESIDENT_BYTES: u64 = 13 << 19;
-
-/// Cells that a thread takes at a time.
-const CHUNK: usize = 2048;
-
 /// Greatest ball unless it is given: this part of the volume's shortest side, and at most so many voxels. A ball's cost
 /// rises with its size.
 const BALL_PART: f64 = 1.0 / 8.0;
 const BALL_VOXELS: f64 = 32.0;
 
 /// Voxels that a wall needs to be measured.
-const LEAST_VOXELS: f64 = 2.0;
+const MIN_VOXELS: f64 = 2.0;
 
-/// Most thin places that are listed.
-const MOST_PLACES: usize = 10;
-
-/// Columns of the table.
-const COLUMNS: &str = "x_mm,y_mm,z_mm,thickness_mm,u95_mm,area_mm2\n";
+/// Greatest number of thin places listed.
+const MAX_PLACES: usize = 10;
 
 /// How thickness is measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -76,7 +64,7 @@ impl Method {
     }
 }
 
-/// What is measured.
+/// How walls are measured.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ThicknessRequest {
     /// How.
@@ -177,91 +165,33 @@ struct Job<'a> {
     progress: &'a dyn Progress,
 }
 
-impl Job<'_> {
+impl<'a> Job<'a> {
     fn run(&self, outputs: ThicknessOutputs<'_>) -> Result<ThicknessReport, Error> {
         let folder = outputs.model.or(outputs.csv).unwrap_or(self.path);
-        let unwritable = |path: Option<&Path>| {
-            let path = path.unwrap_or(folder).to_path_buf();
-            move |cause| Error::Output { path, cause }
+        let mut records = Records::create(folder, outputs.csv, "thickness")?;
+        let gauge = self.gauge;
+        let mut found = Found::new(&gauge, self.request.thin_mm);
+        self.progress.stage("measuring", self.model.header().voxels);
+        let pass = Pass { models: &[self.model], progress: self.progress };
+        let workers = (0..self.request.threads.max(1)).map(|_| gauge.surface.search());
+        let row = |number, cell| Row { number, cell, ..Row::default() };
+        let work = |search: &mut Search<'a>, rows: &mut [Row]| {
+            rows.iter_mut().for_each(|row| row.fill(&gauge, search))
         };
-        let scratch = scratch_beside(folder).map_err(unwritable(None))?;
-        let table = outputs.csv.map(AtomicFile::create).transpose().map_err(unwritable(outputs.csv))?;
-        let mut found = Found::new(&self.gauge, self.request.thin_mm);
-        {
-            let mut values = BufWriter::new(&scratch);
-            let mut rows = table.as_ref().map(|table| BufWriter::new(table.file()));
-            if let Some(rows) = &mut rows {
-                rows.write_all(COLUMNS.as_bytes()).map_err(unwritable(outputs.csv))?;
-            }
-            self.measure(|row| {
-                found.add(row);
-                let value = match row.thickness {
-                    Thickness::Of(value) => value,
-                    Thickness::Thicker => self.gauge.max_mm,
-                    Thickness::None => f64::NAN,
-                };
-                values.write_all(&value.to_le_bytes()).map_err(unwritable(None))?;
-                match &mut rows {
-                    Some(rows) => rows.write_all(text_row(row).as_bytes()).map_err(unwritable(outputs.csv)),
-                    None => Ok(()),
-                }
-            })?;
-            values.flush().map_err(unwritable(None))?;
-            rows.map_or(Ok(()), |mut rows| rows.flush()).map_err(unwritable(outputs.csv))?;
-        }
+        pass.run(workers, row, work, |row| {
+            found.add(row);
+            let (kept, shown) = match row.thickness {
+                Thickness::Of(value) => (value, value),
+                Thickness::Thicker => (gauge.max_mm, f64::NAN),
+                Thickness::None => (f64::NAN, f64::NAN),
+            };
+            records.add((row.at_mm, row.area_mm2), &[kept], [shown, f64::NAN])
+        })?;
         self.model.check_unchanged(self.path)?;
         let report = found.report(self);
-        if let Some(output) = outputs.model {
-            if self.progress.stopped() {
-                return Err(Error::Stopped);
-            }
-            let values = stored(&scratch).map_err(unwritable(None))?;
-            write_values(self.model, output, &self.quantity(&report), self.gauge.max_mm, values)
-                .map_err(unwritable(Some(output)))?;
-        }
-        if let (Some(table), Some(path)) = (table, outputs.csv) {
-            commit(table, path, self.progress)?;
-        }
+        let quantity = self.quantity(&report);
+        records.finish::<1>((self.model, outputs.model), &quantity, gauge.max_mm, self.progress)?;
         Ok(report)
-    }
-
-    /// Measures all cells, and hands them over in the order of the file.
-    fn measure(&self, mut each: impl FnMut(&Row) -> Result<(), Error>) -> Result<(), Error> {
-        let gauge = self.gauge;
-        self.progress.stage("measuring", self.model.header().voxels);
-        let mut cells = self.model.voxels().map(|found| (found.number, found.voxel));
-        let mut workers: Vec<(Search<'_>, Vec<Row>)> =
-            (0..self.request.threads.max(1)).map(|_| (gauge.surface.search(), Vec::new())).collect();
-        loop {
-            let mut left = 0;
-            for (_, rows) in &mut workers {
-                rows.clear();
-                let next = cells.by_ref().take(CHUNK);
-                rows.extend(next.map(|(number, cell)| Row { number, cell, ..Row::default() }));
-                left += rows.len();
-            }
-            if left == 0 {
-                return Ok(());
-            }
-            thread::scope(|scope| {
-                let mut busy = workers.iter_mut().filter(|(_, rows)| !rows.is_empty());
-                let own = busy.next();
-                for (search, rows) in busy {
-                    scope.spawn(move || rows.iter_mut().for_each(|row| row.fill(&gauge, search)));
-                }
-                if let Some((search, rows)) = own {
-                    rows.iter_mut().for_each(|row| row.fill(&gauge, search));
-                }
-            });
-            if resident_bytes() > RESIDENT_BYTES {
-                self.model.give_back();
-            }
-            self.progress.advance(left as u64);
-            if self.progress.stopped() {
-                return Err(Error::Stopped);
-            }
-            workers.iter().flat_map(|(_, rows)| rows).try_for_each(&mut each)?;
-        }
     }
 
     /// Thickness, as a model carries it.
@@ -285,31 +215,10 @@ impl Row {
         let sample: Sample = surface.sample(surface.cell_place(self.number, self.cell));
         self.at_mm = surface.space.to_world(sample.point);
         self.area_mm2 = sample.area;
-        let is_border = (0..3).any(|a| self.cell[a] == 0 || self.cell[a] + 1 >= surface.dims[a]);
-        if !is_border && sample.area > 0.0 {
+        if !surface.touches_border(self.cell) && sample.area > 0.0 {
             self.thickness = gauge.measure(search, &sample);
         }
     }
-}
-
-/// The values of a scratch file, from its start.
-fn stored(mut scratch: &File) -> io::Result<impl Iterator<Item = io::Result<Option<f64>>>> {
-    scratch.rewind()?;
-    let mut file = BufReader::new(scratch);
-    Ok(std::iter::repeat_with(move || {
-        let mut bytes = [0; 8];
-        file.read_exact(&mut bytes)?;
-        Ok(Some(f64::from_le_bytes(bytes)).filter(|value| !value.is_nan()))
-    }))
-}
-
-fn text_row(row: &Row) -> String {
-    let [x, y, z] = row.at_mm;
-    let value = match row.thickness {
-        Thickness::Of(value) => value.to_string(),
-        Thickness::None | Thickness::Thicker => String::new(),
-    };
-    format!("{x},{y},{z},{value},,{}\n", row.area_mm2)
 }
 
 /// Sums of a pass.
@@ -337,7 +246,7 @@ impl Found {
             none: Area::default(),
             thicker: Area::default(),
             below: Area::default(),
-            least_mm: LEAST_VOXELS * finest,
+            least_mm: MIN_VOXELS * finest,
             thin_mm,
             thin_mm2: 0.0,
             places: Places::default(),
@@ -385,7 +294,7 @@ impl Found {
                 limit_mm,
                 area_mm2: thin_mm2,
                 share: thin_share,
-                places: places.iter().take(MOST_PLACES).map(ThinPlace::of).collect(),
+                places: places.iter().take(MAX_PLACES).map(ThinPlace::of).collect(),
             }),
             peak_rss_bytes: 0,
             wall_s: 0.0,

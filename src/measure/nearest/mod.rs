@@ -151,6 +151,11 @@ impl<'a> Surface<'a> {
         place.level == 0 && self.cells.plane(self.cell(place.number)).is_none()
     }
 
+    /// True for a cell at the border of the volume.
+    pub(crate) fn touches_border(&self, cell: [u32; 3]) -> bool {
+        (0..3).any(|a| cell[a] == 0 || cell[a] + 1 >= self.dims[a])
+    }
+
     /// True where a place of the frame lies in a cell at the border of the volume, whose surface may be a cap of the build.
     pub(crate) fn is_border(&self, at: [f64; 3]) -> bool {
         (0..3).any(|a| {

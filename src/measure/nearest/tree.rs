@@ -14,7 +14,7 @@ const MAX_LEVELS: usize = 17;
 /// Least part of a distance that is along the normal, for the normal to say the side.
 pub(super) const ALONG: f64 = 0.8;
 
-/// What is asked of a search.
+/// Question to a search.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Query {
     /// Greatest distance, in mm.

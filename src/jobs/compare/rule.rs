@@ -1,16 +1,9 @@
-//! The pass over the cells of one model, each asked for its deviation from the other.
+//! The deviation of a cell of one model from the surface of the other.
 
-use std::thread;
-
-use crate::error::Error;
 use crate::geom::{Affine, VoxelIndex};
 use crate::load::{Model, ModelView};
 use crate::measure::nearest::{Found, Query, Search, Surface};
 use crate::measure::uncertainty::{SURE, Uncertainty};
-use crate::progress::Progress;
-
-/// Cells that a thread takes at a time.
-const CHUNK: usize = 2048;
 
 /// How deviations are measured.
 #[derive(Clone, Copy, Debug)]
@@ -94,17 +87,13 @@ pub(super) struct Measured<'a> {
 }
 
 impl Measured<'_> {
-    fn is_border(&self, cell: [u32; 3]) -> bool {
-        (0..3).any(|a| cell[a] == 0 || cell[a] + 1 >= self.surface.dims[a])
-    }
-
     /// The cell's row but for its deviation, and its normal in the world.
     pub(super) fn row(&self, number: u64, cell: [u32; 3], placement: &Affine) -> (Row, [f64; 3]) {
         let Surface { space, .. } = self.surface;
         let sample = self.surface.sample(self.surface.cell_place(number, cell));
         let at_mm = placement.apply(space.to_world(sample.point));
         let normal = placement.apply_vector(space.direction_to_world(sample.normal));
-        let is_border = self.is_border(cell);
+        let is_border = self.surface.touches_border(cell);
         (Row { number, cell, at_mm, area_mm2: sample.area, is_border, ..Row::default() }, normal)
     }
 }
@@ -135,65 +124,26 @@ impl Rule {
         Some((signed, found))
     }
 
-    /// Measures all cells of a model, and hands them over in the order of the file.
-    ///
-    /// Memory: some 200 KiB a thread. `relief` gives pages back when there are too many.
-    pub(super) fn measure(
+    /// Measures the cells of rows that hold their numbers and places.
+    pub(super) fn fill(
         &self,
-        one: Measured<'_>,
-        other: Measured<'_>,
-        threads: usize,
-        progress: &dyn Progress,
-        relief: &dyn Fn(),
-        mut each: impl FnMut(&Row) -> Result<(), Error>,
-    ) -> Result<(), Error> {
-        let mut cells = one.model.voxels().map(|found| (found.number, found.voxel));
-        let mut workers: Vec<(Search<'_>, Vec<Row>)> =
-            (0..threads.max(1)).map(|_| (other.surface.search(), Vec::new())).collect();
-        loop {
-            let mut left = 0;
-            for (_, rows) in &mut workers {
-                rows.clear();
-                let next = cells.by_ref().take(CHUNK);
-                rows.extend(next.map(|(number, cell)| Row { number, cell, ..Row::default() }));
-                left += rows.len();
+        one: &Measured<'_>,
+        other: &Measured<'_>,
+        search: &mut Search<'_>,
+        rows: &mut [Row],
+    ) {
+        for row in rows {
+            let (made, normal) = one.row(row.number, row.cell, &self.placement);
+            *row = made;
+            if row.is_border {
+                continue;
             }
-            if left == 0 {
-                return Ok(());
-            }
-            let work = |search: &mut Search<'_>, rows: &mut [Row]| {
-                for row in rows {
-                    let (made, normal) = one.row(row.number, row.cell, &self.placement);
-                    *row = made;
-                    if !row.is_border {
-                        let Some((value, found)) = self.deviation(search, row.at_mm, normal) else {
-                            continue;
-                        };
-                        row.value = Some(value);
-                        let own = one.doubt.squares_mm2(one.surface.view, row.number);
-                        let others = || {
-                            other
-                                .doubt
-                                .squares_mm2(other.surface.view, other.surface.cell(found.place.number))
-                        };
-                        row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
-                    }
-                }
-            };
-            match workers.as_mut_slice() {
-                [(search, rows)] => work(search, rows),
-                several => thread::scope(|scope| {
-                    for (search, rows) in several.iter_mut().filter(|(_, rows)| !rows.is_empty()) {
-                        scope.spawn(|| work(search, rows));
-                    }
-                }),
-            }
-            relief();
-            progress.advance(left as u64);
-            if progress.stopped() {
-                return Err(Error::Stopped);
-            }
-            workers.iter().flat_map(|(_, rows)| rows).try_for_each(&mut each)?;
+            let Some((value, found)) = self.deviation(search, row.at_mm, normal) else { continue };
+            row.value = Some(value);
+            let own = one.doubt.squares_mm2(one.surface.view, row.number);
+            let others =
+                || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
+            row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
         }
     }
 }

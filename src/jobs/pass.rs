@@ -1,0 +1,176 @@
+//! A pass over the cells of a model that measures each of them, and the files that it writes.
+
+use std::fs::File;
+use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
+use std::path::Path;
+use std::thread;
+
+use super::export::commit;
+use super::opened::scratch_beside;
+use crate::atomic::AtomicFile;
+use crate::budget::resident_bytes;
+use crate::error::Error;
+use crate::format::Quantity;
+use crate::load::Model;
+use crate::measure::write_values;
+use crate::progress::Progress;
+
+/// Cells that a thread takes at a time, and cells after which it looks at the pages that are resident.
+const CHUNK: usize = 4096;
+const PART: usize = 512;
+
+/// Pages of the models are given back when the process has more than this.
+const RESIDENT_BYTES: u64 = 13 << 19;
+
+/// Bytes of a table that are written at once.
+const TEXT_BYTES: usize = 64 << 10;
+
+/// Gives the pages of models back when there are many.
+pub(super) fn relieve(models: &[&Model]) {
+    if resident_bytes() > RESIDENT_BYTES {
+        models.iter().for_each(|model| model.give_back());
+    }
+}
+
+/// A pass over the cells of the first of some models.
+pub(super) struct Pass<'a> {
+    /// The models whose pages are given back.
+    pub(super) models: &'a [&'a Model],
+    pub(super) progress: &'a dyn Progress,
+}
+
+impl Pass<'_> {
+    /// Makes a row of each cell, and hands the rows over in the order of the file. Each worker has a thread.
+    ///
+    /// Memory: the rows of 4,096 cells a worker.
+    ///
+    /// # Errors
+    /// An error of `each`; [`Error::Stopped`].
+    pub(super) fn run<W: Send, R: Send>(
+        &self,
+        workers: impl IntoIterator<Item = W>,
+        row: impl Fn(u64, [u32; 3]) -> R,
+        work: impl Fn(&mut W, &mut [R]) + Sync,
+        mut each: impl FnMut(&R) -> Result<(), Error>,
+    ) -> Result<(), Error> {
+        let Some(measured) = self.models.first() else { return Ok(()) };
+        let mut cells = measured.voxels();
+        let mut workers: Vec<(W, Vec<R>)> =
+            workers.into_iter().map(|worker| (worker, Vec::with_capacity(CHUNK))).collect();
+        let work = |(worker, rows): &mut (W, Vec<R>)| {
+            for part in rows.chunks_mut(PART) {
+                work(worker, part);
+                relieve(self.models);
+            }
+        };
+        loop {
+            let mut count = 0;
+            for (_, rows) in &mut workers {
+                rows.clear();
+                rows.extend(cells.by_ref().take(CHUNK).map(|cell| row(cell.number, cell.voxel)));
+                count += rows.len();
+            }
+            if count == 0 {
+                return Ok(());
+            }
+            thread::scope(|scope| {
+                let mut busy = workers.iter_mut().filter(|(_, rows)| !rows.is_empty());
+                let own = busy.next();
+                busy.for_each(|worker| drop(scope.spawn(|| work(worker))));
+                own.map(work)
+            });
+            self.progress.advance(count as u64);
+            if self.progress.stopped() {
+                return Err(Error::Stopped);
+            }
+            workers.iter().flat_map(|(_, rows)| rows).try_for_each(&mut each)?;
+        }
+    }
+}
+
+/// What a pass writes: values to an unnamed file, rows to a table.
+pub(super) struct Records<'a> {
+    folder: &'a Path,
+    values: BufWriter<File>,
+    table: Option<(AtomicFile, &'a Path)>,
+    text: Vec<u8>,
+}
+
+impl<'a> Records<'a> {
+    /// The columns of the table are places, the named value, half its 95 % interval, and area.
+    pub(super) fn create(folder: &'a Path, csv: Option<&'a Path>, value: &str) -> Result<Self, Error> {
+        let values = BufWriter::new(scratch_beside(folder).map_err(unwritable(folder))?);
+        let created = |path| Ok::<_, Error>((AtomicFile::create(path).map_err(unwritable(path))?, path));
+        let table = csv.map(created).transpose()?;
+        let text = format!("x_mm,y_mm,z_mm,{value}_mm,u95_mm,area_mm2\n").into_bytes();
+        Ok(Self { folder, values, table, text })
+    }
+
+    /// Adds a cell: the values that are kept, and the value and half its interval that the table shows; NaN for none.
+    pub(super) fn add(
+        &mut self,
+        (at_mm, area_mm2): ([f64; 3], f64),
+        kept: &[f64],
+        shown: [f64; 2],
+    ) -> Result<(), Error> {
+        for value in kept {
+            self.values.write_all(&value.to_le_bytes()).map_err(unwritable(self.folder))?;
+        }
+        let Some((_, path)) = self.table else { return Ok(()) };
+        let [value, u95] = shown.map(|v| if v.is_nan() { String::new() } else { v.to_string() });
+        let [x, y, z] = at_mm;
+        writeln!(self.text, "{x},{y},{z},{value},{u95},{area_mm2}").map_err(unwritable(path))?;
+        if self.text.len() > TEXT_BYTES { self.write_text() } else { Ok(()) }
+    }
+
+    fn write_text(&mut self) -> Result<(), Error> {
+        if let Some((table, path)) = &self.table {
+            table.file().write_all(&self.text).map_err(unwritable(path))?;
+            self.text.clear();
+        }
+        Ok(())
+    }
+
+    /// The values of each cell, from the first one on; none are added afterwards.
+    pub(super) fn values<const N: usize>(
+        &mut self,
+    ) -> Result<impl Iterator<Item = io::Result<[f64; N]>>, Error> {
+        let rewound = self.values.flush().and_then(|()| self.values.get_mut().rewind());
+        rewound.map_err(unwritable(self.folder))?;
+        let mut file = BufReader::new(self.values.get_ref());
+        Ok(std::iter::repeat_with(move || {
+            let (mut values, mut bytes) = ([0.0; N], [0; 8]);
+            for value in &mut values {
+                file.read_exact(&mut bytes)?;
+                *value = f64::from_le_bytes(bytes);
+            }
+            Ok(values)
+        }))
+    }
+
+    /// Writes the model with the first of each cell's `N` values, of magnitudes up to `extent`, and lets the table appear.
+    pub(super) fn finish<const N: usize>(
+        mut self,
+        (model, output): (&Model, Option<&Path>),
+        quantity: &Quantity,
+        extent: f64,
+        progress: &dyn Progress,
+    ) -> Result<(), Error> {
+        self.write_text()?;
+        if let Some(output) = output {
+            if progress.stopped() {
+                return Err(Error::Stopped);
+            }
+            let first = |values: [f64; N]| values.first().copied().filter(|value| !value.is_nan());
+            let values = self.values::<N>()?.map(|values| values.map(first));
+            write_values(model, output, quantity, extent, values).map_err(unwritable(output))?;
+        }
+        self.table.map_or(Ok(()), |(table, path)| commit(table, path, progress).map(drop))
+    }
+}
+
+/// An output that cannot be written.
+fn unwritable(path: &Path) -> impl FnOnce(io::Error) -> Error {
+    let path = path.to_path_buf();
+    move |cause| Error::Output { path, cause }
+}
