@@ -39,7 +39,7 @@ const MAY_SEE: &[(&str, &str)] = &[
     ("render", "atomic budget cpu exit format geom load mark text"),
     ("scene", "cpu exit fault format geom load render text"),
     ("enclosed", "format geom load"),
-    ("measure", "atomic fault format geom load text"),
+    ("measure", "atomic cpu fault format geom load text"),
     ("page", "format geom load render text"),
     ("export", "cpu enclosed format geom load progress render scratch text"),
     (

@@ -2,7 +2,7 @@
 
 use crate::geom::{Affine, VoxelIndex};
 use crate::load::{Model, ModelView};
-use crate::measure::nearest::{Found, Query, Search, Surface};
+use crate::measure::nearest::{Blocks, Found, Query, Search, Surface, is_same_block};
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
 /// How deviations are measured.
@@ -99,17 +99,16 @@ impl Measured<'_> {
 }
 
 impl Rule {
-    /// The deviation of a place, by its normal, from the searched surface, and what was found there.
-    ///
-    /// The nearest point decides; one whose normal is turned away is no counterpart, and the nearest one that is not is
-    /// asked for then. Its own normal says the sign if the way to it runs along it: on the far side of a wall that was
-    /// moved by more than its thickness the solid's side would be the wrong one.
-    fn deviation(&self, search: &mut Search<'_>, at_mm: [f64; 3], normal: [f64; 3]) -> Option<(f64, Found)> {
-        let space = search.surface.space;
-        let (point, normal) = (space.to_frame(at_mm), space.direction_to_frame(normal));
-        let query = Query::within(self.radius_mm);
-        let found = search.nearest(point, &query)?;
-        let facing = Query { facing: Some((normal, self.cosine)), ..query };
+    /// The deviation of a place, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
+    /// and the nearest one that is not is asked for. Its own normal says the sign if the way to it runs along it: on the far
+    /// side of a wall that was moved by more than its thickness the solid's side would be the wrong one.
+    fn deviation(
+        &self,
+        search: &mut Search<'_>,
+        (point, normal): ([f64; 3], [f64; 3]),
+        found: Found,
+    ) -> Option<(f64, Found)> {
+        let facing = Query { facing: Some((normal, self.cosine)), ..Query::within(self.radius_mm) };
         let (found, is_turned) = match facing.accepts(found.normal) {
             true => (found, false),
             false => (search.nearest(point, &facing)?, true),
@@ -125,25 +124,47 @@ impl Rule {
     }
 
     /// Measures the cells of rows that hold their numbers and places.
-    pub(super) fn fill(
+    pub(super) fn fill<'a>(
         &self,
         one: &Measured<'_>,
-        other: &Measured<'_>,
-        search: &mut Search<'_>,
+        other: &Measured<'a>,
+        worker: &mut Worker<'a>,
         rows: &mut [Row],
     ) {
-        for row in rows {
-            let (made, normal) = one.row(row.number, row.cell, &self.placement);
-            *row = made;
-            if row.is_border {
-                continue;
+        let Worker { blocks, points, normals } = worker;
+        let space = other.surface.space;
+        for rows in rows.chunk_by_mut(|one, other| is_same_block(one.cell, other.cell)) {
+            (points.clear(), normals.clear());
+            for row in rows.iter_mut() {
+                let (made, normal) = one.row(row.number, row.cell, &self.placement);
+                *row = made;
+                points.push(space.to_frame(row.at_mm));
+                normals.push(space.direction_to_frame(normal));
             }
-            let Some((value, found)) = self.deviation(search, row.at_mm, normal) else { continue };
-            row.value = Some(value);
-            let own = one.doubt.squares_mm2(one.surface.view, row.number);
-            let others =
-                || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
-            row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
+            blocks.nearest(points, self.radius_mm, |search, number, found| {
+                let (row, place) = (&mut rows[number], (points[number], normals[number]));
+                let found =
+                    found.filter(|_| !row.is_border).and_then(|found| self.deviation(search, place, found));
+                let Some((value, found)) = found else { return };
+                row.value = Some(value);
+                let own = one.doubt.squares_mm2(one.surface.view, row.number);
+                let others =
+                    || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
+                row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
+            });
         }
+    }
+}
+
+/// A search, and the places and normals of a block in its frame.
+pub(super) struct Worker<'a> {
+    blocks: Blocks<'a>,
+    points: Vec<[f64; 3]>,
+    normals: Vec<[f64; 3]>,
+}
+
+impl<'a> Worker<'a> {
+    pub(super) fn new(surface: Surface<'a>) -> Self {
+        Self { blocks: Blocks::new(surface), points: Vec::new(), normals: Vec::new() }
     }
 }

@@ -29,15 +29,22 @@ impl Facet {
         dot(self.normal, minus(point, self.middle)) - self.offset
     }
 
-    /// A lower bound of a point's squared distance: the facet lies within its box, and within a disc around the foot of the
-    /// box's middle.
+    /// A disc that holds the facet: its middle, and its radius. It lies around the foot of the box's middle.
+    #[inline]
+    pub(super) fn disc(&self) -> ([f64; 3], f64) {
+        let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
+        (add_scaled(self.middle, self.offset, self.normal), radius)
+    }
+
+    /// A lower bound of a point's squared distance: the facet lies within its box, and within its
+    /// disc.
     #[inline]
     pub(super) fn bound(&self, point: [f64; 3]) -> f64 {
         let from = minus(point, self.middle);
         let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
         let height = dot(self.normal, from) - self.offset;
         let across = add_scaled(from, -(height + self.offset), self.normal);
-        let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
+        let (_, radius) = self.disc();
         let beyond = (dot(across, across).sqrt() - radius).max(0.0);
         dot(over, over).max(height * height + beyond * beyond)
     }

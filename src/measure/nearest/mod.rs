@@ -13,9 +13,11 @@
 //! | [`facet`] | a plane clipped to its box: bound, nearest point, area |
 //! | [`space`] | the frame |
 //! | [`tree`] | the search: from the last answer's cell, nearest child first |
+//! | [`blocks`] | the search for the cells of a whole model, block by block |
 //! | [`side`] | inside or outside |
 //! | [`overlap`] | how far two bodies overlap, or are apart |
 
+mod blocks;
 mod facet;
 mod overlap;
 mod side;
@@ -24,6 +26,7 @@ mod space;
 mod tests;
 mod tree;
 
+pub(crate) use blocks::{Blocks, is_same_block};
 pub(crate) use facet::Facet;
 pub(crate) use overlap::Gap;
 pub(crate) use side::Side;
@@ -32,7 +35,7 @@ pub(crate) use tree::{Found, Query, Search};
 
 use crate::fault::{Fault, unfit};
 use crate::format::cell::CORNERS;
-use crate::geom::{Affine, BoxIndex, Dims};
+use crate::geom::{Affine, BoxIndex, Dims, Octant};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::text::names::SURFACE;
 
@@ -95,6 +98,28 @@ impl<'a> Surface<'a> {
     #[inline]
     fn is_leaf(&self, place: Place) -> bool {
         place.level > 0 && self.view.has_leaves() && self.view.is_leaf(place.number.node())
+    }
+
+    /// The children of a node that meet a range of cells, of which the node holds some.
+    #[inline]
+    fn children(&self, place: Place, [first, last]: [[u32; 3]; 2], mut each: impl FnMut(Place)) {
+        const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
+        let (node, level) = (place.number.node(), place.level - 1);
+        let infobyte = self.view.infobyte(node);
+        let mut rest = infobyte;
+        for a in 0..3 {
+            let middle = place.low[a] + (1 << level);
+            rest &= if first[a] >= middle { HIGH[a] } else { u8::MAX };
+            rest &= if last[a] < middle { !HIGH[a] } else { u8::MAX };
+        }
+        let child = self.view.first_child(node);
+        while rest != 0 {
+            let bit = rest.trailing_zeros();
+            rest &= rest - 1;
+            let number = child.after((infobyte & ((1 << bit) - 1)).count_ones().into());
+            let high = Octant::low_bits(bit).high();
+            each(Place { number, low: std::array::from_fn(|a| place.low[a] + (high[a] << level)), level });
+        }
     }
 
     /// Number of a cell.

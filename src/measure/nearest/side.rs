@@ -10,7 +10,7 @@
 //! The normal alone errs at edges and in noise, by as much as the distance; ways to a centroid meet the steps between cells.
 
 use crate::format::cell::{CORNERS, at_corner};
-use crate::geom::Octant;
+use crate::geom::{BoxIndex, Octant};
 use crate::load::{CellShape, NodeView, PlanePart};
 
 use super::tree::ALONG;
@@ -54,8 +54,9 @@ impl Search<'_> {
         if found.height.abs() > ALONG * distance && !surface.has_corners(found.place) {
             return Side::of(found.height < 0.0);
         }
+        let root = Place { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() };
         Side::of((0..3).all(|axis| {
-            [false, true].into_iter().all(|up| surface.first_along(cell, axis, up).is_some_and(|is| is))
+            [false, true].into_iter().all(|up| surface.first_along(root, cell, axis, up) == Some(true))
         }))
     }
 
@@ -95,33 +96,21 @@ impl Surface<'_> {
     }
 
     /// Whether the side towards an empty cell of the first cell from there along an axis lies behind its surface; `None`
-    /// if there is no cell.
-    fn first_along(&self, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
-        let depth = self.view.depth();
-        let mut waiting = vec![Place { number: crate::geom::BoxIndex::ROOT, low: [0; 3], level: depth }];
-        while let Some(place) = waiting.pop() {
-            if place.level == 0 || self.is_leaf(place) {
-                return Some(self.covers(place, from, axis, up));
-            }
-            let (node, level) = (place.number.node(), place.level - 1);
-            // The farther half first, so that the nearer one is taken first.
-            for is_high in [up, !up] {
-                let high: [u32; 3] =
-                    std::array::from_fn(
-                        |a| {
-                            if a == axis { u32::from(is_high) } else { from[a] >> level & 1 }
-                        },
-                    );
-                let low: [u32; 3] = std::array::from_fn(|a| place.low[a] + (high[a] << level));
-                let is_past =
-                    if up { low[axis] + (1 << level) <= from[axis] } else { low[axis] > from[axis] };
-                let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
-                if !is_past && let Some(number) = self.view.child(node, octant) {
-                    waiting.push(Place { number, low, level });
-                }
-            }
+    /// if there is no cell in the box. The nearer half of a box goes first.
+    fn first_along(&self, place: Place, from: [u32; 3], axis: usize, up: bool) -> Option<bool> {
+        if place.level == 0 || self.is_leaf(place) {
+            return Some(self.covers(place, from, axis, up));
         }
-        None
+        let (node, level) = (place.number.node(), place.level - 1);
+        [!up, up].into_iter().find_map(|is_high| {
+            let high: [u32; 3] =
+                std::array::from_fn(|a| if a == axis { u32::from(is_high) } else { from[a] >> level & 1 });
+            let low: [u32; 3] = std::array::from_fn(|a| place.low[a] + (high[a] << level));
+            let is_past = if up { low[axis] + (1 << level) <= from[axis] } else { low[axis] > from[axis] };
+            let octant = Octant::low_bits(high[0] | high[1] << 1 | high[2] << 2);
+            let number = (!is_past).then(|| self.view.child(node, octant))??;
+            self.first_along(Place { number, low, level }, from, axis, up)
+        })
     }
 
     /// Do the four corners of a cell that face a point lie behind its surface? A larger leaf's cell next to its side.

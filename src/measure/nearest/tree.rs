@@ -1,12 +1,12 @@
 //! The search for the nearest point: depth first, the nearest child first, what is farther than the best left out.
 //!
-//! The last answer's cell is asked first: its distance is a true bound. The descent begins at the smallest box around that
-//! cell that holds the ball of this radius; the way to that box is kept, and repaired between neighbours.
+//! The last answer's cell is asked first: its distance is a true bound. The descent begins at the smallest box that holds
+//! the ball of this radius; the way to that box is kept, and repaired between neighbours.
 
 use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::NodeView;
 
-use super::{Place, Surface};
+use super::{Facet, Place, Surface};
 
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
@@ -68,6 +68,24 @@ impl Found {
         (self.height.abs() > ALONG * distance).then_some(distance.copysign(self.height))
     }
 
+    /// Keeps a facet's nearest point if it is before the best one, and within the limit, a squared distance.
+    #[inline]
+    pub(super) fn offer(
+        best: &mut Option<Self>,
+        limit: &mut f64,
+        point: [f64; 3],
+        facet: &Facet,
+        (place, part): (Place, u8),
+    ) {
+        let (square, at) = facet.nearest(point);
+        if square > *limit || best.is_some_and(|best| best.is_before(square, place, part)) {
+            return;
+        }
+        *limit = square;
+        let (normal, height) = (facet.normal, facet.height(point));
+        *best = Some(Self { square, point: at, normal, place, part, height });
+    }
+
     /// Nearer; of those as near the one of the lower number, then part.
     #[inline]
     fn is_before(&self, square: f64, place: Place, part: u8) -> bool {
@@ -111,7 +129,8 @@ impl<'a> Search<'a> {
         if let Some(seed) = self.seed {
             self.ask(seed, point, query);
             if self.best.is_some() {
-                start = self.around(seed, point);
+                let range = self.range(point, point, self.slack().sqrt());
+                start = range.map_or(start, |range| self.start(range));
             }
         }
         self.descend(start, point, query);
@@ -126,26 +145,28 @@ impl<'a> Search<'a> {
         self.way.go(&self.surface, cell)
     }
 
-    /// The smallest box around a cell that holds the ball which the best distance bounds, as far as the grid goes.
-    fn around(&mut self, seed: Place, point: [f64; 3]) -> Place {
-        let depth = self.surface.view.depth();
-        let radius = self.slack().sqrt();
-        let spacing = self.surface.space.spacing;
-        let end = f64::from(1_u32 << depth);
-        let range = |a: usize| {
-            [point[a] - radius, point[a] + radius].map(|c| (c / spacing[a]).floor().clamp(0.0, end - 1.0))
-        };
-        let ranges = [0, 1, 2].map(range);
-        let holds = |level: u32| {
-            let edge = f64::from(1_u32 << level);
-            (0..3).all(|a| {
-                let low = f64::from(seed.low[a] >> level << level);
-                ranges[a][0] >= low && ranges[a][1] < low + edge
-            })
-        };
-        let level = (seed.level..depth).find(|level| holds(*level)).unwrap_or(depth);
-        self.way.go(&self.surface, seed.low);
-        self.way.place(level)
+    /// First and last cell of the grid within `reach` of a box of the frame; `None` if the grid is elsewhere.
+    #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the grid")]
+    pub(super) fn range(&self, low: [f64; 3], high: [f64; 3], reach: f64) -> Option<[[u32; 3]; 2]> {
+        let Surface { space, view, .. } = self.surface;
+        let reach = reach * (1.0 + 1e-9) + 1e-9 * space.finest;
+        let end = f64::from(1_u32 << view.depth());
+        let mut range = [[0; 3]; 2];
+        for a in 0..3 {
+            let [first, last] = [low[a] - reach, high[a] + reach].map(|c| (c / space.spacing[a]).floor());
+            if view.is_empty() || !(last >= 0.0 && first < end) {
+                return None;
+            }
+            (range[0][a], range[1][a]) = (first.max(0.0) as u32, last.min(end - 1.0) as u32);
+        }
+        Some(range)
+    }
+
+    /// The smallest box that holds a range of cells, as far as the tree goes.
+    pub(super) fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> Place {
+        let apart = (0..3).fold(0, |apart, a| apart | (first[a] ^ last[a]));
+        self.way.go(&self.surface, first);
+        self.way.place(u32::BITS - apart.leading_zeros())
     }
 
     /// The best squared distance, and a little for what is as near but for rounding.
@@ -217,13 +238,7 @@ impl<'a> Search<'a> {
             if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
                 return;
             }
-            let (square, at) = facet.nearest(point);
-            if square > self.limit || self.best.is_some_and(|best| best.is_before(square, place, part)) {
-                return;
-            }
-            self.limit = square;
-            let height = facet.height(point);
-            self.best = Some(Found { square, point: at, normal: facet.normal, place, part, height });
+            Found::offer(&mut self.best, &mut self.limit, point, &facet, (place, part));
         });
     }
 }
