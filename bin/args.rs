@@ -128,8 +128,8 @@ impl Command {
             Self::Strip(args) => args.files.json,
             Self::Export(args) => args.json,
             Self::Intersect(args) => args.json,
-            Self::Compare(args) => args.json,
-            Self::Thickness(args) => args.json,
+            Self::Compare(args) => args.run.json,
+            Self::Thickness(args) => args.run.json,
             Self::Pores(args) => args.json,
             Self::Render(args) => args.json,
             Self::Thumbnail(args) => args.json,
@@ -230,6 +230,9 @@ pub(crate) struct PoresArgs {
     /// Leave out what has fewer voxels
     #[arg(long, value_name = "N", default_value_t = 1)]
     pub(crate) least: u64,
+    /// Measure how far each pore is from the outer surface
+    #[arg(long, conflicts_with = "bodies")]
+    pub(crate) gap: bool,
     /// Print one JSON object
     #[arg(long)]
     pub(crate) json: bool,

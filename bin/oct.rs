@@ -519,7 +519,7 @@ fn pores(args: &args::PoresArgs) -> Result<ExitCode, Failure> {
     refuse_dash([args.model.as_path()], Dash::AmongFiles)?;
     refuse_dash(args.csv.as_deref(), Dash::Layer)?;
     platform::tell_of(&args.model, args.json);
-    let request = PoresRequest { bodies: args.bodies, least: args.least };
+    let request = PoresRequest { bodies: args.bodies, least: args.least, gap: args.gap };
     let bars = Bars::new(args.json || args.quiet);
     let report = jobs::pores::pores(&args.model, request, args.csv.as_deref(), &bars);
     bars.finish();

@@ -1,11 +1,12 @@
 //! `oct pores`: the cavities that a model encloses, or its separate bodies, one by one.
 
 mod components;
+mod gap;
 
 use std::f64::consts::PI;
 use std::fmt::Write as _;
 use std::fs::File;
-use std::io::{self, BufWriter, Seek, Write};
+use std::io::{self, BufRead, BufReader, BufWriter, Seek, Write};
 use std::path::Path;
 use std::time::Instant;
 
@@ -13,20 +14,23 @@ use serde::Serialize;
 
 use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
 use super::measure::wall_areas;
-use super::opened::open_model;
+use super::opened::{open_model, scratch_beside};
 use super::verify::verify_unless_packed;
 use super::within::Within;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
+use crate::fault::{unfit, usage};
 use crate::geom::Affine;
 use crate::load::{Model, ModelView, NodeView};
+use crate::measure::nearest::Surface;
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::{Short, data, shown};
 
 use components::{Component, Components, Side, Sought};
+use gap::{LEFT_OUT, Notes};
 
 /// Rows that the text for people shows.
 const SHOWN: usize = 10;
@@ -45,6 +49,8 @@ pub struct PoresRequest {
     pub bodies: bool,
     /// Components of fewer samples are left out.
     pub least: u64,
+    /// True to measure how far pores are from the outer surface.
+    pub gap: bool,
 }
 
 /// A pore, or a body. Lengths are in mm (LPS).
@@ -72,11 +78,15 @@ pub struct Pore {
     pub samples: u64,
     /// True if its equivalent diameter is less than three voxels, along the axis where voxels are longest.
     pub below_resolution: bool,
+    /// Distance from the outer surface, if it was asked for and there is one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub gap_mm: Option<f64>,
 }
 
 /// Columns of the table.
+/// A column for gaps comes last where they are asked for.
 const COLUMNS: &str = "id,label,volume_mm3,area_mm2,x,y,z,x_min,y_min,z_min,x_max,y_max,z_max,equivalent_diameter_mm,\
-                       sphericity,samples,below_resolution\n";
+                       sphericity,samples,below_resolution";
 
 impl Pore {
     /// The row of the table.
@@ -85,7 +95,7 @@ impl Pore {
         let [x, y, z] = self.at_mm;
         let [low, high] = self.box_mm.map(|[x, y, z]| format!("{x},{y},{z}"));
         format!(
-            "{},{label},{},{},{x},{y},{z},{low},{high},{},{},{},{}\n",
+            "{},{label},{},{},{x},{y},{z},{low},{high},{},{},{},{}",
             self.id,
             self.volume_mm3,
             self.area_mm2,
@@ -140,10 +150,11 @@ pub struct PoresReport {
 /// `table` becomes a CSV of them all.
 ///
 /// Memory: as [`export`](super::export::export) of a mask, and some 150 bytes for each component of a slice. Cost: one pass
-/// over the model.
+/// over the model. Gaps take a bit a cell, 8 bytes for each run of samples that began a component, 24 bytes of temporary
+/// disk a cell, and a search for each cell of a pore.
 ///
 /// # Errors
-/// The model is damaged, has a skin of voxels, or keeps only what can be seen; the table cannot be written, and then is as
+/// The model is damaged, has a skin of voxels (for gaps: labels, larger leaves, axes not at right angles), or keeps only what can be seen; the table cannot be written, and then is as
 /// it was before.
 pub fn pores(
     input: &Path,
@@ -157,17 +168,29 @@ pub fn pores(
     let model = open_model(input)?;
     refuse(&model, input)?;
     let unwritable = |cause| Error::Output { path: table.unwrap_or(input).to_path_buf(), cause };
+    if request.gap && request.bodies {
+        return Err(usage!("gaps are measured from pores, not from bodies").into());
+    }
     let out = table.map(AtomicFile::create).transpose().map_err(unwritable)?;
     let view = model.view();
+    let surface = request.gap.then(|| surface_of(&model, &view, input)).transpose()?;
+    let scratch = || scratch_beside(table.unwrap_or(input)).map_err(unwritable);
+    // Rows wait here for their gaps.
+    let waiting = request.gap.then(scratch).transpose()?;
+    let notes = request.gap.then(scratch).transpose()?;
+    let rows = table.and(waiting.as_ref().or(out.as_ref().map(AtomicFile::file)));
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let give_back = || model.give_back();
     let exporter = exporter_of(&model, &view, &space, ExportRequest::of(ExportForm::Nrrd), &give_back);
     let geometry = Geometry::of(&model.affine());
     let is_labelled = !model.frame().labels.is_empty();
-    let begin = |frame| Found::begin(frame, request, is_labelled, out.as_ref());
+    let begin = |frame| Found::begin(frame, request, is_labelled, [rows, notes.as_ref()]);
     let work = |found: &mut Found, slice: &RegionSlice| {
         let sides = |cell: &LayerCell, add: &mut dyn FnMut(Side)| geometry.sides(&view, cell, add);
         let done = found.components.slice(slice, &sides);
+        if let Some(notes) = &mut found.notes {
+            notes.add(&found.components.noted)?;
+        }
         done.iter().try_for_each(|component| found.take(component, &geometry))
     };
     let (mut found, unknown) = exporter
@@ -177,6 +200,16 @@ pub fn pores(
     let rest = found.components.finish();
     rest.iter().try_for_each(|component| found.take(component, &geometry)).map_err(unwritable)?;
     found.out.as_mut().map_or(Ok(()), Write::flush).map_err(unwritable)?;
+    if let (Some(surface), Some(notes)) = (&surface, &mut found.notes) {
+        let pores = usize::try_from(found.rows).unwrap_or(usize::MAX);
+        let gaps =
+            notes.gaps_mm((&model, surface), &found.components.parents, &found.ends, pores, progress)?;
+        let gap = |id: u64| gaps.get(usize::try_from(id - 1).ok()?).copied().filter(|gap| gap.is_finite());
+        found.largest.iter_mut().for_each(|pore| pore.gap_mm = gap(pore.id));
+        if let (Some(out), Some(rows)) = (&out, rows) {
+            with_gaps(rows, out.file(), gap).map_err(unwritable)?;
+        }
+    }
     model.check_unchanged(input)?;
     if let Some(out) = out {
         commit(out, table.unwrap_or(input), progress)?;
@@ -199,6 +232,30 @@ pub fn pores(
         peak_rss_bytes: peak_rss_bytes(),
         wall_s: start.elapsed().as_secs_f64(),
     })
+}
+
+/// The surface that gaps are measured to.
+fn surface_of<'a>(model: &Model, view: &'a ModelView<'a>, input: &Path) -> Result<Surface<'a>, Error> {
+    if model.header().leaves {
+        let fault =
+            unfit!("has larger leaves, and gaps are of single cells; build it without them (a bound of 0)");
+        return Err(fault.at(input).into());
+    }
+    Ok(Surface::open(view, &model.affine(), model.dims()).map_err(|fault| fault.at(input))?)
+}
+
+/// Copies a table with a column more.
+fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> io::Result<()> {
+    rows.rewind()?;
+    let mut out = BufWriter::new(out);
+    for (number, line) in (0..).zip(BufReader::new(rows).lines()) {
+        let last = match number {
+            0 => "gap_mm".into(),
+            id => gap(id).map(|gap| gap.to_string()).unwrap_or_default(),
+        };
+        writeln!(out, "{},{last}", line?)?;
+    }
+    out.flush()
 }
 
 /// Refuses a model that does not say what is inside.
@@ -281,6 +338,7 @@ impl Geometry {
             sphericity: if component.area > 0.0 { (ball_mm2 / component.area).min(1.0) } else { 1.0 },
             samples: component.samples,
             below_resolution: equivalent_diameter_mm < RESOLVED_VOXELS * self.longest_mm,
+            gap_mm: None,
         }
     }
 }
@@ -296,6 +354,9 @@ struct Found {
     below_resolution: u64,
     below_least: u64,
     largest: Vec<Pore>,
+    /// Cells for gaps, and the components that ended with their pores' numbers.
+    notes: Option<Notes>,
+    ends: Vec<(u32, u32)>,
 }
 
 impl Found {
@@ -303,19 +364,19 @@ impl Found {
         frame: RegionFrame,
         request: PoresRequest,
         is_labelled: bool,
-        out: Option<&AtomicFile>,
+        [out, notes]: [Option<&File>; 2],
     ) -> io::Result<Self> {
         let sought = if request.bodies { Sought::Bodies } else { Sought::Pores };
-        let begun = |out: &AtomicFile| {
-            let mut file = out.file().try_clone()?;
+        let begun = |out: &File| {
+            let mut file = out.try_clone()?;
             file.set_len(0)?;
             file.rewind()?;
             let mut file = BufWriter::new(file);
-            file.write_all(COLUMNS.as_bytes())?;
+            writeln!(file, "{COLUMNS}")?;
             io::Result::Ok(file)
         };
         Ok(Self {
-            components: Components::new(sought, frame),
+            components: Components::new(sought, frame, request.gap),
             least: request.least,
             is_labelled,
             out: out.map(begun).transpose()?,
@@ -324,20 +385,25 @@ impl Found {
             below_resolution: 0,
             below_least: 0,
             largest: Vec::new(),
+            notes: notes.map(|file| Notes::new(file.try_clone()?)).transpose()?,
+            ends: Vec::new(),
         })
     }
 
     fn take(&mut self, component: &Component, geometry: &Geometry) -> io::Result<()> {
         if component.samples < self.least {
             self.below_least += 1;
+            self.ends.extend(self.notes.as_ref().map(|_| (component.serial, LEFT_OUT)));
             return Ok(());
         }
         self.rows += 1;
+        let id = u32::try_from(self.rows).unwrap_or(LEFT_OUT);
+        self.ends.extend(self.notes.as_ref().map(|_| (component.serial, id)));
         self.samples += component.samples;
         let pore = geometry.pore(self.rows, component, self.is_labelled);
         self.below_resolution += u64::from(pore.below_resolution);
         if let Some(out) = &mut self.out {
-            out.write_all(pore.row().as_bytes())?;
+            writeln!(out, "{}", pore.row())?;
         }
         let at = self.largest.partition_point(|other| other.samples >= pore.samples);
         if at < LARGEST {
@@ -362,9 +428,10 @@ impl PoresReport {
             let [volume, diameter, sphericity] =
                 [pore.volume_mm3, pore.equivalent_diameter_mm, pore.sphericity].map(|v| Short(v).to_string());
             let note = if pore.below_resolution { "  below the resolution" } else { "" };
+            let gap = pore.gap_mm.map(|gap| format!("  {} mm from outside", Short(gap))).unwrap_or_default();
             let _ = writeln!(
                 text,
-                "  {:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {x}, {y}, {z}{note}",
+                "  {:>6}  {volume:>12}  {diameter:>12}  {sphericity:>10}  {x}, {y}, {z}{gap}{note}",
                 pore.id
             );
         }

@@ -110,6 +110,7 @@ class Drawing {
         const flags = {
             hasNormals: model.sections.NORM, hasCorners: model.corners, hasLeaves: model.leaves, isCells: model.cells,
             hasColors: (model.sections.COLR || model.labels) && view.colors,
+            isFlat: model.head.quantity && model.sections.COLR && view.colors,
         };
         for (const [name, is] of Object.entries(flags)) gl.uniform1i(places[name] ?? null, is ? 1 : 0);
         gl.uniform1uiv(places.eyes ?? null, view.eyes());

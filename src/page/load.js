@@ -1,5 +1,5 @@
 'use strict';
-/* global Model, placed */
+/* global Model, placed, valueOf, page, $ */
 // The bytes of the page's model: sections that the exporter stored by `deflate`.
 
 /** Bytes of base64. */
@@ -95,9 +95,30 @@ async function *models(head) {
     take();
     if (!head.sections.length) return void (yield placed(head));
     const found = await sections(head, came), model = new Model(head, found);
+    if (head.quantity && found.VALU) model.sections.COLR = colored(model);
     // The model has them in texels.
     drop(found.NODE);
     yield model;
+}
+
+/** Red, green and blue of each box, by its value. */
+function colored(model) {
+    const {range: [low, high], colors, none} = model.head.quantity, made = new Uint8Array(3 * model.voxels);
+    for (let box = 0; box < model.voxels; box++) {
+        const value = valueOf(model, box), part = Math.min(1, Math.max(0, (value - low) / (high - low)));
+        const color = value === null ? none : colors[Math.round(part * (colors.length - 1))];
+        for (let i = 0; i < 3; i++) made[3 * box + i] = color[i];
+    }
+    return made;
+}
+
+/** Shows which colour stands for which value. */
+function showLegend() {
+    const {name, unit, sign, range: [low, high], colors} = page.model.head.quantity, [bar, ticks, text] = $('legend').children;
+    $('legend').hidden = !page.view.colors;
+    bar.style.background = `linear-gradient(to right, ${colors.map(color => `rgb(${color})`)})`;
+    [...ticks.children].forEach((tick, i) => { tick.textContent = +(low + i / 2 * (high - low)).toPrecision(3); });
+    text.textContent = `${name}, ${unit}${sign && ` (${sign})`}`;
 }
 
 if (typeof module !== 'undefined') module.exports = {decoded, sections};

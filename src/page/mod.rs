@@ -28,7 +28,7 @@ use base64::engine::general_purpose::STANDARD;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use crate::format::{Channel, Label, SectionKind};
+use crate::format::{Channel, Label, Quantity, SectionKind, ValueColors};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, NodeView};
 use crate::render::GridSpace;
@@ -118,6 +118,8 @@ struct Head<'a> {
     /// The table of labels; those of voxels are places in it.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     labels: Vec<Part<'a>>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    quantity: Option<Measured<'a>>,
     sections: Vec<Section>,
 }
 
@@ -128,6 +130,36 @@ struct Part<'a> {
     name: &'a str,
     color: [u8; 3],
     voxels: u64,
+}
+
+/// A measured quantity, with the colours of its values.
+#[derive(Serialize)]
+struct Measured<'a> {
+    name: &'a str,
+    unit: &'a str,
+    sign: &'a str,
+    /// Values of the first and the last colour; colours are at even steps.
+    range: [f64; 2],
+    colors: Vec<[u8; 3]>,
+    /// Colour of boxes without a value.
+    none: [u8; 3],
+}
+
+impl<'a> Measured<'a> {
+    fn of(quantity: &'a Quantity, scale: [f64; 2]) -> Self {
+        let colors = ValueColors::new(quantity, scale, None, None);
+        let [low, high] = colors.range;
+        let at = |step: u8| colors.at(low + (high - low) * f64::from(step) / 255.0);
+        let Quantity { name, unit, sign, .. } = quantity;
+        Self {
+            name,
+            unit,
+            sign,
+            range: colors.range,
+            colors: (0..=255).map(at).collect(),
+            none: ValueColors::NONE,
+        }
+    }
 }
 
 /// Writes a page; `picture` is a PNG of what it shows, which is seen where scripts or WebGL2 are missing, and in print; it
@@ -227,6 +259,7 @@ impl<'a> Head<'a> {
             value_scale: meta.value_scale,
             patient: matches!(meta.source.format.as_str(), "dicom" | "nifti" | "nrrd" | "metaimage"),
             labels: model.frame().labels.iter().map(part).collect(),
+            quantity: model.frame().quantity.as_ref().map(|of| Measured::of(of, meta.value_scale)),
             ..Self::default()
         }
     }

@@ -67,6 +67,12 @@ function direction(u, v) {
 /** Bytes of a cell that one plane does not part: the labels of its corners, or values of them. */
 const itemBytes = labels => labels ? 16 : 8;
 
+/** A measured value of a box; `null` for none. */
+function valueOf({head, sections: {VALU}}, box) {
+    const raw = head.value_bytes === 2 ? VALU[2 * box] | VALU[2 * box + 1] << 8 : VALU[box];
+    return head.quantity && !raw ? null : head.value_scale[0] * raw + head.value_scale[1];
+}
+
 /** A model's place, which is known without its sections. */
 function placed(head) {
     const toIndex = inverse(head.affine), lengths = [0, 1, 2].map(a => Math.hypot(...head.affine.map(row => row[a])));

@@ -12,7 +12,7 @@ uniform uint nodeCount;
 uniform int depth;
 /** Are normals blended between the boxes around a hit? */
 uniform bool isSmooth;
-uniform bool hasNormals, hasCorners, hasLeaves, isCells, hasColors;
+uniform bool hasNormals, hasCorners, hasLeaves, isCells, hasColors, isFlat;
 /** Ray of the picture point (x, y): a constant, its change with x, and with y; in the grid. */
 uniform vec3 origin[3], direction[3];
 /** The stored normal to the camera's frame: right, up, to the eye. */
@@ -391,7 +391,7 @@ void main() {
     if (isCells) isCap = hit.isWithin;
 #endif
     isCap = isCap && plane > 0.0 && plane < 1e30;
-    vec3 shown = isCap ? inside * (0.55 + 0.45 * abs(cutNormal.z)) : lit(surface, n);
+    vec3 shown = isCap ? inside * (0.55 + 0.45 * abs(cutNormal.z)) : isFlat ? surface : lit(surface, n);
     found = vec4(encoded(clamp(shown, 0.0, 1.0)), 1.0) * weight;
 #endif
 }

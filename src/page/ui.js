@@ -1,5 +1,5 @@
 'use strict';
-/* global Drawing, View, VIEWS, CUTS, models, ask, compiled, LABELS, dot, cross, added, scaled, SHADER */
+/* global Drawing, View, VIEWS, CUTS, models, ask, compiled, LABELS, valueOf, showLegend, dot, cross, added, scaled, SHADER */
 // The page: events in, pictures out.
 
 const $ = id => document.getElementById(id);
@@ -249,8 +249,8 @@ function pick(x, y) {
     const parts = [`x ${hit.at[0].toFixed(digits)}, y ${hit.at[1].toFixed(digits)}, z ${hit.at[2].toFixed(digits)} mm`];
     const {VALU, MATL} = page.model.sections, {head} = page.model;
     if (hit.voxel >= 0 && VALU) {
-        const raw = head.value_bytes === 2 ? VALU[2 * hit.voxel] | VALU[2 * hit.voxel + 1] << 8 : VALU[hit.voxel];
-        parts.push(`value ${+(head.value_scale[0] * raw + head.value_scale[1]).toPrecision(6)}`);
+        const value = valueOf(page.model, hit.voxel), {name = 'value', unit = ''} = head.quantity ?? {};
+        parts.push(value === null ? `no ${name}` : `${name} ${+value.toPrecision(head.quantity ? 4 : 6)} ${unit}`.trim());
     }
     if (hit.label) {
         const label = page.view.labels[hit.label - 1];
@@ -385,7 +385,7 @@ function tools() {
     on('clear', 'click', clearPoints);
     on('dark', 'click', () => { view.dark = !view.isDark; });
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => changed($('named').value));
-    on('colors', 'click', () => { view.colors = !view.colors; });
+    on('colors', 'click', () => { view.colors = !view.colors; $('legend').hidden = !page.model.head.quantity || !view.colors; });
     $('save').addEventListener('click', savePicture);
     $('help').addEventListener('click', () => {
         $('keys').hidden = !$('keys').hidden;
@@ -436,6 +436,7 @@ function begin() {
     main.classList.toggle('asks', page.asks);
     main.classList.add('live');
     $('colors').hidden = !page.model.sections.COLR && !page.view.labels.length;
+    if (page.model.head.quantity) showLegend();
     fit();
     if (!page.model.head.coarse) say('');
     redraw();

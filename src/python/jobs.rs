@@ -200,7 +200,7 @@ pub(super) fn pores(
     least: u64,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let request = PoresRequest { bodies, least };
+    let request = PoresRequest { bodies, least, gap: false };
     let report = watched(py, progress, |progress| {
         crate::jobs::pores::pores(&model, request, csv.as_deref(), progress)
     })?;

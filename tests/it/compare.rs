@@ -232,6 +232,15 @@ fn meshes_are_built_twice_as_fine_and_volumes_by_their_threshold() {
     assert!(number(&report, "/deviation/rms") < 0.03, "{report:#}");
     let volume = "synthetic:sphere@64?radius=20";
     let report = stage.compare(&[volume, volume, "--iso", "0.5", "--tolerance", "0"]);
+    let mut before = None;
+    for cap in ["12MiB", "20MiB", "1GiB"] {
+        let csv = stage.at("cap.csv");
+        let how = ["--iso", "0.5", "--move", "0.3,0,0", "--memory", cap, "--threads", "1", "--csv", &csv];
+        stage.compare(&[&[volume, volume], &how[..]].concat());
+        let bytes = fs::read(&csv).unwrap();
+        assert!(before.replace(bytes.clone()).is_none_or(|before| before == bytes), "{cap}");
+        fs::remove_file(csv).unwrap();
+    }
     assert_eq!(number(&report, "/deviation/rms"), 0.0);
     assert_eq!(names(stage.folder.path()), ["a.oct", "a.stl"], "nothing is left");
 }

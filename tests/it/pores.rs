@@ -156,7 +156,7 @@ fn pores_have_the_volume_the_area_and_the_place_of_the_balls_that_they_are() {
             ["build", &at("m.raw"), "-o", &at("m.oct"), "--dims", &size, "--dtype", "f32", "--iso", "0"];
         oct(&[&args[..], &["--spacing", &step, "--surface", "cells", "--json"]].concat()).json();
         let asked = ["pores", &at("m.oct"), "--csv", &at("m.csv"), "--json"];
-        let report = oct(&asked).json();
+        let report = oct(&[&asked[..], &["--gap"]].concat()).json();
         assert_eq!(report["pores"], 3);
         for ((middle, radius), pore) in pores.iter().zip(report["largest"].as_array().unwrap()) {
             let near = |key: &str, due: f64, within: f64| {
@@ -175,6 +175,11 @@ fn pores_have_the_volume_the_area_and_the_place_of_the_balls_that_they_are() {
                 pore["below_resolution"],
                 is_small || *radius < 3.6 && spacing[2] > 1.0 && 2.0 * radius < 3.6
             );
+            let gap = pore["gap_mm"].as_f64().unwrap();
+            let due = 16.0 - dot(*middle, *middle).sqrt() - radius;
+            assert!((gap - due).abs() < 0.25, "{spacing:?} {radius}: a gap of {gap}, not {due}");
+            let row = &table(&at("m.csv"))[pore["id"].as_u64().unwrap() as usize - 1];
+            assert_eq!(row["gap_mm"], gap.to_string());
             for axis in 0..3 {
                 let due = middle[axis] + 20.0 - spacing[axis] / 2.0;
                 let place = pore["at_mm"][axis].as_f64().unwrap();
@@ -212,6 +217,9 @@ fn what_cannot_be_measured_is_refused_and_leaves_the_table_as_it_was() {
     assert_eq!(std::fs::read_to_string(at("t.csv")).unwrap(), "kept");
     build(&["--surface", "cells"]);
     oct(&["pores", &at("m.oct"), "--csv", &at("m.oct")]).refused(2, &["m.oct"]);
-    let whole = oct(&["pores", &at("m.oct")]);
+    build(&["--surface", "cells", "--error", "0.3"]);
+    oct(&["pores", &at("m.oct"), "--gap"]).refused(3, &["m.oct", "larger leaves", "a bound of 0"]);
+    build(&["--surface", "cells"]);
+    let whole = oct(&["pores", &at("m.oct"), "--gap"]);
     assert!(whole.stdout.contains("0 pore(s)") && whole.code == 0, "{whole:?}");
 }

@@ -1,5 +1,6 @@
 //! `oct compare`: how far the surface of one model lies from that of another.
 
+mod farthest;
 mod report;
 mod rule;
 mod subject;
@@ -25,6 +26,7 @@ use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
 
+use farthest::Farthest;
 pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
@@ -199,22 +201,24 @@ impl Job<'_> {
         let rule = Rule { placement: placement.affine(), radius_mm, cosine };
         let mut records = Records::create(folder, outputs.csv, "deviation")?;
         let mut found = Found::new(radius_mm, one.surface.space.finest);
+        let mut farthest = Farthest::default();
         self.progress.stage("comparing", one.model.header().voxels);
         self.measure(&rule, [one, other], |row| {
             found.add(row, request.tolerance_mm);
+            farthest.add(row);
             if let (Some(_), Some(shift)) = (row.value, one.doubt.shift_mm(row.number)) {
                 found.shift = [found.shift[0] + shift * row.area_mm2, found.shift[1] + row.area_mm2];
             }
             let values = [row.value, row.u95_mm()].map(|value| value.unwrap_or(f64::NAN));
             records.add((row.at_mm, row.area_mm2), &values, values)
         })?;
-        let to_actual = self.way_back(&rule)?;
+        let distances = [farthest.distance_mm(&rule, &one, &other), self.way_back(&rule)?];
         let worst = self.worst(&mut records, &rule, found.distribution.percentile(0.95))?;
         for (measured, path) in [one, other].iter().zip(self.paths) {
             measured.model.check_unchanged(path)?;
         }
         records.finish::<2>((one.model, outputs.model), &self.quantity(&found), radius_mm, self.progress)?;
-        Ok(found.report(self, &rule, placement, to_actual, worst))
+        Ok(found.report(self, &rule, placement, distances, worst))
     }
 
     /// Measures the cells of one model from the surface of the other.
@@ -273,13 +277,13 @@ impl Job<'_> {
         }
         let Some(placement) = rule.placement.inverse() else { return Ok(None) };
         let back = Rule { placement, ..*rule };
-        let mut most: Option<f64> = None;
+        let mut farthest = Farthest::default();
         self.progress.stage("comparing back", self.other.model.header().voxels);
         self.measure(&back, [self.other, self.one], |row| {
-            most = row.value.map_or(most, |value| Some(most.unwrap_or(0.0).max(value.abs())));
+            farthest.add(row);
             Ok(())
         })?;
-        Ok(most)
+        Ok(farthest.distance_mm(&back, &self.other, &self.one))
     }
 
     /// The worst places: beyond the tolerance, or without one beyond the 95th percentile.
@@ -427,7 +431,7 @@ impl Found {
         job: &Job<'_>,
         rule: &Rule,
         placement: Placement,
-        to_actual: Option<f64>,
+        [to_nominal, to_actual]: [Option<f64>; 2],
         worst: Vec<Worst>,
     ) -> CompareReport {
         let share = |area: f64| if self.area_mm2 > 0.0 { area / self.area_mm2 } else { 0.0 };
@@ -454,7 +458,6 @@ impl Found {
         });
         let deviation = Deviation::of(&self.distribution);
         let diagonal = dot(job.one.surface.space.spacing, job.one.surface.space.spacing).sqrt();
-        let to_nominal = deviation.as_ref().map(|d| d.max.abs().max(d.min.abs()));
         let mut report = CompareReport {
             inputs: job.paths.map(data),
             radius_mm: rule.radius_mm,

@@ -125,11 +125,12 @@ impl Deviation {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Hausdorff {
-    /// Distance of the actual model's cells from the nominal surface.
+    /// Distance of the actual model's surface from the nominal one: at the middles of cells, and at all corners of the
+    /// 1,024 farthest.
     pub to_nominal: Option<f64>,
-    /// Distance of the nominal's cells from the actual surface; null unless it is asked for.
+    /// Distance of the nominal surface from the actual one; null unless it is asked for.
     pub to_actual: Option<f64>,
-    /// Bound on how much farther the surfaces within cells are than their middles: half a diagonal.
+    /// Bound on how much farther other places of the surfaces are: half a diagonal of a cell.
     pub within_mm: f64,
 }
 

@@ -98,14 +98,31 @@ impl Measured<'_> {
     }
 }
 
+/// A place and its normal, in the frame of the other model.
+pub(super) type Placed = ([f64; 3], [f64; 3]);
+
 impl Rule {
+    /// A place of a model and its normal, from its frame to that of the other.
+    pub(super) fn place(&self, one: &Measured<'_>, other: &Measured<'_>, (point, normal): Placed) -> Placed {
+        let (from, to) = (one.surface.space, other.surface.space);
+        let at_mm = self.placement.apply(from.to_world(point));
+        let normal = self.placement.apply_vector(from.direction_to_world(normal));
+        (to.to_frame(at_mm), to.direction_to_frame(normal))
+    }
+
+    /// The deviation of a place, and what it is measured to.
+    pub(super) fn measure(&self, search: &mut Search<'_>, place: Placed) -> Option<(f64, Found)> {
+        let found = search.nearest(place.0, &Query::within(self.radius_mm))?;
+        self.deviation(search, place, found)
+    }
+
     /// The deviation of a place, by its nearest point, which decides. Where its normal is turned away it is no counterpart,
     /// and the nearest one that is not is asked for. Its own normal says the sign if the way to it runs along it: on the far
     /// side of a wall that was moved by more than its thickness the solid's side would be the wrong one.
     fn deviation(
         &self,
         search: &mut Search<'_>,
-        (point, normal): ([f64; 3], [f64; 3]),
+        (point, normal): Placed,
         found: Found,
     ) -> Option<(f64, Found)> {
         let facing = Query { facing: Some((normal, self.cosine)), ..Query::within(self.radius_mm) };

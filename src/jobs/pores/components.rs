@@ -35,6 +35,8 @@ pub(super) struct Component {
     first: u64,
     /// The component that it was joined with, or itself.
     parent: u32,
+    /// Number among all components that there were.
+    pub(super) serial: u32,
     /// True if it reaches the border of the swept samples.
     is_outer: bool,
     /// True if it has samples in the last slice.
@@ -75,6 +77,20 @@ pub(super) struct Components {
     touched: Vec<u32>,
     /// Samples inside so far.
     pub(super) solid: u64,
+    /// True if cells outside are noted.
+    is_noting: bool,
+    /// The cells of the last slice with the components that they bound.
+    pub(super) noted: Vec<Noted>,
+    /// Serial numbers of the components that others were joined with, or their own.
+    pub(super) parents: Vec<u32>,
+}
+
+/// A cell, and a component outside that it bounds.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Noted {
+    pub(super) serial: u32,
+    pub(super) number: u64,
+    pub(super) cell: [u32; 3],
 }
 
 /// The area of the surface that a cell adds to the samples of a label.
@@ -84,14 +100,27 @@ pub(super) type Side = (u16, f64);
 pub(super) type SidesOf<'a> = dyn Fn(&LayerCell, &mut dyn FnMut(Side)) + 'a;
 
 impl Components {
-    pub(super) fn new(sought: Sought, frame: RegionFrame) -> Self {
+    pub(super) fn new(sought: Sought, frame: RegionFrame, is_noting: bool) -> Self {
         let (before, now) = (Rows::default(), Rows::default());
-        Self { sought, frame, slice: 0, before, now, components: Vec::new(), touched: Vec::new(), solid: 0 }
+        Self {
+            sought,
+            frame,
+            slice: 0,
+            before,
+            now,
+            components: Vec::new(),
+            touched: Vec::new(),
+            solid: 0,
+            is_noting,
+            noted: Vec::new(),
+            parents: Vec::new(),
+        }
     }
 
     /// Takes the next slice; `sides` are the areas of a cell's surface by label. Returns the components that ended.
     pub(super) fn slice(&mut self, slice: &RegionSlice, sides: &SidesOf<'_>) -> Vec<Component> {
         self.now.clear();
+        self.noted.clear();
         for row in 0..self.frame.height {
             self.row(slice, row);
         }
@@ -140,6 +169,7 @@ impl Components {
             area: 0.0,
             first: before * u64::from(width) + u64::from(run.start),
             parent: 0,
+            serial: 0,
             is_outer: at_side || run.start == 0 || run.end == width,
             is_live: true,
         }
@@ -177,7 +207,11 @@ impl Components {
             return found;
         }
         let number = self.components.len() as u32;
-        self.components.push(Component { parent: number, ..alone });
+        let serial = self.parents.len() as u32;
+        if self.is_noting {
+            self.parents.push(serial);
+        }
+        self.components.push(Component { parent: number, serial, ..alone });
         number
     }
 
@@ -188,6 +222,11 @@ impl Components {
             let other = self.components[joined as usize];
             self.components[kept as usize].join(&other);
             self.components[joined as usize].parent = kept;
+            if self.is_noting {
+                let (elder, other) = (self.components[kept as usize].serial, other.serial);
+                self.parents[elder.max(other) as usize] = elder.min(other);
+                self.components[kept as usize].serial = elder.min(other);
+            }
         }
         kept
     }
@@ -232,6 +271,17 @@ impl Components {
             if self.components[root as usize].label == label {
                 found[of_label] = root;
                 of_label += 1;
+            }
+        }
+        if self.is_noting {
+            let RegionFrame { origin: [x, y, z], .. } = self.frame;
+            let low = [x + i64::from(cell.x), y + cell.row as i64, z + i64::from(self.slice)];
+            let low = low.map(|c| u32::try_from(c).unwrap_or(0));
+            for (at, root) in found[..of_label].iter().enumerate() {
+                if !found[..at].contains(root) {
+                    let serial = self.components[*root as usize].serial;
+                    self.noted.push(Noted { serial, number: cell.number, cell: low });
+                }
             }
         }
         for root in &found[..of_label] {

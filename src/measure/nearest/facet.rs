@@ -94,8 +94,8 @@ impl Facet {
         (dot(apart, apart), add_scaled(self.middle, 1.0, found))
     }
 
-    /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
-    pub(crate) fn section(&self) -> (f64, [f64; 3]) {
+    /// The facet along the two axes that it faces least, and those axes before the third.
+    fn polygon(&self) -> (Polygon, [usize; 3]) {
         let [x, y, z] = self.normal.map(f64::abs);
         let w = if x >= y && x >= z {
             0
@@ -110,16 +110,32 @@ impl Facet {
         // The plane stays within the box where its rise along u and v is near the offset.
         let slack = 1e-12 * self.half.iter().sum::<f64>();
         let below = clip([[-a, -b], [a, -b], [a, b], [-a, b]], slope, self.offset + reach + slack);
-        let polygon = below.clip(slope.map(|c| -c), slack - (self.offset - reach));
+        (below.clip(slope.map(|c| -c), slack - (self.offset - reach)), [u, v, w])
+    }
+
+    /// The place on the plane with these coordinates along the first two axes.
+    fn lifted(&self, at: [f64; 2], [u, v, w]: [usize; 3]) -> [f64; 3] {
+        let rise = (self.offset - self.normal[u] * at[0] - self.normal[v] * at[1]) / self.normal[w];
+        let mut place = self.middle;
+        (place[u], place[v]) = (place[u] + at[0], place[v] + at[1]);
+        place[w] += rise.clamp(-self.half[w], self.half[w]);
+        place
+    }
+
+    /// The corners of the facet.
+    pub(crate) fn corners(&self, each: impl FnMut([f64; 3])) {
+        let (polygon, axes) = self.polygon();
+        polygon.corners.iter().take(polygon.count).map(|corner| self.lifted(*corner, axes)).for_each(each);
+    }
+
+    /// Area and centroid of the facet; of a facet that is a point or a line, the point nearest to the box's middle.
+    pub(crate) fn section(&self) -> (f64, [f64; 3]) {
+        let (polygon, axes) = self.polygon();
         let (area, at) = polygon.area();
         if area <= 0.0 {
             return (0.0, self.nearest(self.middle).1);
         }
-        let mut centroid = [0.0; 3];
-        (centroid[u], centroid[v]) = (at[0], at[1]);
-        let rise = (self.offset - slope[0] * at[0] - slope[1] * at[1]) / self.normal[w];
-        centroid[w] = rise.clamp(-self.half[w], self.half[w]);
-        (area / self.normal[w].abs(), add_scaled(self.middle, 1.0, centroid))
+        (area / self.normal[axes[2]].abs(), self.lifted(at, axes))
     }
 }
 

@@ -45,7 +45,7 @@ fn model(body: fn([f64; 3]) -> f64, spacing: [f64; 3], noise: f64, error: Option
 }
 
 /// The nearest point by asking every facet.
-fn brute(surface: &Surface<'_>, point: [f64; 3], query: &Query) -> Option<Found> {
+fn brute(surface: &Surface<'_>, point: [f64; 3], query: &Query<'_>) -> Option<Found> {
     let mut best: Option<Found> = None;
     let mut waiting = vec![Place { number: BoxIndex::ROOT, low: [0; 3], level: surface.view.depth() }];
     while let Some(place) = waiting.pop() {

@@ -16,16 +16,18 @@ pub(super) const ALONG: f64 = 0.8;
 
 /// Question to a search.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Query {
+pub(crate) struct Query<'q> {
     /// Greatest distance, in mm.
     pub(crate) within: f64,
     /// A direction of the frame (unit vector), and the least cosine of a facet's normal to it.
     pub(crate) facing: Option<([f64; 3], f64)>,
+    /// A bit for each cell, set for those that count.
+    pub(crate) among: Option<&'q [u64]>,
 }
 
-impl Query {
+impl Query<'_> {
     /// However far.
-    pub(crate) const ANY: Self = Self { within: f64::INFINITY, facing: None };
+    pub(crate) const ANY: Self = Self { within: f64::INFINITY, facing: None, among: None };
 
     /// Not farther than so many mm.
     pub(crate) fn within(mm: f64) -> Self {
@@ -119,7 +121,7 @@ impl<'a> Search<'a> {
     }
 
     /// The nearest point of the surface to a point of the frame, or `None` within the given distance.
-    pub(crate) fn nearest(&mut self, point: [f64; 3], query: &Query) -> Option<Found> {
+    pub(crate) fn nearest(&mut self, point: [f64; 3], query: &Query<'_>) -> Option<Found> {
         self.best = None;
         self.limit = query.within * query.within;
         if self.surface.view.is_empty() || !point.iter().all(|c| c.is_finite()) {
@@ -176,7 +178,7 @@ impl<'a> Search<'a> {
         self.limit * (1.0 + 1e-10) + 1e-10 * finest * finest
     }
 
-    fn descend(&mut self, start: Place, point: [f64; 3], query: &Query) {
+    fn descend(&mut self, start: Place, point: [f64; 3], query: &Query<'_>) {
         self.waiting.clear();
         self.waiting.push((0.0, start));
         while let Some((square, place)) = self.waiting.pop() {
@@ -232,8 +234,15 @@ impl<'a> Search<'a> {
 
     /// Asks the facets of a cell or a larger leaf.
     #[inline]
-    fn ask(&mut self, place: Place, point: [f64; 3], query: &Query) {
+    fn ask(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
         let surface = self.surface;
+        if let Some(among) = query.among {
+            let cell = surface.cell(place.number);
+            let word = usize::try_from(cell / 64).ok().and_then(|at| among.get(at));
+            if word.is_none_or(|word| word >> (cell % 64) & 1 == 0) {
+                return;
+            }
+        }
         surface.facets(place, |part, facet| {
             if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
                 return;

@@ -1,0 +1,55 @@
+//! The cells of a model that are farthest from the other one, whose corners are measured, too.
+
+use super::rule::{Measured, Row, Rule};
+
+/// Cells whose corners are measured.
+const MAX_CELLS: usize = 1024;
+
+/// The farthest cells of a pass: distance in the order of its bits, number, place.
+///
+/// Memory: 64 KiB.
+#[derive(Debug, Default)]
+pub(super) struct Farthest {
+    cells: Vec<(u64, u64, [u32; 3])>,
+    /// Bits of a distance that as many cells exceed as are kept.
+    least: u64,
+}
+
+impl Farthest {
+    pub(super) fn add(&mut self, row: &Row) {
+        let Some(value) = row.value.filter(|_| row.area_mm2 > 0.0) else { return };
+        let distance = value.abs().to_bits();
+        if distance < self.least {
+            return;
+        }
+        self.cells.push((distance, row.number, row.cell));
+        if self.cells.len() == 2 * MAX_CELLS {
+            self.cells.sort_unstable_by(|one, other| other.cmp(one));
+            self.cells.truncate(MAX_CELLS);
+            self.least = self.cells.last().map_or(0, |cell| cell.0);
+        }
+    }
+
+    /// The greatest distance of the middles and the polygons' corners of these cells.
+    pub(super) fn distance_mm(
+        mut self,
+        rule: &Rule,
+        one: &Measured<'_>,
+        other: &Measured<'_>,
+    ) -> Option<f64> {
+        self.cells.sort_unstable_by(|one, other| other.cmp(one));
+        self.cells.truncate(MAX_CELLS);
+        let mut greatest = f64::from_bits(self.cells.first()?.0);
+        let mut search = other.surface.search();
+        for (_, number, cell) in self.cells {
+            one.surface.facets(one.surface.cell_place(number, cell), |_, facet| {
+                facet.corners(|corner| {
+                    let place = rule.place(one, other, (corner, facet.normal));
+                    let value = rule.measure(&mut search, place).map_or(0.0, |(value, _)| value.abs());
+                    greatest = greatest.max(value);
+                });
+            });
+        }
+        Some(greatest)
+    }
+}
