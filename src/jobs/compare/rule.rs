@@ -151,7 +151,8 @@ impl Rule {
         let Worker { blocks, points, normals } = worker;
         let space = other.surface.space;
         for rows in rows.chunk_by_mut(|one, other| is_same_block(one.cell, other.cell)) {
-            (points.clear(), normals.clear());
+            points.clear();
+            normals.clear();
             for row in rows.iter_mut() {
                 let (made, normal) = one.row(row.number, row.cell, &self.placement);
                 *row = made;

@@ -174,8 +174,8 @@ impl Kernel for Bounds<'_> {
     #[inline(always)]
     fn run(self, _: impl Lanes) -> Option<usize> {
         let (mut least, mut at) = ([f32::INFINITY; WIDTH], [0_u32; WIDTH]);
-        let mut eight = 0;
-        for ([x, y, z, nx, ny, nz, radius], bounds) in self.discs.iter().zip(self.bounds) {
+        for (eight, ([x, y, z, nx, ny, nz, radius], bounds)) in (0..).zip(self.discs.iter().zip(self.bounds))
+        {
             for lane in 0..WIDTH {
                 let from = [self.point[0] - x[lane], self.point[1] - y[lane], self.point[2] - z[lane]];
                 let normal = [nx[lane], ny[lane], nz[lane]];
@@ -189,7 +189,6 @@ impl Kernel for Bounds<'_> {
                 (least[lane], at[lane]) =
                     if bound < least[lane] { (bound, eight) } else { (least[lane], at[lane]) };
             }
-            eight += 1;
         }
         let lane = (0..WIDTH).min_by(|a, b| least[*a].total_cmp(&least[*b]))?;
         (!self.discs.is_empty()).then_some(at[lane] as usize * WIDTH + lane)

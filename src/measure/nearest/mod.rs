@@ -116,7 +116,7 @@ impl<'a> Surface<'a> {
         while rest != 0 {
             let bit = rest.trailing_zeros();
             rest &= rest - 1;
-            let number = child.after((infobyte & ((1 << bit) - 1)).count_ones().into());
+            let number = child.after((infobyte & ((1 << bit) - 1)).count_ones());
             let high = Octant::low_bits(bit).high();
             each(Place { number, low: std::array::from_fn(|a| place.low[a] + (high[a] << level)), level });
         }
