@@ -1,6 +1,6 @@
 #!/usr/bin/env bash
 # Every test that tries random rays, volumes, bodies or bytes, with more of them than a test run takes, and pages as they
-# are seen.
+# are seen; last the program for Windows.
 # usage: scripts/long.sh [TIMES]     as many times as much as usual; 20 by default, some 20 minutes on 2 cores, and
 #                             some hours where there is a chromium
 set -euo pipefail
@@ -33,3 +33,6 @@ for i in "${!tests[@]}"; do
 done
 bar ${#tests[@]} ${#tests[@]} ""
 printf '\nall of %s passed, %d times as much as usual, in %d s\n' "${tests[*]}" "$times" $((SECONDS - start))
+
+# What the program for Windows writes is what this one writes.
+scripts/windows.sh

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Makes a release in dist/: an archive of the program for Linux, a portable wheel, and their checksums.
+# Makes a release in dist/: archives of the program for Linux and Windows, a portable wheel, and their checksums.
 #
-#   scripts/release.sh           compiles both; some fifteen minutes on two cores
+#   scripts/release.sh           compiles all three; some twenty minutes on two cores
 #   scripts/release.sh --quick   a test: the archive alone, of the program that INFOBYTE_OCT names, in a folder that is
 #                                removed; and what a package of the crate would hold
 set -euo pipefail
@@ -40,6 +40,20 @@ rm "$folder/desktop/check.sh"
 tar --sort=name --owner=0 --group=0 --numeric-owner --mtime="@$(git log -1 --format=%ct 2>/dev/null || echo 0)" \
     -C "$work" -c "$name" | gzip -9n >"$out/$name.tar.gz"
 
+# The program for Windows needs no other file; its licences, completions and manual are those of Linux.
+archives=("$name.tar.gz")
+if [ $quick = no ]; then
+    scripts/windows.sh --build
+    windows=${name%-linux}-windows
+    mkdir "$work/$windows"
+    cp -r "$folder"/{LICENSE-APACHE,LICENSE-MIT,README.md,CHANGELOG.md} "$work/$windows"
+    cp "${CARGO_TARGET_DIR:-target}/x86_64-pc-windows-gnu/release/oct.exe" "$work/$windows"
+    "$oct" completions powershell >"$work/$windows/oct.ps1"
+    rm -f "dist/$windows.zip"
+    (cd "$work" && python3 -m zipfile -c "$OLDPWD/dist/$windows.zip" "$windows")
+    archives+=("$windows.zip")
+fi
+
 # As a user unpacks it.
 mkdir "$work/unpacked"
 tar -C "$work/unpacked" -xf "$out/$name.tar.gz"
@@ -63,9 +77,9 @@ scripts/wheel.sh --portable
 (
     cd dist
     rm -f SHA256SUMS
-    sha256sum -- "$name.tar.gz" *manylinux*.whl >SHA256SUMS
+    sha256sum -- "${archives[@]}" *manylinux*.whl >SHA256SUMS
     cat SHA256SUMS
-    for file in "$name.tar.gz" *manylinux*.whl; do
+    for file in "${archives[@]}" *manylinux*.whl; do
         bytes=$(stat -c %s "$file")
         echo "release: $file, $bytes bytes"
         [ "$bytes" -le $max_bytes ] || { echo "release: $file is larger than $max_bytes bytes" >&2; exit 1; }

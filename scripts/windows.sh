@@ -3,6 +3,7 @@
 # Linux program writes, byte for byte.
 #
 #   scripts/windows.sh --check    type-checks library and program; what continuous integration runs
+#   scripts/windows.sh --build    builds the release program
 #   scripts/windows.sh            builds both release programs and compares; some fifteen minutes on two cores
 #   scripts/windows.sh OCT OCT_EXE    compares these two
 #
@@ -29,6 +30,9 @@ if [ $# != 2 ]; then
 fi
 if [ "${1:-}" = --check ]; then
     exec cargo check --locked --lib --bins --target $target
+fi
+if [ "${1:-}" = --build ]; then
+    exec cargo build --locked --release --bin oct --target $target
 fi
 if [ $# = 2 ]; then
     oct=$(realpath "$1") exe=$(realpath "$2")
