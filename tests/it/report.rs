@@ -54,6 +54,11 @@ fn errors_are_the_same_on_every_run_and_as_they_should_be() {
         "{budgets:?}"
     );
     assert_eq!(row(&first, "gradient", "isotropic5")["default"], true);
+    // The first figure: five settings, the middle of both bodies, and what to choose.
+    let top = &first["experiments"][0];
+    assert_eq!((&top["id"], top["rows"].as_array().unwrap().len()), (&"overview".into(), 5), "{top}");
+    assert_eq!(row(&first, "overview", "cells (default)")["subject"], "median of 2 bodies");
+    assert!(top["advice"].as_str().unwrap().starts_with("Keep the default, which is off by 0.0"), "{top}");
 }
 
 #[test]
@@ -64,10 +69,12 @@ fn page_table_and_json_tell_the_same_rows_and_need_nothing_else() {
     let (drawings, tables): (Vec<_>, Vec<_>) = names(&out).into_iter().partition(|n| n.ends_with(".svg"));
     assert_eq!(tables, ["report.csv", "report.html", "report.json", "report.md"]);
     assert!(drawings.contains(&"surface.svg".to_owned()), "{drawings:?}");
+    assert!(drawings.contains(&"overview.svg".to_owned()), "{drawings:?}");
     let page = fs::read_to_string(out.join("report.html")).unwrap();
     for outside in ["http", "src=", "<link", "@import", "url("] {
         assert!(!page.contains(outside), "{outside}");
     }
+    assert!(page.contains("<h1>Keep the default") && page.matches("<section").count() == 1, "all else folds");
     assert!(
         page.contains("prefers-color-scheme:dark") && page.contains("<svg") && page.contains("oct report")
     );
@@ -104,6 +111,7 @@ fn a_model_is_held_against_its_full_frame() {
     let coarse = &row(&report, "detail_of_frame", "boxes of 4")["errors"];
     assert!(coarse["depth_rms_voxels"].as_f64().unwrap() > 0.3, "{coarse}");
     assert_eq!(row(&report, "detail_of_frame", "voxels")["subject"], "a.oct");
+    assert_eq!(row(&report, "overview", "every voxel (default)")["subject"], "a.oct");
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::experiments::{Bench, Reference};
 use super::rays;
-use super::rows::{Costs, Drawn, Experiment, Metric, Row};
+use super::rows::{Costs, Drawn, Experiment, Metric};
 use crate::builder::{BuildOptions, Tolerance};
 use crate::error::Error;
 use crate::format::SurfaceKind;
@@ -15,8 +15,6 @@ use crate::volume::VolumeSource;
 const BOUNDS: [f64; 5] = [0.0, 0.05, 0.1, 0.2, 0.5];
 /// The bound whose picture stands beside the curves.
 const SHOWN: f64 = 0.1;
-/// What a choice may lose, in voxels: less than the cells themselves are off in noise.
-const HARDLY_SEEN: f64 = 0.05;
 
 impl Bench<'_> {
     /// Models of cells within bounds, against the body's true surface, or against the fine cells.
@@ -50,7 +48,7 @@ impl Bench<'_> {
                 Some(body) => rays::against_body(&met, lines, body, self.threads)?,
                 None => rays::against_frame(&met, frame, lines, (voxel_mm, 1)),
             };
-            let costs = Costs { memory_bytes: None, ..built.costs.with_rays(times) };
+            let costs = Costs { memory_bytes: None, ..built.costs.with_rays(&times) };
             let choice = if bound == 0.0 { "cells".to_owned() } else { format!("{bound}") };
             rows.push(Self::row(subject, choice, bound == 0.0, costs, errors));
             if bound == SHOWN {
@@ -68,32 +66,10 @@ impl Bench<'_> {
                 "Cells are joined into leaves within so many voxels of the surface. Distances and normals of the hits of three perspective pictures are held against {reference}. Rays go one by one on one thread. Pictures below are of the bound {SHOWN}."
             )
             .into(),
-            advice: advice(&rows),
+            advice: None,
             drawn: Drawn { cost: 3, metric: Metric::DepthRms },
             rows,
             pictures,
         })
     }
-}
-
-/// What to choose, in two sentences: the largest bound that costs hardly any accuracy.
-fn advice(rows: &[Row]) -> Option<String> {
-    let first = rows.first()?;
-    let rms = |row: &Row| row.errors.get(Metric::DepthRms);
-    let most = rms(first)? + HARDLY_SEEN;
-    let chosen = rows.iter().skip(1).rfind(|row| rms(row).is_some_and(|rms| rms <= most))?;
-    let [bytes, ns, boxes] = [3, 1, 4].map(|cost| {
-        let [now, before] = [chosen, first].map(|row| row.costs.values()[cost].unwrap_or(f64::NAN));
-        now / before
-    });
-    Some(format!(
-        "Of {}, choose {}: it keeps {:.0} % of the boxes and {:.0} % of the bytes, and hits are off by {:.3} voxel instead of {:.3} (RMS). Its rays take {:.0} % of the time; meshes for printing come from fine cells.",
-        first.subject,
-        chosen.choice,
-        100.0 * boxes,
-        100.0 * bytes,
-        rms(chosen)?,
-        rms(first)?,
-        100.0 * ns
-    ))
 }

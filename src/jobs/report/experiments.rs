@@ -7,7 +7,7 @@ use std::time::Instant;
 use super::rays::{self, Line, Met};
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
 use crate::budget::{Bytes, MemoryCap};
-use crate::builder::{BuildOptions, BuildReport, Gradient, Silent, Threshold, build_volume};
+use crate::builder::{BuildOptions, Gradient, Silent, Threshold, build_volume};
 use crate::error::Error;
 use crate::format::{Channel, Channels, SurfaceKind};
 use crate::jobs::info::surface_boxes;
@@ -24,8 +24,6 @@ pub(super) struct Bench<'a> {
     pub(super) pixels: u32,
 }
 
-/// Builds of which the fastest counts.
-const BUILDS: u32 = 2;
 /// Caps that are tried, in MiB.
 const BUDGETS_MIB: [u64; 6] = [1, 2, 4, 8, 16, 64];
 /// Coarsest boxes that are shown: edges of 2^4 voxels.
@@ -111,21 +109,19 @@ impl Bench<'_> {
         self.folder.join("model.oct")
     }
 
-    /// Builds a model and opens it; the time is that of the fastest of some builds.
+    /// Builds a model several times and opens it.
     pub(super) fn build(&self, source: &dyn VolumeSource, options: &BuildOptions) -> Result<Built, Error> {
         let path = self.path();
-        let mut times = Times::NONE;
-        let mut last: Option<BuildReport> = None;
-        for _ in 0..BUILDS {
+        let (times, last) = Times::of(|| {
             let started = Instant::now();
-            last = Some(build_volume(source, options, &path, &Silent)?);
-            times.add(started.elapsed().as_secs_f64());
-        }
+            let last = build_volume(source, options, &path, &Silent)?;
+            Ok::<_, Error>((started.elapsed().as_secs_f64(), last))
+        })?;
         let costs = Costs {
-            build_s: Some(times.fastest),
+            build_s: Some(times.median()),
             ns_per_ray: None,
-            memory_bytes: last.as_ref().map(|r| r.plan_bytes),
-            file_bytes: last.map(|r| r.file_bytes),
+            memory_bytes: Some(last.plan_bytes),
+            file_bytes: Some(last.file_bytes),
             boxes: None,
             spread_percent: Some(times.spread_percent()),
         };
@@ -172,7 +168,7 @@ impl Bench<'_> {
             let (space, lines) = self.lines(&built.model)?;
             let met = rays::cast(&built.model, &lines, self.threads)?;
             let (_, times) = rays::cast_boxes(&space, &built.model, &lines, 0);
-            let costs = built.costs.with_rays(times);
+            let costs = built.costs.with_rays(&times);
             let errors = rays::against_body(&met, &lines, body, self.threads)?;
             // The command builds cells.
             let usual = surface == SurfaceKind::Cells;
@@ -249,7 +245,7 @@ impl Bench<'_> {
                 Reference::Frame(frame) => rays::against_frame(&met, frame, &lines, (voxel_mm, 1 << k)),
             };
             let costs =
-                Costs { file_bytes: Some(model.header().file_bytes), ..Costs::default() }.with_rays(times);
+                Costs { file_bytes: Some(model.header().file_bytes), ..Costs::default() }.with_rays(&times);
             let edge = 1_u32 << k;
             let choice = if k == 0 { "voxels".to_owned() } else { format!("boxes of {edge}") };
             rows.push(Self::row(subject, choice, k == 0, costs, errors));

@@ -13,6 +13,7 @@
 //! | `sight` | models without what cannot be seen |
 //! | `bits` | normals in other numbers of bits |
 //! | `bound` | larger leaves within a bound |
+//! | `overview` | the first figure: a few settings, error against time, and a verdict |
 //! | `machine` | facts of the machine |
 //! | `page`, `plot`, `table` | the HTML page, its drawings, and tables for other pages |
 //!
@@ -22,6 +23,7 @@ mod bits;
 mod bound;
 mod experiments;
 mod machine;
+mod overview;
 mod page;
 mod pictures;
 mod plot;
@@ -30,7 +32,8 @@ mod rows;
 mod sight;
 mod table;
 
-use std::io::Write;
+use std::fmt::Write as _;
+use std::io::Write as _;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -131,6 +134,9 @@ pub fn report(request: &ReportRequest, progress: &dyn Progress) -> Result<Report
         model.check_unchanged(path)?;
         progress.advance(1);
     }
+    if let Some(first) = overview::overview(&experiments) {
+        experiments.insert(0, first);
+    }
     rows::mark_fronts(&mut experiments);
     let mut report = Report {
         command: request.command.clone(),
@@ -196,8 +202,11 @@ impl Report {
     /// A few lines for people.
     pub fn text(&self) -> String {
         let rows: usize = self.experiments.iter().map(|e| e.rows.len()).sum();
-        let mut text = format!(
-            "{} measurements in {} experiments, {:.1} s\n",
+        let verdict = self.experiments.first().and_then(|first| first.advice.as_deref());
+        let mut text = verdict.map(|verdict| format!("{verdict}\n")).unwrap_or_default();
+        let _ = writeln!(
+            text,
+            "{} measurements in {} experiments, {:.1} s",
             rows,
             self.experiments.len(),
             self.wall_s

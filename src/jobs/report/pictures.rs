@@ -1,5 +1,6 @@
 //! What a picture may be made by: traversals, samplings of a frame, shadings. A choice more is an entry of a table.
 
+use std::convert::Infallible;
 use std::time::Instant;
 
 use super::bits::rounded;
@@ -58,9 +59,6 @@ const FRAMES: [Frame; 4] = [
 /// Bits of a normal that are tried; the format has 16.
 const NORMAL_BITS: [u32; 4] = [12, 14, 16, 24];
 
-/// Frames of which the fastest counts.
-const REPEATS: usize = 3;
-
 impl Bench<'_> {
     /// Every way to find the first hits.
     pub(super) fn traversals(
@@ -77,7 +75,7 @@ impl Bench<'_> {
             let (met, times) = cast(&scene);
             let reference = reference.get_or_insert_with(|| met.clone());
             let errors = rays::against_frame(&met, reference, &lines, (voxel_mm, 1));
-            let costs = Costs::default().with_rays(times);
+            let costs = Costs::default().with_rays(&times);
             rows.push(Self::row(subject, choice, usual, costs, errors));
         }
         Ok(Experiment {
@@ -104,35 +102,31 @@ impl Bench<'_> {
                 continue;
             }
             let side = (self.pixels / smaller).max(1);
-            let mut seconds = 0.0;
-            let mut images = Vec::new();
-            for point in points {
-                let request = how(RenderRequest {
-                    size: Some([side; 2]),
-                    point: Some(point),
-                    projection: Some(Projection::Perspective),
-                    fov_deg: Some(rays::FOV_DEG),
-                    threads: 1,
-                    ..RenderRequest::default()
-                });
-                let mut best = f64::INFINITY;
-                let mut last = None;
-                for _ in 0..REPEATS {
+            let (times, images) = Times::of(|| {
+                let (mut seconds, mut images) = (0.0, Vec::new());
+                for point in points {
+                    let request = how(RenderRequest {
+                        size: Some([side; 2]),
+                        point: Some(point),
+                        projection: Some(Projection::Perspective),
+                        fov_deg: Some(rays::FOV_DEG),
+                        threads: 1,
+                        ..RenderRequest::default()
+                    });
                     let (image, report) =
                         render_view(&model.view(), model.dims(), &model.affine(), &request)?;
-                    best = best.min(report.trace_s + report.shade_s);
-                    last = Some(image);
+                    seconds += report.trace_s + report.shade_s;
+                    images.push(image);
                 }
-                seconds += best;
-                images.extend(last);
-            }
+                Ok::<_, Error>((seconds, images))
+            })?;
             if plain.as_ref().is_none_or(|(of, _)| *of != side) {
                 plain = Some((side, images.clone()));
             }
             let reference = plain.as_ref().map_or(&[][..], |(_, images)| images);
             let errors = Errors::default().with(Metric::Picture, difference(&images, reference));
             let pixels = f64::from(side) * f64::from(side) * points.len() as f64;
-            let costs = Costs { ns_per_ray: Some(seconds * 1e9 / pixels), ..Costs::default() };
+            let costs = Costs::default().with_rays(&times.scaled(1e9 / pixels));
             rows.push(Self::row(subject, choice, usual, costs, errors));
         }
         Ok(Experiment {
@@ -157,30 +151,37 @@ impl Bench<'_> {
         let view = model.view();
         let stored = rays::cast(model, &lines, self.threads)?;
         let scene = Scene { space: &space, view: model.view(), dims: model.dims(), lines: &lines };
-        let ns = scene.boxes(Form::best(), 0).1.fastest;
+        let times = scene.boxes(Form::best(), 0).1;
         let surface = view.cells().map_or("skin", |_| "cells");
-        let started = Instant::now();
-        let blended: Vec<Option<Met>> = stored
-            .iter()
-            .map(|met| {
-                let met = (*met)?;
-                let code = blend::find(&view, met.voxel).and_then(|voxel| view.voxel_normal(voxel))?;
-                let own = normal::decode_l1(code).map(f64::from);
-                let n = blend::blended(&view, space.to_grid(met.point), own);
-                let world = match view.cells() {
-                    Some(_) => space.index_normal_to_world(n),
-                    None => space.normal_to_world(n),
-                };
-                Some(Met { normal: Some(world), ..met })
-            })
-            .collect();
-        let blending = started.elapsed().as_secs_f64() * 1e9 / lines.len().max(1) as f64;
+        let Ok((blending, blended)) = Times::of(|| {
+            let started = Instant::now();
+            let blended: Vec<Option<Met>> = stored
+                .iter()
+                .map(|met| {
+                    let met = (*met)?;
+                    let code = blend::find(&view, met.voxel).and_then(|voxel| view.voxel_normal(voxel))?;
+                    let own = normal::decode_l1(code).map(f64::from);
+                    let n = blend::blended(&view, space.to_grid(met.point), own);
+                    let world = match view.cells() {
+                        Some(_) => space.index_normal_to_world(n),
+                        None => space.normal_to_world(n),
+                    };
+                    Some(Met { normal: Some(world), ..met })
+                })
+                .collect();
+            Ok::<_, Infallible>((started.elapsed().as_secs_f64(), blended))
+        });
+        let blending = blending.scaled(1e9 / lines.len().max(1) as f64);
+        let stored_costs = Costs::default().with_rays(&times);
+        let blended_costs = Costs {
+            ns_per_ray: Some(times.median() + blending.median()),
+            ..stored_costs.with_rays(&blending)
+        };
         let mut rows = Vec::new();
-        for (choice, usual, met, ns) in
-            [("stored", true, &stored, ns), ("blended", false, &blended, ns + blending)]
+        for (choice, usual, met, costs) in
+            [("stored", true, &stored, stored_costs), ("blended", false, &blended, blended_costs)]
         {
             let errors = rays::against_body(met, &lines, body, self.threads)?.only_normals();
-            let costs = Costs { ns_per_ray: Some(ns), ..Costs::default() };
             rows.push(Self::row(subject, format!("{surface}, {choice}"), usual, costs, errors));
         }
         Ok(rows)

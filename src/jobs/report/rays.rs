@@ -1,5 +1,6 @@
 //! The rays of pictures from three sides, and how far their hits are from a reference.
 
+use std::convert::Infallible;
 use std::time::Instant;
 
 use rayon::prelude::*;
@@ -20,8 +21,6 @@ use crate::synthetic::AnalyticVolume;
 const SIDES: [[f64; 3]; 3] = [[0.31, -1.0, 0.22], [1.0, 0.37, -0.29], [-0.41, 0.33, 1.0]];
 /// Angle of the pictures, in degrees.
 pub(super) const FOV_DEG: f64 = 40.0;
-/// Times that rays are traced.
-const REPEATS: u32 = 5;
 /// A hit that is farther off than so many boxes lies on another sheet of the surface.
 const SHEET: f64 = 4.0;
 /// Distance of the eye in half extents: a cube's corners are just within the picture then.
@@ -142,22 +141,18 @@ impl Scene<'_> {
         let Self { space, view, dims, lines } = self;
         let cells = view.cells().map(Cells::new);
         let rays: Vec<_> = lines.iter().map(|(o, d)| space.ray(*o, *d).ok().flatten()).collect();
-        let mut hits = Vec::new();
-        let mut seconds = Times::NONE;
-        for _ in 0..REPEATS {
+        let Ok((seconds, hits)) = Times::of(|| {
             let started = Instant::now();
-            hits = rays
-                .iter()
-                .map(|ray| {
-                    let ray = ray.as_ref()?;
-                    match &cells {
-                        Some(cells) => single::trace(form, view, cells, ray, k).hit,
-                        None => single::trace(form, view, &Skin, ray, k).hit,
-                    }
-                })
-                .collect();
-            seconds.add(started.elapsed().as_secs_f64());
-        }
+            let hit = |ray: &Option<_>| {
+                let ray = ray.as_ref()?;
+                match &cells {
+                    Some(cells) => single::trace(form, view, cells, ray, k).hit,
+                    None => single::trace(form, view, &Skin, ray, k).hit,
+                }
+            };
+            let hits: Vec<_> = rays.iter().map(hit).collect();
+            Ok::<_, Infallible>((started.elapsed().as_secs_f64(), hits))
+        });
         let met = lines.iter().zip(hits).map(|((o, d), hit)| {
             let hit = hit?;
             let number = BoxIndex::new(hit.box_number);

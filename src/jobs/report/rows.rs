@@ -5,6 +5,8 @@ use std::collections::BTreeMap;
 
 use serde::Serialize;
 
+use super::plot::short;
+
 /// A choice is tried in several ways, everything else left alike.
 #[derive(Clone, Debug, Serialize)]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
@@ -15,7 +17,7 @@ pub struct Experiment {
     pub title: &'static str,
     /// How it is measured, and against which reference.
     pub about: Cow<'static, str>,
-    /// What to choose; several subjects one after the other.
+    /// Verdict: the setting to choose and its cost, in one sentence.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub advice: Option<String>,
     /// The cost and the error that are drawn.
@@ -68,9 +70,9 @@ pub struct Row {
 #[serde(into = "BTreeMap<&'static str, f64>")]
 #[cfg_attr(test, derive(schemars::JsonSchema))]
 pub struct Costs {
-    /// Seconds of the build, the best of some.
+    /// Seconds of the build, the median of five.
     pub build_s: Option<f64>,
-    /// Nanoseconds for each ray, on one thread.
+    /// Nanoseconds for each ray on one thread, the median of five.
     pub ns_per_ray: Option<f64>,
     /// Bytes that the build reserved.
     pub memory_bytes: Option<u64>,
@@ -81,6 +83,9 @@ pub struct Costs {
     /// How much longer the slowest of the repeated timings took than the fastest, in percent of that.
     pub spread_percent: Option<f64>,
 }
+
+/// Place of the spread among costs.
+const SPREAD: usize = 5;
 
 impl Costs {
     /// Names of the costs, in the order of [`Costs::values`].
@@ -104,33 +109,45 @@ impl Costs {
     }
 
     /// With the times of rays, and the greater of both spreads.
-    pub(super) fn with_rays(self, times: Times) -> Self {
+    pub(super) fn with_rays(self, times: &Times) -> Self {
         let spread = self.spread_percent.map_or(times.spread_percent(), |s| s.max(times.spread_percent()));
-        Self { ns_per_ray: Some(times.fastest), spread_percent: Some(spread), ..self }
+        Self { ns_per_ray: Some(times.median()), spread_percent: Some(spread), ..self }
     }
 }
 
-/// The fastest and the slowest of repeated timings.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Times {
-    pub(super) fastest: f64,
-    pub(super) slowest: f64,
-}
+/// Runs of everything that is timed.
+pub(super) const RUNS: usize = 5;
+/// Spread of times, in percent, above which a row is marked.
+pub(super) const UNEVEN_PERCENT: f64 = 20.0;
+
+/// Repeated timings, in rising order.
+#[derive(Clone, Debug)]
+pub(super) struct Times(Vec<f64>);
 
 impl Times {
-    pub(super) const NONE: Self = Self { fastest: f64::INFINITY, slowest: 0.0 };
-
-    pub(super) fn add(&mut self, time: f64) {
-        (self.fastest, self.slowest) = (self.fastest.min(time), self.slowest.max(time));
+    /// Times of [`RUNS`] runs, and the result of the last one.
+    pub(super) fn of<T, E>(mut run: impl FnMut() -> Result<(f64, T), E>) -> Result<(Self, T), E> {
+        let (first, mut result) = run()?;
+        let mut all = vec![first];
+        for _ in 1..RUNS {
+            let (time, next) = run()?;
+            all.push(time);
+            result = next;
+        }
+        all.sort_by(f64::total_cmp);
+        Ok((Self(all), result))
     }
 
-    pub(super) fn spread_percent(self) -> f64 {
-        100.0 * (self.slowest / self.fastest - 1.0)
+    pub(super) fn median(&self) -> f64 {
+        self.0[self.0.len() / 2]
     }
 
-    /// Both times a factor.
+    pub(super) fn spread_percent(&self) -> f64 {
+        100.0 * (self.0[self.0.len() - 1] / self.0[0] - 1.0)
+    }
+
     pub(super) fn scaled(self, factor: f64) -> Self {
-        Self { fastest: self.fastest * factor, slowest: self.slowest * factor }
+        Self(self.0.into_iter().map(|time| time * factor).collect())
     }
 }
 
@@ -249,10 +266,6 @@ pub(super) fn join(all: &mut Vec<Experiment>, found: Experiment) {
         Some(known) => {
             known.rows.extend(found.rows);
             known.pictures.extend(found.pictures);
-            known.advice = match (known.advice.take(), found.advice) {
-                (Some(known), Some(found)) => Some(format!("{known} {found}")),
-                (known, found) => known.or(found),
-            };
         }
         None => all.push(found),
     }
@@ -302,6 +315,11 @@ impl Column {
 }
 
 impl Experiment {
+    /// True if no choice has an error: a line of zeros shows less than the table.
+    pub(super) fn is_exact(&self) -> bool {
+        self.rows.iter().filter_map(|row| row.errors.get(self.drawn.metric)).all(|error| error == 0.0)
+    }
+
     /// The columns of what at least one row has.
     pub(super) fn columns(&self) -> Vec<Column> {
         let costs = (0..Costs::NAMES.len()).map(Column::Cost);
@@ -311,6 +329,13 @@ impl Experiment {
 }
 
 impl Row {
+    /// The value of a column as it is shown; a spread that is too wide for its times is marked.
+    pub(super) fn shown(&self, column: Column) -> String {
+        let Some(value) = column.of(self) else { return String::new() };
+        let uneven = matches!(column, Column::Cost(SPREAD)) && value > UNEVEN_PERCENT;
+        format!("{}{}", short(value), if uneven { " (!)" } else { "" })
+    }
+
     pub(super) fn csv(&self, experiment: &str) -> String {
         let quoted = |text: &str| format!("\"{}\"", text.replace('"', "\"\""));
         let number = |v: Option<f64>| v.map(|v| v.to_string()).unwrap_or_default();

@@ -3,7 +3,6 @@
 use std::fmt::Write;
 
 use super::Report;
-use super::plot::short;
 use super::rows::Experiment;
 
 /// All tables, with the command and the machine before them.
@@ -40,7 +39,7 @@ fn table(experiment: &Experiment, text: &mut String) {
         let choice = if row.usual { format!("**{choice}**") } else { choice };
         let _ = write!(text, "| {} | {choice} |", cell(&row.subject));
         for column in &columns {
-            let _ = write!(text, " {} |", column.of(row).map(short).unwrap_or_default());
+            let _ = write!(text, " {} |", row.shown(*column));
         }
         text.push('\n');
     }
