@@ -27,7 +27,9 @@ use crate::load::survive_torn_files;
 use crate::platform::{FileExt, open_files_limit};
 use crate::scratch::unnamed;
 
-use sheet::Entry;
+use crate::jobs::batch::HOME;
+
+use sheet::{BatchSheet, Entry};
 use subject::Subject;
 
 /// Longest request in bytes: browsers send some hundred.
@@ -84,8 +86,10 @@ pub fn view(
     let listener = TcpListener::bind((Ipv4Addr::LOCALHOST, request.port)).map_err(refused)?;
     listener.set_nonblocking(true).map_err(refused)?;
     let port = listener.local_addr().map_err(refused)?.port();
+    let folder = is_folder.then_some(input);
     let server = Server {
-        folder: is_folder.then_some(input),
+        sheet: folder.and_then(|folder| BatchSheet::of(folder, &entries)),
+        folder,
         entries,
         open: Mutex::new(open),
         scratch,
@@ -185,6 +189,8 @@ impl From<io::Error> for Refused {
 struct Server<'a> {
     /// The folder that a contact sheet is of.
     folder: Option<&'a Path>,
+    /// The sheet that a batch wrote there.
+    sheet: Option<BatchSheet>,
     /// Its models; one without a folder.
     entries: Vec<Entry>,
     /// Those that were looked at last.
@@ -256,12 +262,17 @@ impl Client {
     /// The head of an answer of so many bytes, and the time to take it. Pages from elsewhere may not read it, and nothing
     /// keeps it.
     fn head(&mut self, status: u16, kind: &str, bytes: u64) -> io::Result<()> {
+        self.head_with(status, kind, bytes, "")
+    }
+
+    /// The same with lines more, each with its end.
+    fn head_with(&mut self, status: u16, kind: &str, bytes: u64, more: &str) -> io::Result<()> {
         self.until = Instant::now() + PATIENCE + Duration::from_secs(bytes / MIN_RATE);
         let word = if status == 200 { "OK" } else { "refused" };
         let head = format!(
             "HTTP/1.1 {status} {word}\r\nContent-Type: {kind}\r\nContent-Length: {bytes}\r\nConnection: close\r\n\
              Cache-Control: no-store\r\nX-Content-Type-Options: nosniff\r\nReferrer-Policy: no-referrer\r\n\
-             Cross-Origin-Resource-Policy: same-origin\r\n\r\n"
+             Cross-Origin-Resource-Policy: same-origin\r\n{more}\r\n"
         );
         self.write_all(head.as_bytes())
     }
@@ -305,6 +316,10 @@ impl Server<'_> {
         if !matches!(method, "GET" | "HEAD") {
             return Err(Refused::because(405, "only GET and HEAD"));
         }
+        if path == "/favicon.ico" {
+            // Browsers ask for it and complain if it is not there.
+            return Err(Refused::because(204, ""));
+        }
         let what = path.strip_prefix('/').and_then(|path| path.strip_prefix(&self.secret)?.strip_prefix('/'));
         let what = what.ok_or_else(|| Refused::because(404, "not here"))?.to_owned();
         Ok(Asked { is_head: method == "HEAD", what })
@@ -314,6 +329,7 @@ impl Server<'_> {
         let nothing = || Refused::because(404, "not here");
         let (number, what) = match self.folder {
             None => (0, &*asked.what),
+            Some(folder) if self.send_sheet(client, folder, asked)? => return Ok(()),
             Some(folder) if asked.what.is_empty() => {
                 let sheet = sheet::page(folder, &self.entries);
                 client.head(200, "text/html; charset=utf-8", sheet.len() as u64)?;
@@ -339,6 +355,27 @@ impl Server<'_> {
         };
         client.head(200, "image/png", png.len() as u64)?;
         if asked.is_head { Ok(()) } else { Ok(client.write_all(&png)?) }
+    }
+
+    /// Sends a part of a batch's contact sheet; false if that is not what is asked for.
+    fn send_sheet(&self, client: &mut Client, folder: &Path, asked: &Asked) -> Result<bool, Refused> {
+        let Some(sheet) = &self.sheet else { return Ok(false) };
+        if let Some(number) = sheet::linked(&self.entries, &asked.what) {
+            let place = format!("Location: /{}/{number}/\r\n", self.secret);
+            client.head_with(302, "text/plain; charset=utf-8", 0, &place)?;
+            return Ok(true);
+        }
+        let file = match &*asked.what {
+            HOME => Some(("text/javascript; charset=utf-8", sheet.home.clone().into_bytes())),
+            name => sheet.file(folder, name),
+        };
+        let Some((kind, bytes)) = file else { return Ok(false) };
+        let policy = format!("Content-Security-Policy: {}\r\n", BatchSheet::policy());
+        client.head_with(200, kind, bytes.len() as u64, &policy)?;
+        if !asked.is_head {
+            client.write_all(&bytes)?;
+        }
+        Ok(true)
     }
 
     /// The model of an entry, open: as it was opened before, unless its file was changed since.

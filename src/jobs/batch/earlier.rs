@@ -11,22 +11,18 @@ use crate::platform::open_file;
 /// Longest line of a report that is read; longer ones are passed over.
 const MAX_LINE_BYTES: u64 = 1 << 20;
 
-/// Adds to the journal, behind this run's items, those of the report that lies in `out` whose models are still there
-/// and are not models of this run. `shows_text`: are thumbnails shown whose pixels may carry text?
+/// Hands out the items of the report that lies in `out`, with their lines' numbers. A report that cannot be read has
+/// none; a line that is not an item is passed over.
 ///
-/// Memory: a name for each model of this run, and a line.
+/// Memory: one line.
 ///
 /// # Errors
-/// The journal cannot be read or written. A report that cannot be read is ignored.
-pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::Result<()> {
+/// Those of `work`.
+pub(in crate::jobs) fn items(
+    out: &Path,
+    work: &mut dyn FnMut(usize, Item) -> io::Result<()>,
+) -> io::Result<()> {
     let Ok(report) = open_file(&out.join("report.json")) else { return Ok(()) };
-    let mut known = HashSet::new();
-    journal.for_each(&mut |item| {
-        if item.model.is_some() {
-            known.insert(item.name);
-        }
-        Ok(())
-    })?;
     let mut lines = BufReader::new(report);
     let mut line = Vec::new();
     for number in 0.. {
@@ -38,13 +34,35 @@ pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::
         // Each item is a line of its own.
         let text = line.trim_ascii();
         let text = text.strip_suffix(b",").unwrap_or(text);
-        let Ok(mut item) = serde_json::from_slice::<Item>(text) else { continue };
+        if let Ok(item) = serde_json::from_slice(text) {
+            work(number, item)?;
+        }
+    }
+    Ok(())
+}
+
+/// Adds to the journal, behind this run's items, those of the report that lies in `out` whose models are still there
+/// and are not models of this run. `shows_text`: are thumbnails shown whose pixels may carry text?
+///
+/// Memory: a name for each model of this run, and a line.
+///
+/// # Errors
+/// The journal cannot be read or written. A report that cannot be read is ignored.
+pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::Result<()> {
+    let mut known = HashSet::new();
+    journal.for_each(&mut |item| {
+        if item.model.is_some() {
+            known.insert(item.name);
+        }
+        Ok(())
+    })?;
+    items(out, &mut |number, mut item| {
         let Some(record) = Record::read(out, &item.name).filter(|record| record.is_of(&item.name, out))
         else {
-            continue;
+            return Ok(());
         };
         if !known.insert(item.name.clone()) {
-            continue;
+            return Ok(());
         }
         let mut model = record.into_model();
         if item.burned_in.is_some() && !shows_text {
@@ -52,7 +70,6 @@ pub(super) fn take_over(out: &Path, shows_text: bool, journal: &Journal) -> io::
         }
         (item.status, item.model) = (Status::Kept, Some(model));
         (item.cause, item.reason) = (None, None);
-        journal.add((usize::MAX, number), &item)?;
-    }
-    Ok(())
+        journal.add((usize::MAX, number), &item)
+    })
 }

@@ -25,7 +25,7 @@ const MAX_EMBEDDED: u64 = 400;
 
 const HEAD: &str = r#"<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><meta name="viewport" content="width=device-width,initial-scale=1">
-<title>Contact sheet</title><style>
+<link rel="icon" href="data:,"><title>Contact sheet</title><style>
 :root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--bad:#b3261e;--note:#8a5a00;--tile:linear-gradient(#e9edf2,#cfd6df)}
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--bad:#ff8a80;--note:#e0b35a;--tile:linear-gradient(#323943,#1b2027)}}
 *{box-sizing:border-box}body{margin:0;background:var(--ground);color:var(--ink);font:14px/1.45 system-ui,sans-serif}
@@ -46,7 +46,8 @@ table{margin:0 28px 28px;border-collapse:collapse;font-size:13px}td{padding:3px 
 </style></head><body>
 "#;
 
-const FILTER: &str = r#"<script>
+/// Sifts and sorts cards, leads pictures to models, and shows what only `report.js` knows: folders and reasons.
+pub(in crate::jobs) const SCRIPT: &str = r#"
 const q=document.getElementById("q"),f=document.getElementById("f"),none=document.getElementById("none"),all=[...document.querySelectorAll("article")];
 function sift(){const w=q.value.toLowerCase();for(const a of all)a.hidden=!a.textContent.toLowerCase().includes(w)||(f.checked&&!a.classList.contains("failed"));
 for(const a of all)a.style.display=a.hidden?"none":"";none.hidden=!w||all.some(a=>!a.hidden)}
@@ -58,16 +59,15 @@ q.addEventListener("input",sift);f.addEventListener("change",sift);
 if(location.protocol!="file:")for(const a of cards.querySelectorAll(".shot a"))
 a.href="viewer.html?model="+encodeURIComponent(a.closest("article").querySelector("h3 a").getAttribute("href"));
 if(typeof report!="undefined"){const at=new Map(report.map(r=>[r[0],r]));
-for(const a of document.querySelectorAll("main.list article")){const r=at.get(a.querySelector("h3").textContent);if(!r)continue;
+for(const a of all){const r=at.get(a.querySelector("h3").textContent);if(!r)continue;
 a.querySelector(".file").textContent=r[1];if(r[2])a.querySelector(".why").textContent=r[2]}}
-</script>
 "#;
 
 /// The page that the pictures of a contact sheet lead to on a web server: a file's may not read another one.
 pub(super) const VIEWER: &str = "viewer.html";
 
 /// What the page shows only at home.
-pub(super) const HOME: &str = "report.js";
+pub(in crate::jobs) const HOME: &str = "report.js";
 
 /// Writes the page; one thumbnail at a time is in memory.
 pub(super) fn write(
@@ -144,20 +144,19 @@ pub(super) fn write(
         w.write_all(b"</table>\n")?;
     }
     writeln!(w, "<script src=\"{HOME}\"></script>")?;
-    w.write_all(FILTER.as_bytes())?;
-    w.write_all(b"</body></html>\n")
+    writeln!(w, "<script>{SCRIPT}</script>\n</body></html>")
 }
 
-/// Writes `report.js`: of each volume without a model its name, its file or folder, and the reason.
+/// Writes `report.js`: the name of each volume, its file or folder, and the reason why it has no model.
 pub(super) fn write_home(journal: &Journal, w: &mut dyn Write) -> io::Result<()> {
     write!(w, "// This file {NOTICE}.\nconst report = [\n")?;
-    journal.for_each(&mut |item| {
-        if item.model.is_some() {
-            return Ok(());
-        }
-        writeln!(w, "{},", text::json(&(&item.name, &item.input, &item.reason)))
-    })?;
+    journal.for_each(&mut |item| w.write_all(home_line(&item).as_bytes()))?;
     w.write_all(b"];\n")
+}
+
+/// The line of a volume in `report.js`.
+pub(in crate::jobs) fn home_line(item: &Item) -> String {
+    format!("{},\n", text::json(&(&item.name, &item.input, &item.reason)))
 }
 
 /// What a volume is, and where it lies, if that may be told.
@@ -228,7 +227,7 @@ fn card(item: &Item, report: &BatchReport, out: &Path, embed: bool, w: &mut dyn 
     }
     write!(
         w,
-        "</div><div class=\"text\"><h3><a href=\"{}\">{}</a></h3><p class=\"in\">{}</p>",
+        "</div><div class=\"text\"><h3><a href=\"{}\">{}</a></h3><p class=\"in\">{}</p><p class=\"in file\"></p>",
         html(item.model.as_ref().map_or("", |m| &m.file)),
         html(&item.name),
         kind(item, report)

@@ -29,7 +29,7 @@ svg{display:block;width:100%;max-width:820px;height:auto;margin:4px 0 8px}.grid{
 .usual.c0{fill:var(--c0)}.usual.c1{fill:var(--c1)}.usual.c2{fill:var(--c2)}.usual.c3{fill:var(--c3)}.usual.c4{fill:var(--c4)}.usual.c5{fill:var(--c5)}.usual.c6{fill:var(--c6)}
 .key{display:flex;flex-wrap:wrap;gap:4px 18px;margin:0 0 10px;font-size:13px;color:var(--soft)}.key svg{display:inline-block;width:14px;height:14px;margin:0 5px 0 0;vertical-align:-2px}
 .pictures{display:flex;flex-wrap:wrap;gap:12px}figure{margin:0;width:180px}figcaption{font-size:13px;color:var(--soft);text-align:center;overflow-wrap:anywhere}
-.wide{overflow-x:auto}.wide>svg{min-width:540px}table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;width:100%}
+.wide{overflow-x:auto}.wide>svg{min-width:540px}#overview .wide>svg{min-width:0}table{border-collapse:collapse;font-size:13.5px;font-variant-numeric:tabular-nums;width:100%}
 th{text-align:right;vertical-align:bottom;font-weight:600;color:var(--soft);padding:4px 6px;border-bottom:1px solid var(--line)}
 td{text-align:right;padding:3px 6px;border-bottom:1px solid var(--line);white-space:nowrap}th:nth-child(-n+2),td:nth-child(-n+2){text-align:left}
 @media(max-width:600px){header,main{padding:0 10px}section,details{padding:16px 12px}}@media print,(max-width:1200px){td:first-child{white-space:normal;overflow-wrap:anywhere;min-width:110px}}

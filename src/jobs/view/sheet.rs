@@ -1,7 +1,8 @@
 //! The models of a folder, and their contact sheet.
 
+use std::collections::HashSet;
 use std::fs;
-use std::io;
+use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError, Weak};
 
@@ -12,12 +13,16 @@ use sha2::{Digest, Sha256};
 use super::Subject;
 use crate::budget::Bytes;
 use crate::error::{Error, UsageError};
+use crate::jobs::batch::{SCRIPT, home_line, items};
 use crate::load::{LoadError, LoadFault};
+use crate::platform::open_file;
 use crate::text::{data, html};
 
 /// Models of a contact sheet at most, and folders within one another.
 const MAX_ENTRIES: usize = 10_000;
 const MAX_DEPTH: usize = 16;
+/// Bytes that are served of a file of a batch: a page with some hundred thumbnails takes some 20 MB.
+const MAX_FILE: u64 = 256 << 20;
 
 const STYLE: &str = ":root{color-scheme:light dark;--ground:#f4f5f7;--card:#fff;--ink:#1b1f24;--soft:#667080;--line:#dde1e7;--tile:#dfe4ea}\
 @media(prefers-color-scheme:dark){:root{--ground:#14171b;--card:#1d2127;--ink:#e7eaee;--soft:#97a1ae;--line:#2c323a;--tile:#272d35}}\
@@ -91,6 +96,75 @@ fn walk(folder: &Path, within: &Path, depth: usize, found: &mut Vec<Entry>) -> i
         }
     }
     Ok(())
+}
+
+/// The contact sheet that a batch wrote into its folder, with the folders and reasons of its report.
+pub(super) struct BatchSheet {
+    /// `report.js` of every item.
+    pub(super) home: String,
+    /// File names of thumbnails.
+    thumbnails: HashSet<String>,
+}
+
+impl BatchSheet {
+    /// File name of the page.
+    const PAGE: &str = "index.html";
+
+    /// The sheet of a folder; `None` unless a batch wrote it and it shows every model there.
+    pub(super) fn of(folder: &Path, entries: &[Entry]) -> Option<Self> {
+        let (mut models, mut thumbnails) = (HashSet::new(), HashSet::new());
+        let mut home = "const report = [\n".to_owned();
+        let mut left = MAX_ENTRIES;
+        items(folder, &mut |_, item| {
+            left = left.checked_sub(1).ok_or(io::ErrorKind::FileTooLarge)?;
+            home.push_str(&home_line(&item));
+            if let Some(model) = item.model {
+                thumbnails.extend(model.thumbnail.filter(|name| !name.contains('/')));
+                models.insert(PathBuf::from(model.file));
+            }
+            Ok(())
+        })
+        .ok()?;
+        home.push_str("];\n");
+        let shows_all = entries.iter().all(|entry| models.contains(&entry.name));
+        (shows_all && folder.join(Self::PAGE).is_file()).then_some(Self { home, thumbnails })
+    }
+
+    /// The file of a name that the page asks for: the page itself, or a thumbnail.
+    pub(super) fn file(&self, folder: &Path, name: &str) -> Option<(&'static str, Vec<u8>)> {
+        let (kind, name) = match name {
+            "" => ("text/html; charset=utf-8", Self::PAGE),
+            _ => ("image/png", self.thumbnails.get(name)?.as_str()),
+        };
+        let mut bytes = Vec::new();
+        open_file(&folder.join(name)).ok()?.take(MAX_FILE).read_to_end(&mut bytes).ok()?;
+        Some((kind, bytes))
+    }
+
+    /// What the page may do: run the script that batches write and show pictures, and reach nothing outside.
+    pub(super) fn policy() -> String {
+        let hash = STANDARD.encode(Sha256::digest(SCRIPT));
+        format!(
+            "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; script-src 'self' 'sha256-{hash}'; base-uri 'none'; form-action 'none'"
+        )
+    }
+}
+
+/// The number of the model that a contact sheet's link leads to: `NAME.oct`, or `viewer.html?model=NAME.oct`.
+pub(super) fn linked(entries: &[Entry], link: &str) -> Option<usize> {
+    let name = decoded(link.strip_prefix("viewer.html?model=").unwrap_or(link))?;
+    entries.iter().position(|entry| entry.name == Path::new(&name))
+}
+
+/// Text of an address without its `%XX`.
+fn decoded(text: &str) -> Option<String> {
+    let mut parts = text.split('%');
+    let mut bytes = parts.next()?.as_bytes().to_vec();
+    for part in parts {
+        bytes.push(u8::from_str_radix(part.get(..2)?, 16).ok()?);
+        bytes.extend_from_slice(part.get(2..)?.as_bytes());
+    }
+    String::from_utf8(bytes).ok()
 }
 
 /// The contact sheet: pictures of all models, which lead to their pages.

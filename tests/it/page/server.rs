@@ -318,6 +318,46 @@ fn a_folder_is_served_whatever_becomes_of_its_models_and_clients() {
 }
 
 #[test]
+fn the_folder_of_a_batch_is_its_contact_sheet_with_folders_and_reasons() {
+    let folder = tempfile::tempdir().unwrap();
+    let (top, out) = (folder.path().join("ward"), folder.path().join("out"));
+    fs::create_dir(&top).unwrap();
+    oct(&["demo", "--size", "32", "--write-raw", &text(&top.join("a.raw"))]);
+    let head = "ObjectType = Image\nNDims = 3\nDimSize = 32 32 32\nElementType = MET_SHORT\nElementDataFile = a.raw\n";
+    fs::write(top.join("a b.mhd"), head).unwrap();
+    fs::write(top.join("bad.mhd"), head.replace("a.raw", "gone.raw")).unwrap();
+    let run = oct(&["batch", &text(&top), "--out", &text(&out), "--iso", "400"]);
+    assert_eq!(run.code, 8, "{}", run.stderr);
+    let (mut child, address) = served(&out, &["--idle", "2"]);
+    let target = Target::of(&address);
+    let ask = |path: &str| {
+        let (status, bytes) =
+            answered(target.port, &format!("GET {path} HTTP/1.1\r\nHost: {}\r\n\r\n", target.host));
+        (status, String::from_utf8_lossy(&bytes).into_owned())
+    };
+    let at = |what: &str| ask(&format!("/{}{what}", target.path));
+    let (status, sheet) = at("");
+    assert!(status == 200 && sheet.contains("id=\"q\"") && sheet.contains("<dt>spacing</dt>"), "{sheet}");
+    let (status, home) = at("report.js");
+    assert!(status == 200 && home.contains("ward/a b.mhd") && home.contains("gone.raw"), "{home}");
+    let model = names(&out).into_iter().find(|name| name.ends_with(".oct")).unwrap();
+    for link in [model.clone(), format!("viewer.html?model={model}")] {
+        assert_eq!(at(&link).0, 302, "{link}");
+    }
+    assert_eq!((at(&model.replace(".oct", ".png")).0, at("0/").0, at("report.csv").0), (200, 200, 404));
+    assert_eq!(ask("/favicon.ico").0, 204);
+    // A model that the batch does not know: the sheet of files shows all.
+    assert!(child.wait().unwrap().success());
+    fs::copy(out.join(&model), out.join("more.oct")).unwrap();
+    let (mut child, address) = served(&out, &["--idle", "2"]);
+    let target = Target::of(&address);
+    let (_, bytes) =
+        answered(target.port, &format!("GET /{} HTTP/1.1\r\nHost: {}\r\n\r\n", target.path, target.host));
+    assert!(String::from_utf8_lossy(&bytes).contains("<p>2 models</p>"));
+    assert!(child.wait().unwrap().success());
+}
+
+#[test]
 fn scenes_and_folders_are_served_as_pages() {
     let folder = tempfile::tempdir().unwrap();
     let models = folder.path().join("models");
