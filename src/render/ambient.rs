@@ -26,7 +26,7 @@ use crate::load::ModelView;
 pub(crate) const MAX_RAYS: u32 = 1024;
 
 /// Rays between two looks at the process's memory.
-const STEP_RAYS: usize = 16;
+const STEP_RAYS: usize = 64;
 
 /// Cosine and sine of the golden angle.
 const GOLDEN: [f64; 2] = [-0.737_368_878_078_319_7, 0.675_490_294_261_523_8];
@@ -48,7 +48,7 @@ pub(crate) struct Sky {
     turned: Vec<Vec<[f64; 3]>>,
 }
 
-/// The memory of a worker, from tile to tile.
+/// The memory of a worker, from tile to tile of one model's picture: bricks that rays looked at are remembered.
 pub(crate) struct Lot {
     batch: Batch,
     rays: Vec<Ray>,
@@ -92,8 +92,8 @@ impl Lot {
             return;
         }
         match cells {
-            Some(cells) => self.batch.any(view, cells, &self.rays, lod_edge_log2, &mut self.met),
-            None => self.batch.any(view, &Skin, &self.rays, lod_edge_log2, &mut self.met),
+            Some(cells) => self.batch.any_more(view, cells, &self.rays, lod_edge_log2, &mut self.met),
+            None => self.batch.any_more(view, &Skin, &self.rays, lod_edge_log2, &mut self.met),
         }
         for (pixel, met) in self.of.iter().zip(&self.met) {
             self.closed[usize::from(*pixel) % RAYS] += u16::from(*met);

@@ -101,6 +101,19 @@ impl Batch {
         lod_edge_log2: u32,
         met: &mut Vec<bool>,
     ) {
+        self.known.forget();
+        self.any_more(view, surface, rays, lod_edge_log2, met);
+    }
+
+    /// [`Batch::any`] for a batch that has had no other view: bricks are remembered from call to call.
+    pub(crate) fn any_more<S: Surface>(
+        &mut self,
+        view: &ModelView<'_>,
+        surface: &S,
+        rays: &[Ray],
+        lod_edge_log2: u32,
+        met: &mut Vec<bool>,
+    ) {
         refill(met, rays.len(), false);
         let Self { form, slots, known } = self;
         if view.has_leaves() {
@@ -108,7 +121,6 @@ impl Batch {
             met.iter_mut().zip(found).for_each(|(met, found)| *met = found.is_some());
             return;
         }
-        known.forget();
         form.run(Flight { view, surface, rays, lod_edge_log2, slots, known, answers: Any(met) });
     }
 }

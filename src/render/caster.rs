@@ -197,7 +197,7 @@ impl<F: FnMut(usize, &SurfacePoint)> Found for Points<'_, F> {
 impl<F: FnMut(usize, &SurfacePoint)> Points<'_, F> {
     /// Gives the points away that are here.
     fn give(&mut self) {
-        self.space.normals_to_world(self.cells.is_some(), &mut self.normals);
+        self.space.normals_to_world(Form::best(), self.cells.is_some(), &mut self.normals);
         for (at, (ray, point)) in self.rays.iter().zip(&mut self.points).take(self.count).enumerate() {
             let normal = [0, 1, 2].map(|a| self.normals[a][at]);
             point.normal = (!normal[0].is_nan()).then_some(normal);

@@ -216,25 +216,34 @@ struct Compare<'a> {
     out: &'a mut [[bool; WIDE]; TILE],
 }
 
+/// Neighbours in a row of a patch.
+const PAIRS: usize = WIDE + 1;
+
 impl Compare<'_> {
-    /// True if two neighbours differ. `before` and `behind` are the pixels next to them on the same line.
+    /// 1 for every pair of neighbours that differ, of the pixels from `first` and `second` on, column and row. `before` and
+    /// `behind` are the pixels next to them on the same line. Plain loops, which are vectorised.
     #[inline(always)]
-    fn pair(&self, [before, first, second, behind]: [(usize, usize); 4]) -> bool {
-        let depth = |(x, y): (usize, usize)| self.depth[y][x];
-        let [z_before, z_first, z_second, z_behind] = [before, first, second, behind].map(depth);
-        let (hit, other) = (!z_first.is_nan(), !z_second.is_nan());
-        let size = self.step.at(z_first);
-        let step = z_second - z_first;
-        let least = JUMP * size + JUMP * step.abs();
-        // What lies beyond the model is another surface, too.
-        let bend_before = (step - (z_first - z_before)).abs();
-        let bend_behind = (z_behind - z_second - step).abs();
-        let differs_before = (bend_before > least) | bend_before.is_nan();
-        let differs_behind = (bend_behind > least) | bend_behind.is_nan();
-        let jumps = (step.abs() > size) & differs_before & differs_behind;
-        let part = |a: usize| self.normal[a][first.1][first.0] * self.normal[a][second.1][second.0];
-        let bends = part(0) + part(1) + part(2) < self.step.crease;
-        (hit != other) | (hit & other & (jumps | bends))
+    fn pairs(&self, [before, first, second, behind]: [[usize; 2]; 4], out: &mut [u32; PAIRS]) {
+        let depth = |[x, y]: [usize; 2]| &self.depth[y][x..x + PAIRS];
+        let normal = |[x, y]: [usize; 2], a: usize| &self.normal[a][y][x..x + PAIRS];
+        let (z_before, z_first, z_second, z_behind) =
+            (depth(before), depth(first), depth(second), depth(behind));
+        let (x_first, y_first, z_normal) = (normal(first, 0), normal(first, 1), normal(first, 2));
+        let (x_second, y_second, z_other) = (normal(second, 0), normal(second, 1), normal(second, 2));
+        for (i, out) in out.iter_mut().enumerate() {
+            let (hit, other) = (!z_first[i].is_nan(), !z_second[i].is_nan());
+            let size = self.step.at(z_first[i]);
+            let step = z_second[i] - z_first[i];
+            let least = JUMP * size + JUMP * step.abs();
+            // What lies beyond the model is another surface, too.
+            let bend_before = (step - (z_first[i] - z_before[i])).abs();
+            let bend_behind = (z_behind[i] - z_second[i] - step).abs();
+            let differs_before = (bend_before > least) | bend_before.is_nan();
+            let differs_behind = (bend_behind > least) | bend_behind.is_nan();
+            let jumps = (step.abs() > size) & differs_before & differs_behind;
+            let cosine = x_first[i] * x_second[i] + y_first[i] * y_second[i] + z_normal[i] * z_other[i];
+            *out = u32::from((hit != other) | (hit & other & (jumps | (cosine < self.step.crease))));
+        }
     }
 }
 
@@ -243,15 +252,18 @@ impl Kernel for Compare<'_> {
 
     #[inline(always)]
     fn run(self, _: impl Lanes) {
-        for y in 0..TILE {
-            let mut differs = [false; WIDE];
-            for (x, differs) in differs.iter_mut().enumerate() {
-                let (x, y) = (x + AROUND, y + AROUND);
-                let along = |x: usize| self.pair([(x - 1, y), (x, y), (x + 1, y), (x + 2, y)]);
-                let down = |y: usize| self.pair([(x, y - 1), (x, y), (x, y + 1), (x, y + 2)]);
-                *differs = along(x - 1) | along(x) | down(y - 1) | down(y);
+        // From the column before the first on.
+        let x = AROUND - 1;
+        let (mut along, mut above, mut below) = ([0; PAIRS], [0; PAIRS], [0; PAIRS]);
+        self.pairs([[x, x - 1], [x, x], [x, x + 1], [x, x + 2]], &mut above);
+        for row in 0..TILE {
+            let y = row + AROUND;
+            self.pairs([[x - 1, y], [x, y], [x + 1, y], [x + 2, y]], &mut along);
+            self.pairs([[x, y - 1], [x, y], [x, y + 1], [x, y + 2]], &mut below);
+            for (i, differs) in self.out[row].iter_mut().enumerate() {
+                *differs = along[i] | along[i + 1] | above[i + 1] | below[i + 1] != 0;
             }
-            self.out[y] = differs;
+            above = below;
         }
     }
 }

@@ -104,9 +104,9 @@ impl GridSpace {
     }
 
     /// [`GridSpace::normal_to_world`], or of index space [`GridSpace::index_normal_to_world`], of a tile's vectors by axis.
-    pub(crate) fn normals_to_world(&self, of_index: bool, normals: &mut [[f64; RAYS]; 3]) {
+    pub(crate) fn normals_to_world(&self, form: Form, of_index: bool, normals: &mut [[f64; RAYS]; 3]) {
         let divisor = if of_index { self.frame_mm } else { [1.0; 3] };
-        Form::best().run(NormalsToWorld { rows: &self.normal_rows, divisor, normals });
+        form.run(NormalsToWorld { rows: &self.normal_rows, divisor, normals });
     }
 
     /// Box-frame vector of a vector of index space.

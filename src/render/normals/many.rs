@@ -79,12 +79,13 @@ impl TileNormals {
         line: impl Fn(usize) -> Line,
         out: &mut [[f32; 3]],
     ) {
-        let (in_boxes, to_eye) = self.in_boxes(normals, around, hits, &line);
+        let (mut parts, to_eye) = self.in_boxes(normals, around, hits, &line);
+        normals.to_units(self.form, &mut parts);
         for ((at, _), out) in hits.iter().enumerate().zip(out).filter(|((_, hit), _)| hit.is_hit()) {
             let normal = if to_eye >> at & 1 == 1 {
                 towards_eye(line(at))
             } else {
-                normals.to_unit(in_boxes.map(|parts| parts[at % RAYS]))
+                [parts[0][at % RAYS], parts[1][at % RAYS], parts[2][at % RAYS]]
             };
             #[expect(clippy::cast_possible_truncation, reason = "single precision will do")]
             let single = normal.map(|c| c as f32);

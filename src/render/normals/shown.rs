@@ -1,5 +1,6 @@
 //! The hit of a pixel, and the normal that is shown there.
 
+use crate::cpu::Form;
 use crate::format::{Label, normal};
 use crate::geom::{BoxIndex, NodeIndex, add_scaled, dot};
 use crate::load::{ModelView, NodeView};
@@ -13,6 +14,7 @@ use crate::render::Smoothing;
 use crate::render::cells::Cells;
 use crate::render::ray::Face;
 use crate::render::space::GridSpace;
+use crate::render::tile::RAYS;
 use crate::render::traverse::Hit;
 
 /// Line of sight in the world: origin and direction.
@@ -426,10 +428,9 @@ impl<'a> Normals<'a> {
         }
     }
 
-    /// A normal in the frame of the boxes, as a unit vector of the world.
-    #[inline]
-    pub(super) fn to_unit(self, in_boxes: [f64; 3]) -> [f64; 3] {
-        self.space.normal_to_world(in_boxes)
+    /// Normals of a tile in the frame of the boxes, by axis, become unit vectors of the world.
+    pub(super) fn to_units(self, form: Form, in_boxes: &mut [[f64; RAYS]; 3]) {
+        self.space.normals_to_world(form, false, in_boxes);
     }
 
     /// True if normals of one face of a box may differ from place to place.

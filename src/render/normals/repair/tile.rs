@@ -126,7 +126,8 @@ impl Doubts {
     #[inline]
     pub(in crate::render) fn normal(&self, number: u8) -> [f64; 3] {
         let number = usize::from(number) % RAYS;
-        self.groups[number / TOGETHER].own.map(|parts| parts[number % TOGETHER])
+        let [x, y, z] = &self.groups[number / TOGETHER].own;
+        [x[number % TOGETHER], y[number % TOGETHER], z[number % TOGETHER]]
     }
 }
 
