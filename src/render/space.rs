@@ -208,8 +208,11 @@ impl Kernel for NormalsToWorld<'_> {
         let Self { rows: [x, y, z], divisor, normals: [n_x, n_y, n_z] } = self;
         for i in 0..RAYS {
             let n = [n_x[i] / divisor[0], n_y[i] / divisor[1], n_z[i] / divisor[2]];
-            let turned = |r: &[f64; 3]| r[0] * n[0] + r[1] * n[1] + r[2] * n[2];
-            let world = [turned(x), turned(y), turned(z)];
+            let world = [
+                x[0] * n[0] + x[1] * n[1] + x[2] * n[2],
+                y[0] * n[0] + y[1] * n[1] + y[2] * n[2],
+                z[0] * n[0] + z[1] * n[1] + z[2] * n[2],
+            ];
             let length = (world[0] * world[0] + world[1] * world[1] + world[2] * world[2]).sqrt();
             let by = if length > 0.0 { length } else { 1.0 };
             (n_x[i], n_y[i], n_z[i]) = (world[0] / by, world[1] / by, world[2] / by);

@@ -118,10 +118,13 @@ impl Listed {
     /// The affine functions that fit best, if they fit.
     #[inline(always)]
     fn fitted<L: Lanes>(&self, l: L) -> Option<Pencil> {
-        let mean = each3!(A => {
-            let rows = self.direction[A].as_chunks::<DOUBLES>().0;
-            l.d(sum(l, rows.iter().fold(l.d(0.0), |sum, row| sum + l.d_load(row))))
-        });
+        let mut totals = [l.d(0.0); 3];
+        for (total, direction) in totals.iter_mut().zip(&self.direction) {
+            for row in direction.as_chunks::<DOUBLES>().0 {
+                *total = *total + l.d_load(row);
+            }
+        }
+        let mean = each3!(A => l.d(sum(l, totals[A])));
         let mut part = [0.0; RAYS];
         let (mut least, mut farthest) = (l.d(f64::MAX), l.d(0.0));
         for row in 0..TILE {
@@ -181,10 +184,11 @@ impl<F: Fn(usize) -> usize> Kernel for Fill<'_, F> {
             let (from, along) = (each3!(A => l.d_load(&from[A])), each3!(A => l.d_load(&along[A])));
             let mut size = zero;
             for a in 0..3 {
-                // The operations of `Affine::apply`, in its order.
+                // The operations of `Affine::apply`, in its order; no closures, in which instructions would be calls.
                 let r = matrix.rows[a];
-                let turned = |v: [_; 3]| l.d(r[0]) * v[0] + l.d(r[1]) * v[1] + l.d(r[2]) * v[2];
-                let (origin, direction) = (turned(from) + l.d(r[3]), turned(along));
+                let (x, y, z) = (l.d(r[0]), l.d(r[1]), l.d(r[2]));
+                let origin = x * from[0] + y * from[1] + z * from[2] + l.d(r[3]);
+                let direction = x * along[0] + y * along[1] + z * along[2];
                 l.d_store(origin, &mut listed.origin[a].as_chunks_mut().0[row]);
                 l.d_store(direction, &mut listed.direction[a].as_chunks_mut().0[row]);
                 sum = sum + (origin + direction) * zero;
