@@ -13,7 +13,6 @@ pub(crate) mod fit;
 pub(crate) mod nearest;
 pub(crate) mod places;
 pub(crate) mod statistics;
-#[allow(dead_code, reason = "its callers come next")]
 pub(crate) mod uncertainty;
 mod values;
 

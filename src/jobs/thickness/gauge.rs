@@ -6,9 +6,10 @@
 
 use crate::cpu::Form;
 use crate::format::cell::CORNERS;
-use crate::geom::dot;
+use crate::geom::{VoxelIndex, dot};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::measure::nearest::{Query, Sample, Search, Surface};
+use crate::measure::uncertainty::Uncertainty;
 use crate::render::ray::Ray;
 use crate::render::single::trace;
 use crate::render::surface::{Crossing, Passage, Surface as Within};
@@ -19,6 +20,9 @@ use super::Method;
 /// A ball touches what reaches no farther into it than this, in voxels: with .08 and noise of 2.5 % one cell in a thousand
 /// collapses on its neighbours, with .25 wedges come out too thick.
 const TOUCH: f64 = 0.15;
+
+/// As many standard deviations of the place by noise, where they are known and more.
+const TOUCH_SIGMAS: f64 = 4.0;
 
 /// Most steps of a ball; one to four are usual.
 const MAX_STEPS: usize = 32;
@@ -45,16 +49,18 @@ pub(super) struct Gauge<'a> {
     pub(super) surface: Surface<'a>,
     pub(super) by: Method,
     pub(super) max_mm: f64,
+    /// Noise of the model, if it was measured.
+    pub(super) noise: Option<Uncertainty<'a>>,
 }
 
 impl<'a> Gauge<'a> {
-    /// The thickness below a place of the surface.
-    pub(super) fn measure(&self, search: &mut Search<'a>, place: &Sample) -> Thickness {
+    /// The thickness below the surface in a cell, at its place.
+    pub(super) fn measure(&self, search: &mut Search<'a>, cell: u64, place: &Sample) -> Thickness {
         match (self.ray(place), self.by) {
             (None, _) => Thickness::None,
             (Some(length), Method::Ray) if length > self.max_mm => Thickness::Thicker,
             (Some(length), Method::Ray) => Thickness::Of(length),
-            (Some(length), Method::Ball) => self.ball(search, place, length),
+            (Some(length), Method::Ball) => self.ball(search, cell, place, length),
         }
     }
 
@@ -72,8 +78,10 @@ impl<'a> Gauge<'a> {
 
     /// Diameter of the largest ball that touches the place from within, at most `length`; `None` if a cap of the build at the
     /// border of the volume stops it.
-    fn ball(&self, search: &mut Search<'a>, place: &Sample, length: f64) -> Thickness {
-        let touch = TOUCH * self.surface.space.finest;
+    fn ball(&self, search: &mut Search<'a>, cell: u64, place: &Sample, length: f64) -> Thickness {
+        let squares = |noise: Uncertainty<'_>| noise.squares_mm2(self.surface.view, VoxelIndex::new(cell));
+        let sigma = self.noise.and_then(squares).map_or(0.0, |[noise, _]| noise.sqrt());
+        let touch = (TOUCH * self.surface.space.finest).max(TOUCH_SIGMAS * sigma);
         let mut radius = length.min(self.max_mm) / 2.0;
         let (mut is_smaller, mut is_capped) = (length <= self.max_mm, false);
         for _ in 0..MAX_STEPS {

@@ -24,6 +24,7 @@ use crate::load::Model;
 use crate::measure::nearest::{Sample, Search, Surface};
 use crate::measure::places::{PlaceOut, Places};
 use crate::measure::statistics::Distribution;
+use crate::measure::uncertainty::Uncertainty;
 use crate::platform;
 use crate::progress::Progress;
 use crate::text::data;
@@ -149,7 +150,8 @@ pub fn thickness(
         Method::Ray => sides.iter().map(|side| side * side).sum::<f64>().sqrt(),
         Method::Ball => (BALL_PART * shortest).min(BALL_VOXELS * surface.space.finest),
     };
-    let gauge = Gauge { surface, by: request.by, max_mm: request.max_mm.unwrap_or(usual) };
+    let (max_mm, noise) = (request.max_mm.unwrap_or(usual), Uncertainty::of(&model));
+    let gauge = Gauge { surface, by: request.by, max_mm, noise };
     let job = Job { path, model: &model, gauge, request, progress };
     let mut report = job.run(outputs)?;
     report.peak_rss_bytes = peak_rss_bytes();
@@ -216,7 +218,7 @@ impl Row {
         self.at_mm = surface.space.to_world(sample.point);
         self.area_mm2 = sample.area;
         if !surface.touches_border(self.cell) && sample.area > 0.0 {
-            self.thickness = gauge.measure(search, &sample);
+            self.thickness = gauge.measure(search, self.number, &sample);
         }
     }
 }

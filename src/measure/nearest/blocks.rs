@@ -172,23 +172,27 @@ impl Kernel for Bounds<'_> {
     type Output = Option<usize>;
 
     #[inline(always)]
+    #[expect(clippy::explicit_counter_loop, reason = "an adapter less in the loop")]
     fn run(self, _: impl Lanes) -> Option<usize> {
         let (mut least, mut at) = ([f32::INFINITY; WIDTH], [0_u32; WIDTH]);
-        for (eight, ([x, y, z, nx, ny, nz, radius], bounds)) in (0..).zip(self.discs.iter().zip(self.bounds))
-        {
+        let [px, py, pz] = self.point;
+        let mut eight = 0;
+        // Plain arithmetic: closures over lanes are calls in builds without link-time optimisation.
+        for (disc, bounds) in self.discs.iter().zip(self.bounds) {
             for lane in 0..WIDTH {
-                let from = [self.point[0] - x[lane], self.point[1] - y[lane], self.point[2] - z[lane]];
-                let normal = [nx[lane], ny[lane], nz[lane]];
-                let height = from[0] * normal[0] + from[1] * normal[1] + from[2] * normal[2];
-                let across = [0, 1, 2].map(|a| from[a] - height * normal[a]);
-                let width = (across[0] * across[0] + across[1] * across[1] + across[2] * across[2]).sqrt();
-                let beyond = width - radius[lane];
+                let (nx, ny, nz) = (disc[3][lane], disc[4][lane], disc[5][lane]);
+                let (x, y, z) = (px - disc[0][lane], py - disc[1][lane], pz - disc[2][lane]);
+                let height = x * nx + y * ny + z * nz;
+                let (x, y, z) = (x - height * nx, y - height * ny, z - height * nz);
+                let beyond = (x * x + y * y + z * z).sqrt() - disc[6][lane];
                 let beyond = if beyond > 0.0 { beyond } else { 0.0 };
                 let bound = height * height + beyond * beyond;
                 bounds[lane] = bound;
-                (least[lane], at[lane]) =
-                    if bound < least[lane] { (bound, eight) } else { (least[lane], at[lane]) };
+                let is_less = bound < least[lane];
+                least[lane] = if is_less { bound } else { least[lane] };
+                at[lane] = if is_less { eight } else { at[lane] };
             }
+            eight += 1;
         }
         let lane = (0..WIDTH).min_by(|a, b| least[*a].total_cmp(&least[*b]))?;
         (!self.discs.is_empty()).then_some(at[lane] as usize * WIDTH + lane)
