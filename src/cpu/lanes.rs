@@ -119,6 +119,9 @@ pub(crate) trait Lanes: Copy {
     /// Bits of integers from bit `shift` on, as doubles; `mask` is below 2^52.
     fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D;
 
+    /// Bits of integers from bit `shift` on, as singles; `mask` is below 2^24.
+    fn f_field(self, from: &[u32; SINGLES], shift: u32, mask: u32) -> Self::F;
+
     /// Eight singles from memory.
     fn s_load(self, x: &[f32; OCTET]) -> Self::S;
     /// Eight integers from memory.
@@ -254,6 +257,11 @@ impl Lanes for Portable {
         fn d_field(self, from: &[u64; DOUBLES], shift: u32, mask: u64) -> Self::D {
             // Below 2^52 a whole number stands in the low bits of 2^52 plus it.
             Array(from.map(|x| f64::from_bits((x >> shift & mask) | WHOLE.to_bits()) - WHOLE))
+        }
+
+        fn f_field(self, from: &[u32; SINGLES], shift: u32, mask: u32) -> Self::F {
+            #[expect(clippy::cast_precision_loss, reason = "below 2^24")]
+            Array(from.map(|x| (x >> shift & mask) as f32))
         }
 
         fn i(self, x: i64) -> Self::I { Array([x; DOUBLES]) }

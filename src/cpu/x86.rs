@@ -395,6 +395,16 @@ impl Lanes for Avx2 {
             }
         }
 
+        fn f_field(self, from: &[u32; SINGLES], shift: u32, mask: u32) -> F2 {
+            {
+                let p = from.as_ptr().cast::<__m256i>();
+                let shift = _mm_cvtsi32_si128(shift.cast_signed());
+                let mask = _mm256_set1_epi32(mask.cast_signed());
+                let halves = I2([_mm256_loadu_si256(p), _mm256_loadu_si256(p.add(1))]);
+                F2(both!(x in halves => _mm256_cvtepi32_ps(_mm256_and_si256(_mm256_srl_epi32(x, shift), mask))))
+            }
+        }
+
         fn i(self, x: i64) -> I2 { I2([_mm256_set1_epi64x(x); 2]) }
         fn i_gt(self, a: I2, b: I2) -> Truths2 {
             Truths2([
@@ -473,6 +483,13 @@ impl Lanes for Vbmi2 {
                 let field = _mm512_and_si512(shifted, _mm512_set1_epi64(mask.cast_signed()));
                 let whole = _mm512_set1_pd(WHOLE);
                 D1(_mm512_sub_pd(_mm512_or_pd(_mm512_castsi512_pd(field), whole), whole))
+            }
+        }
+
+        fn f_field(self, from: &[u32; SINGLES], shift: u32, mask: u32) -> F1 {
+            {
+                let x = _mm512_srl_epi32(_mm512_loadu_si512(from.as_ptr().cast()), _mm_cvtsi32_si128(shift.cast_signed()));
+                F1(_mm512_cvtepi32_ps(_mm512_and_si512(x, _mm512_set1_epi32(mask.cast_signed()))))
             }
         }
 

@@ -14,6 +14,7 @@ use crate::render::sight::Pencil;
 use crate::render::single::LargerLeaf;
 
 use super::listed::MAX_OFF;
+use super::words::Affines;
 
 /// Pixels along a side of a tile.
 pub const TILE: usize = 8;
@@ -341,6 +342,13 @@ impl<L: Lanes> Beam<L> {
     #[inline(always)]
     pub(super) fn lines<'r>(&self, rays: &'r Rays) -> Lines<'r> {
         Lines { direction: &rays.direction, beside: &rays.beside, slack: SLACKS * self.slack }
+    }
+
+    /// The rays' lines about the brick at `low`, as functions of the pixel.
+    #[inline(always)]
+    pub(super) fn affines(&self, low: [u32; 3]) -> Affines {
+        let e = self.beside(each3!(A => f64::from(low[A]) + 2.0));
+        Affines::new(&self.direction, &e, self.slack)
     }
 
     /// What is sure of the rays `live` and the plane of a larger leaf no part of which is behind a ray, as

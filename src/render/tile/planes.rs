@@ -19,6 +19,7 @@ use crate::render::surface::Surface;
 use super::beam::{Beam, RAYS, TILE};
 use super::listed::Source;
 use super::walk::Walk;
+use super::words::Words;
 
 /// Pairs of a tile and a brick at most.
 const ROOM: usize = RAYS * LISTED;
@@ -28,10 +29,11 @@ pub(super) struct Pairs {
     places: [u8; ROOM],
     rays: [u8; ROOM],
     /// Cells that a ray's line intersects, and the lowest one of each larger leaf.
-    boxes: [u64; RAYS],
+    pub(super) boxes: [u64; RAYS],
     /// For cells at the end of the model, and for larger leaves behind a brick's cells.
-    room: BrickCodes,
-    leaf_places: [u8; 8],
+    pub(super) room: BrickCodes,
+    pub(super) leaf_places: [u8; 8],
+    pub(super) words: Words,
     /// Rays that meet a plane, as bits.
     pub(super) met: u64,
     /// The plane, as [`crate::render::pairs::Compared`] has it, and its box, 16 bits an axis and for its edge; of other
@@ -39,7 +41,7 @@ pub(super) struct Pairs {
     pub(super) planes: [u64; RAYS],
     pub(super) lows: [u64; RAYS],
     /// Places of the cells.
-    at: [u8; RAYS],
+    pub(super) at: [u8; RAYS],
 }
 
 impl Pairs {
@@ -50,6 +52,7 @@ impl Pairs {
             boxes: [0; RAYS],
             room: BrickCodes::NONE,
             leaf_places: [0; 8],
+            words: Words::new(),
             met: 0,
             planes: [0; RAYS],
             lows: [0; RAYS],

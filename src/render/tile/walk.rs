@@ -151,13 +151,17 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
         unit: u32,
     ) -> u64 {
         let may_be_behind = beam.may_be_behind(low);
-        if beam.lanes.vbmi2().is_some()
+        if beam.lanes.avx2().is_some()
             && !S::SOLID
             && unit == 0
             && !may_be_behind
             && let Some(items) = self.surface.planes()
         {
-            self.planes_of_brick(beam, &items, brick, low, near, live);
+            if beam.lanes.vbmi2().is_some() {
+                self.planes_of_brick(beam, &items, brick, low, near, live);
+            } else {
+                self.words_of_brick(beam, &items, brick, low, near, live);
+            }
             return 0;
         }
         let mut near = near;

@@ -1,0 +1,429 @@
+//! [`super::planes`] without gathers, for machines that gather slowly: a word for each plane, a word for each pair.
+//!
+//! ```text
+//! rays near the brick --boxes of each--> decode the brick once: a word a cell, at its place
+//!   --list: plane and pair, two words--> batches of 64 pairs, no ray in two
+//!   --compare, sixteen at a time--> 64 bits each of what is open and what is within
+//!   --a bit scan a ray--> its first open pair
+//! ```
+//!
+//! # Slack
+//!
+//! The comparison is that of `pairs`; but a ray's direction and its e at the brick's middle are worked out from its column
+//! x and row y, both below 8, as `v = c + x p + y q`, with c, p and q rounded to singles and four operations. With u = 2^-24
+//! and m = |c| + 7 |p| + 7 |q|, the rounded numbers and the products move v by 2 u m at most, the two sums by 2 u m more. Of
+//! directions m is below 3 times the longest component, so that is below 2^-20. Of e, |v| is at most 5 near the brick, so
+//! m is below 5 + 14 (|p| + |q|), and 4 u m below `(8 + 14 change) 2^-21`, which the slack S of a beam holds for that
+//! rounding, `change` being the greatest |p| + |q|. So no e at a cell near the brick is off by more than S, nor is a
+//! component of d, which is all that the proof in `pairs` asks for.
+
+use crate::cpu::{Lanes, SINGLES, Truths};
+use crate::geom::NodeIndex;
+use crate::load::{CellItems, NodeView};
+use crate::render::occupancy::Brick;
+use crate::render::pairs::{LISTED, SLACKS};
+use crate::render::surface::Surface;
+
+use super::beam::{Beam, RAYS};
+use super::listed::Source;
+use super::planes::{packed, packed_edge};
+use super::walk::Walk;
+
+/// Pairs that are compared together: results are the bits of two integers.
+const BATCH: usize = 64;
+
+/// Bits of a pair's word: the ray, then the place of the cell, two bits an axis, and whether it is a larger leaf.
+const PLACE: u32 = 8;
+const LARGER: u32 = 1 << 14;
+
+/// Words of places within a brick.
+static PLACES: [u32; 64] = {
+    let mut words = [0; 64];
+    let mut v = 0_u32;
+    while v < 64 {
+        let mut axis = 0;
+        while axis < 3 {
+            words[v as usize] |= ((v >> axis & 1) | (v >> (axis + 2) & 2)) << (PLACE + 2 * axis);
+            axis += 1;
+        }
+        v += 1;
+    }
+    words
+};
+
+/// Pairs of a brick, a batch at a time. Memory: 1.2 KiB.
+#[repr(align(64))]
+pub(super) struct Words {
+    /// Planes at the places of their cells, as `Compared` has them, and words of the places.
+    at: [[u32; 2]; 64],
+    planes: [u32; BATCH],
+    pairs: [u32; BATCH],
+    /// Rays of the batch, their first pair and how many they have.
+    rays: [[u8; 3]; RAYS],
+    count: usize,
+    listed: usize,
+}
+
+/// Affine functions of the pixel, by axis or by pair: at (0, 0), and their changes with x and y.
+pub(super) struct Affines {
+    direction: [[f32; 3]; 3],
+    beside: [[f32; 3]; 3],
+    slack: f32,
+}
+
+impl Affines {
+    #[expect(clippy::cast_possible_truncation, reason = "estimates within SLACK")]
+    pub(super) fn new(direction: &[[f64; 3]; 3], beside: &[[f64; 3]; 3], slack: f32) -> Self {
+        Self {
+            direction: each3!(A => [direction[0][A] as f32, direction[1][A] as f32, direction[2][A] as f32]),
+            beside: each3!(PAIR => [beside[PAIR][0] as f32, beside[PAIR][1] as f32, beside[PAIR][2] as f32]),
+            slack: SLACKS * slack,
+        }
+    }
+}
+
+/// What is sure of sixteen pairs: those past, and those within, as bits.
+#[inline(always)]
+fn compare<L: Lanes>(
+    l: L,
+    lines: &Affines,
+    planes: &[u32; SINGLES],
+    pairs: &[u32; SINGLES],
+    any_larger: bool,
+) -> [u32; 2] {
+    let (x, y) = (l.f_field(pairs, 0, 7), l.f_field(pairs, 3, 7));
+    let d = each3!(A => {
+        let [at, by_x, by_y] = lines.direction[A];
+        l.f(at) + x * l.f(by_x) + y * l.f(by_y)
+    });
+    let e = each3!(PAIR => {
+        let [at, by_x, by_y] = lines.beside[PAIR];
+        l.f(at) + x * l.f(by_x) + y * l.f(by_y)
+    });
+    let n = each3!(A => l.f_field(planes, [0, 8, 16][A], 0xff) - l.f(128.0));
+    let offset = l.f_field(planes, 24, 0xff);
+    let has_plane = l.f_le(l.f(1.0), offset);
+    let mut o = each3!(A => l.f_field(pairs, PLACE + [0, 2, 4][A], 3) - l.f(1.5));
+    let (mut half_edge, mut slack) = (l.f(0.5), l.f(lines.slack));
+    if any_larger {
+        let more = l.f_field(pairs, LARGER.trailing_zeros(), 1) * l.f(0.5);
+        o = each3!(A => o[A] + more);
+        half_edge = half_edge + more;
+        slack = slack * (half_edge + half_edge);
+    }
+    let e_xy = e[0] + o[0] * d[1] - o[1] * d[0];
+    let e_xz = e[1] + o[0] * d[2] - o[2] * d[0];
+    let e_yz = e[2] + o[1] * d[2] - o[2] * d[1];
+    let (zero, k) = (l.f(0.0), (offset - l.f(128.0)) * half_edge);
+    let at_x = n[1] * e_xy + n[2] * e_xz - d[0] * k;
+    let at_y = n[2] * e_yz - n[0] * e_xy - d[1] * k;
+    let at_z = zero - n[0] * e_xz - n[1] * e_yz - d[2] * k;
+    let s = n[0] * d[0] + n[1] * d[1] + n[2] * d[2];
+    let half = l.f_abs(s) * half_edge;
+    let (beyond, inner) = (half + slack, half - slack);
+    let past = l.f_le(beyond, at_x) | l.f_le(beyond, at_y) | l.f_le(beyond, at_z);
+    let within = l.f_le(l.f_abs(at_x), inner)
+        & l.f_le(l.f_abs(at_y), inner)
+        & l.f_le(l.f_abs(at_z), inner)
+        & l.f_le(s, zero);
+    [(past & has_plane).bits(), (within & has_plane).bits()]
+}
+
+impl Words {
+    pub(super) const fn new() -> Self {
+        Self {
+            at: [[0; 2]; 64],
+            planes: [0; BATCH],
+            pairs: [0; BATCH],
+            rays: [[0; 3]; RAYS],
+            count: 0,
+            listed: 0,
+        }
+    }
+
+    fn clear(&mut self) {
+        (self.count, self.listed) = (0, 0);
+    }
+
+    /// Puts the planes of a brick at their places, mirrored, from codes and offsets in stored order.
+    #[inline(always)]
+    fn decode(&mut self, codes: &[[u8; 2]; 64], offsets: &[u8; 64], (stored, flip): (u64, u32)) {
+        let mut words = [0; 64];
+        // A plain loop over groups of eight cells, which is vectorised.
+        let cells = (stored.count_ones() as usize).next_multiple_of(8);
+        for ((word, code), offset) in words.iter_mut().zip(codes).zip(offsets).take(cells) {
+            *word = plane_word(*code, *offset, flip);
+        }
+        let (mut rest, mut number) = (stored, 0);
+        while rest != 0 {
+            let v = (rest.trailing_zeros() ^ flip) as usize % 64;
+            rest &= rest.wrapping_sub(1);
+            self.at[v] = [words[number % 64], PLACES[v]];
+            number += 1;
+        }
+    }
+
+    /// Adds the pairs of a ray and its boxes, of which there are at most [`LISTED`].
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "below 64")]
+    fn list(&mut self, ray: usize, boxes: u64) {
+        let first = self.count;
+        let mut boxes = boxes;
+        while boxes != 0 {
+            let [plane, word] = self.at[boxes.trailing_zeros() as usize % 64];
+            boxes &= boxes.wrapping_sub(1);
+            let at = self.count % BATCH;
+            (self.planes[at], self.pairs[at]) = (plane, word | ray as u32);
+            self.count = at + 1;
+        }
+        self.rays[self.listed % RAYS] = [ray as u8, first as u8, (self.count - first) as u8];
+        self.listed += 1;
+    }
+
+    /// The pairs that are not past, and those within, as bits.
+    #[inline(always)]
+    fn compared<L: Lanes>(&self, l: L, lines: &Affines, any_larger: bool) -> [u64; 2] {
+        let (mut past, mut within) = (0, 0);
+        let groups = self.planes.as_chunks().0.iter().zip(self.pairs.as_chunks().0);
+        for (group, (planes, pairs)) in groups.enumerate().take(self.count.div_ceil(SINGLES)) {
+            let bits = compare(l, lines, planes, pairs, any_larger);
+            past |= u64::from(bits[0]) << (SINGLES * group);
+            within |= u64::from(bits[1]) << (SINGLES * group);
+        }
+        [!past, within]
+    }
+}
+
+/// A plane in a word: normal by axis, mirrored, and offset in a byte each, 128 more than they are.
+#[inline(always)]
+fn plane_word(code: [u8; 2], offset: u8, flip: u32) -> u32 {
+    let least = |byte: u8| i32::from(byte.cast_signed()).max(-127);
+    let (u, v) = (least(code[0]), least(code[1]));
+    // As `normal::decode_l1`.
+    let (beside_u, beside_v) = (127 - u.abs(), 127 - v.abs());
+    let z = beside_u - v.abs();
+    let x = if z < 0 { if u < 0 { -beside_v } else { beside_v } } else { u };
+    let y = if z < 0 { if v < 0 { -beside_u } else { beside_u } } else { v };
+    let turned = |c: i32, axis: u32| {
+        let sign = -((flip >> axis & 1).cast_signed());
+        ((c ^ sign) - sign + 128).cast_unsigned()
+    };
+    turned(x, 0) | turned(y, 1) << 8 | turned(z, 2) << 16 | u32::from(offset ^ 0x80) << 24
+}
+
+impl<S: Surface, R: Source> Walk<'_, S, R> {
+    /// [`Walk::rays_of_brick`] for a brick of the finest cells, nothing of which is behind a ray.
+    #[inline(always)]
+    pub(super) fn words_of_brick<L: Lanes>(
+        &mut self,
+        beam: &Beam<L>,
+        items: &CellItems<'_>,
+        brick: &Brick,
+        low: [u32; 3],
+        near: u64,
+        live: &mut u64,
+    ) {
+        let (mut left, mut meeting) = (near, 0_u64);
+        while left != 0 {
+            let ray = left.trailing_zeros() as usize % RAYS;
+            left &= left.wrapping_sub(1);
+            self.hits.steps[ray] = self.hits.steps[ray].wrapping_add(1);
+            let mut boxes = brick.boxes & beam.intersected_by(self.rays, ray, low, false);
+            if brick.larger != 0 {
+                boxes = brick.leaf_by_leaf(boxes);
+            }
+            self.pairs.boxes[ray] = boxes;
+            meeting |= u64::from(boxes != 0) << ray;
+        }
+        if meeting == 0 {
+            return;
+        }
+        let first = brick.first(self.view);
+        self.decode(items, brick, first);
+        let lines = beam.affines(low);
+        let (mut met, mut alone) = (0_u64, 0_u64);
+        while meeting != 0 {
+            self.pairs.words.clear();
+            while meeting != 0 && self.pairs.words.count <= BATCH - LISTED {
+                let ray = meeting.trailing_zeros() as usize % RAYS;
+                meeting &= meeting.wrapping_sub(1);
+                let boxes = self.pairs.boxes[ray];
+                if boxes.count_ones() as usize <= LISTED {
+                    self.pairs.words.list(ray, boxes);
+                } else {
+                    self.pairs.at[ray] = 0;
+                    alone |= 1 << ray;
+                }
+            }
+            let [open, within] = self.pairs.words.compared(beam.lanes, &lines, brick.larger != 0);
+            let (sure, unsure) = self.first_open(brick, (first, low), open, within);
+            met |= sure;
+            alone |= unsure;
+        }
+        self.pairs.met |= met;
+        while alone != 0 {
+            let ray = alone.trailing_zeros() as usize % RAYS;
+            alone &= alone.wrapping_sub(1);
+            let boxes = self.pairs.boxes[ray] & u64::MAX.wrapping_shl(u32::from(self.pairs.at[ray]));
+            self.pairs.planes[ray] = 0;
+            met |= u64::from(self.box_by_box(beam, brick, (first, low), (ray, boxes), 0)) << ray;
+        }
+        *live &= !met;
+    }
+
+    /// Notes the first pair of each ray of a batch that is open: rays that surely meet its plane, and those that may.
+    #[inline(always)]
+    #[expect(clippy::cast_possible_truncation, reason = "places are below 64")]
+    fn first_open(
+        &mut self,
+        brick: &Brick,
+        (first, low): (u64, [u32; 3]),
+        open: u64,
+        within: u64,
+    ) -> (u64, u64) {
+        let (mut sure, mut unsure) = (0, 0);
+        let pairs = &mut *self.pairs;
+        let corner = packed(low);
+        for [ray, start, count] in pairs.words.rays.iter().take(pairs.words.listed) {
+            let of_ray =
+                open.wrapping_shr(u32::from(*start)) & 1_u64.wrapping_shl(u32::from(*count)).wrapping_sub(1);
+            if of_ray == 0 {
+                continue;
+            }
+            let at = (usize::from(*start) + of_ray.trailing_zeros() as usize) % BATCH;
+            let (word, ray) = (pairs.words.pairs[at], usize::from(*ray) % RAYS);
+            let (x, y, z) = (word >> PLACE & 3, word >> (PLACE + 2) & 3, word >> (PLACE + 4) & 3);
+            let v = (x & 1) | (y & 1) << 1 | (z & 1) << 2 | (x & 2) << 2 | (y & 2) << 3 | (z & 2) << 4;
+            pairs.at[ray] = v as u8;
+            if within >> at & 1 == 0 {
+                unsure |= 1 << ray;
+                continue;
+            }
+            sure |= 1 << ray;
+            let is_larger = word & LARGER != 0;
+            self.hits.number[ray] =
+                if is_larger { brick.leaf(v).0 } else { first.wrapping_add(brick.before(v)) };
+            pairs.planes[ray] = u64::from(pairs.words.planes[at]);
+            let within = u64::from(x) | u64::from(y) << 16 | u64::from(z) << 32;
+            pairs.lows[ray] = corner.wrapping_add(within) | packed_edge(u32::from(is_larger));
+        }
+        (sure, unsure)
+    }
+
+    /// Puts the planes of a brick whose first cell is `first` at their places, those of its larger leaves too.
+    #[inline(always)]
+    fn decode(&mut self, items: &CellItems<'_>, brick: &Brick, first: u64) {
+        let pairs = &mut *self.pairs;
+        let cell = first.wrapping_sub(self.view.node_count());
+        let (codes, offsets) = items.brick(cell, &mut pairs.room);
+        pairs.words.decode(codes, offsets, (brick.stored, brick.flip));
+        if brick.larger == 0 {
+            return;
+        }
+        let (leaf, leaves) = brick.leaves(&mut pairs.leaf_places);
+        self.view.append_leaves(NodeIndex::new(leaf), (0, leaves), &mut pairs.room);
+        for (i, place) in pairs.leaf_places.iter().take(leaves).enumerate() {
+            let (v, room) = (usize::from(*place) % 64, &pairs.room);
+            let plane = plane_word(room.normals[i % 64], room.offsets[i % 64], brick.flip);
+            pairs.words.at[v] = [plane, PLACES[v] | LARGER];
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cpu::{Form, Kernel, Portable};
+    use crate::format::cell::HAS_CORNERS;
+    use crate::format::normal;
+    use crate::render::occupancy::place;
+    use crate::render::pairs::{self, CELLS, Lines};
+    use crate::render::selfcheck::Random;
+
+    struct Made {
+        lines: Affines,
+        planes: [u32; SINGLES],
+        pairs: [u32; SINGLES],
+        any_larger: bool,
+    }
+
+    impl Kernel for &Made {
+        type Output = [u32; 2];
+
+        #[inline(always)]
+        fn run(self, l: impl Lanes) -> [u32; 2] {
+            compare(l, &self.lines, &self.planes, &self.pairs, self.any_larger)
+        }
+    }
+
+    #[test]
+    fn words_hold_planes_and_places() {
+        for v in 0..64_u32 {
+            let at = place(v);
+            assert_eq!(PLACES[v as usize], at[0] << 8 | at[1] << 10 | at[2] << 12);
+        }
+        for code in 0..=u16::MAX {
+            let n = normal::decode_l1(code);
+            for flip in [0, 63, 9, 36] {
+                let byte = |a: usize| if flip >> a & 1 == 1 { -n[a] } else { n[a] } + 128;
+                let word = byte(0) | byte(1) << 8 | byte(2) << 16 | 1 << 24;
+                assert_eq!(plane_word(code.to_le_bytes(), 0x81, flip), word.cast_unsigned());
+            }
+        }
+    }
+
+    /// All forms give the same bits; and what those of gathered rays call past or within, this does, but for ties.
+    #[test]
+    #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]
+    fn every_form_compares_alike_and_as_gathered_rays_are() {
+        let mut random = Random::new(11);
+        let (mut past, mut within, mut differ) = (0, 0, 0);
+        for round in 0..4000 {
+            let any_larger = round % 3 == 0;
+            let mut affine =
+                |low, high| [random.range(low, high), random.range(-0.01, 0.01), random.range(-0.01, 0.01)];
+            let direction = [affine(0.1, 0.9), affine(0.1, 0.9), affine(0.1, 0.9)];
+            let beside = [affine(-2.0, 2.0), affine(-2.0, 2.0), affine(-2.0, 2.0)];
+            let by_pixel: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|a| direction[a][i]));
+            let mut made = Made {
+                lines: Affines::new(&by_pixel, &beside, 1.0 / 4096.0),
+                planes: [0; SINGLES],
+                pairs: [0; SINGLES],
+                any_larger,
+            };
+            let (mut codes, mut offsets) = ([[0; 2]; CELLS], [0; CELLS]);
+            let (mut places, mut rays) = ([0; SINGLES], [0; SINGLES]);
+            for i in 0..SINGLES {
+                // Pair i has the cell of place i, or its octant if those are larger leaves.
+                places[i] =
+                    if any_larger { (i as u8 % 8) << 3 } else { random.bits() as u8 % 4 * 16 + i as u8 };
+                rays[i] = random.bits() as u8 % 64;
+                let v = usize::from(places[i]);
+                codes[v] = if codes[v] == [0; 2] { (random.bits() as u16).to_le_bytes() } else { codes[v] };
+                offsets[v] = if round % 5 == 0 { HAS_CORNERS.cast_unsigned() } else { random.bits() as u8 };
+            }
+            for i in 0..SINGLES {
+                let v = usize::from(places[i]);
+                made.planes[i] = plane_word(codes[v], offsets[v], 0);
+                made.pairs[i] = PLACES[v] | u32::from(rays[i]) | if any_larger { LARGER } else { 0 };
+            }
+            let got = Form::Portable.run(&made);
+            Form::available().for_each(|form| assert_eq!(form.run(&made), got, "{form:?}"));
+            let at = |of: &[[f64; 3]; 3]| -> [[f32; CELLS]; 3] {
+                of.map(|[at, x, y]| {
+                    std::array::from_fn(|r| (at + (r % 8) as f64 * x + (r / 8) as f64 * y) as f32)
+                })
+            };
+            let (direction, beside) = (at(&direction), at(&beside));
+            let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS / 4096.0 };
+            let mut planes = pairs::planes(Portable, &codes, &offsets, u64::MAX, 0);
+            planes.cells = if any_larger { 0 } else { pairs::ALL_CELLS };
+            let compared = pairs::compare(Portable, &planes, &lines, &places, &rays);
+            past += got[0].count_ones();
+            within += got[1].count_ones();
+            differ += (got[0] ^ compared.past).count_ones() + (got[1] ^ compared.within).count_ones();
+            assert_eq!(got[0] & compared.within | got[1] & compared.past | got[0] & got[1], 0);
+        }
+        assert!(past > 5000 && within > 200 && differ < 20, "{past} {within} {differ}");
+    }
+}
