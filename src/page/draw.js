@@ -177,8 +177,6 @@ class Drawing {
         const program = this.program(false), tile = 256;
         // Rooks' places: no two in a row or column.
         const places = [4, 1, 6, 3, 0, 7, 2, 5].map((p, i) => [(i + .5) / 8 - .5, (p + .5) / 8 - .5]);
-        const sum = document.createElement('canvas');
-        [sum.width, sum.height] = [width, height];
         for (let y = 0; y < height; y += tile) {
             for (let x = 0; x < width; x += tile) {
                 const [w, h] = [Math.min(tile, width - x), Math.min(tile, height - y)];

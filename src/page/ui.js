@@ -3,8 +3,9 @@
 // The page: events in, pictures out.
 
 const $ = id => document.getElementById(id);
+const framed = window !== window.parent;
 const main = document.querySelector('main'), canvas = $('canvas');
-const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 4, fine: null, moving: 0, error: null};
+const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 4, fine: null, moving: 0, error: null, saves: false};
 
 function say(text, failed = false) {
     $('said').textContent = text;
@@ -26,7 +27,7 @@ function onPage(at) {
     const depth = view.perspective ? 1 + dot(from, view.forward) / view.distance() : 1;
     if (!(depth > 0)) return null;
     const [x, y] = [dot(from, view.right()), dot(from, view.up)].map(c => c / view.half / depth);
-    return [(x / aspect() + 1) / 2 * canvas.clientWidth, (1 - y) / 2 * canvas.clientHeight];
+    return [canvas.offsetLeft + (x / aspect() + 1) / 2 * canvas.clientWidth, canvas.offsetTop + (1 - y) / 2 * canvas.clientHeight];
 }
 
 function svg(name, attributes, text) {
@@ -115,6 +116,7 @@ function write() {
 /** A picture of what is seen now: coarse at once, fine when nothing moves. */
 function redraw() {
     page.fine = null;
+    $('refining').hidden = true;
     delete main.dataset.drawn;
     write();
     if (!asked && (page.drawing || page.asks)) asked = requestAnimationFrame(page.asks ? () => ask(2) : frame);
@@ -129,7 +131,7 @@ function frame() {
     page.pictured ??= performance.now();
     const took = performance.now() - began;
     // Some 25 pictures a second: as many pixels as that allows.
-    page.scale = Math.min(8, Math.max(1, page.scale * Math.sqrt(Math.min(4, Math.max(.25, took / 40)))));
+    page.scale = Math.min(16, Math.max(1, page.scale * Math.sqrt(Math.min(4, Math.max(.25, took / 40)))));
     drawMarks();
     drawScale();
     drawCube();
@@ -140,8 +142,11 @@ function frame() {
 /** The fine picture, some draws at a time, until something changes: what waits for the graphics cannot be taken back. */
 function refine() {
     if (!page.drawing) return;
-    const {gl} = page.drawing, mine = page.fine = page.drawing.fine(page.view, 8);
+    const {gl} = page.drawing, mine = page.fine = refined(page.drawing), bar = $('refining');
     let fence = null, began = 0, draws = 1;
+    bar.max = 9 * Math.ceil(canvas.width / 256) * Math.ceil(canvas.height / 256);
+    bar.value = 0;
+    bar.hidden = false;
     const step = () => {
         if (page.fine !== mine) return;
         const now = performance.now();
@@ -150,9 +155,12 @@ function refine() {
             draws = Math.max(1, now - began < 20 ? 2 * draws : draws >> 1);
             began = now;
             for (let i = 0; i < draws; i++) {
+                bar.value++;
                 if (mine.next().done) {
                     page.fine = null;
+                    bar.hidden = true;
                     main.dataset.drawn = 'fine';
+                    if (page.saves) savePicture();
                     return;
                 }
             }
@@ -162,6 +170,14 @@ function refine() {
         setTimeout(step);
     };
     step();
+}
+
+/** A sharp picture, which takes the still one's place, and a smooth one. */
+function *refined(drawing) {
+    yield *drawing.fine(page.view, 1);
+    page.sharp ??= performance.now();
+    if (!page.model.head.coarse) main.classList.remove('waits');
+    yield *drawing.fine(page.view, 8);
 }
 
 /** The name of a label, or its number. */
@@ -178,6 +194,17 @@ function listParts() {
     };
     $('parts').hidden = !view.labels.length;
     $('parts').open = window.innerWidth > 600;
+    // The list stands beside the model.
+    const beside = () => {
+        main.classList.toggle('listed', view.labels.length > 0 && $('parts').open);
+        fit();
+        if ($('named').value) view.named($('named').value, aspect());
+    };
+    beside();
+    $('parts').addEventListener('toggle', () => {
+        beside();
+        redraw();
+    });
     $('find').hidden = view.labels.length <= 12;
     view.labels.forEach((part, i) => {
         const row = made('li'), label = made('label'), eye = made('input'), swatch = made('i'), name = made('span', nameOf(part));
@@ -224,6 +251,7 @@ function showState(named = '') {
 }
 
 function changed(named) {
+    main.classList.remove('waits');
     showState(named);
     redraw();
 }
@@ -269,17 +297,26 @@ function clearPoints() {
 }
 
 function savePicture() {
-    if (!page.drawing) return;
-    page.fine = null;
-    for (const _ of page.drawing.fine(page.view, 8));
-    main.dataset.drawn = 'fine';
-    canvas.toBlob(blob => {
-        const link = document.createElement('a');
-        link.href = URL.createObjectURL(blob);
-        link.download = `${document.title}.png`;
+    const link = document.createElement('a'), still = main.classList.contains('waits') || !page.drawing;
+    link.download = `${document.title}.png`;
+    page.saves = !still && main.dataset.drawn !== 'fine';
+    if (page.saves) return void say('The picture is being made; it is saved when it is fine.');
+    const give = href => {
+        link.href = href;
         link.click();
-        setTimeout(() => URL.revokeObjectURL(link.href), 1000);
-    });
+        say(`Saved as ${link.download}.`);
+        setTimeout(() => URL.revokeObjectURL(href), 1000);
+    };
+    if (still) give($('still').src);
+    else canvas.toBlob(blob => give(URL.createObjectURL(blob)));
+}
+
+/** Cuts, so that the face looks at the viewer. */
+function cutBy(name) {
+    const view = page.view;
+    Object.assign(view, {cut: name, flipped: false});
+    const plane = view.plane();
+    view.flipped = !!plane && dot(plane[0], view.forward) < -1e-9;
 }
 
 function pointers() {
@@ -294,7 +331,6 @@ function pointers() {
         return b ? Math.hypot(a[0] - b[0], a[1] - b[1]) : 0;
     };
     canvas.addEventListener('pointerdown', event => {
-        canvas.focus({preventScroll: true});
         try {
             canvas.setPointerCapture(event.pointerId);
         } catch { /* a pointer of a test */ }
@@ -327,6 +363,8 @@ function pointers() {
     canvas.addEventListener('pointercancel', up);
     canvas.addEventListener('contextmenu', event => event.preventDefault());
     canvas.addEventListener('wheel', event => {
+        // Within another page the wheel is that page's until the model was clicked.
+        if (framed && document.activeElement !== canvas && !event.ctrlKey) return;
         event.preventDefault();
         const [x, y] = place(event.clientX, event.clientY);
         const lines = event.deltaMode === 1 ? 16 : event.deltaMode === 2 ? 400 : 1;
@@ -342,7 +380,7 @@ function keys(event) {
     const plain = {
         '+': () => view.zoom(.85), '=': () => view.zoom(.85), '-': () => view.zoom(1 / .85),
         p: () => { view.perspective = !view.perspective; },
-        c: () => { view.cut = CUTS[(CUTS.indexOf(view.cut) + 1) % CUTS.length]; },
+        c: () => cutBy(CUTS[(CUTS.indexOf(view.cut) + 1) % CUTS.length]),
         '[': () => { view.cutAt = Math.max(0, view.cutAt - .02); }, ']': () => { view.cutAt = Math.min(1, view.cutAt + .02); },
         f: () => { view.flipped = !view.flipped; },
         b: () => { view.dark = !view.isDark; },
@@ -352,7 +390,11 @@ function keys(event) {
             tool.selectedIndex = (tool.selectedIndex + 1) % tool.options.length;
             clearPoints();
         },
-        0: () => { Object.assign(view, new View(page.model)); view.named('front', aspect()); },
+        0: () => {
+            Object.assign(view, new View(page.model));
+            view.named('front', aspect());
+            $('named').value = 'front';
+        },
     }[event.key];
     if (event.key === '?') $('help').click();
     else if (event.key === 's') savePicture();
@@ -378,7 +420,7 @@ function tools() {
     const view = page.view, on = (id, what, does) => $(id).addEventListener(what, () => { does($(id).value); changed($('named').value); });
     on('named', 'change', name => { if (name) view.named(name, aspect()); });
     on('projection', 'change', value => { view.perspective = value === 'perspective'; });
-    on('cut', 'change', value => { view.cut = value; });
+    on('cut', 'change', cutBy);
     on('place', 'input', value => { view.cutAt = +value; });
     on('flip', 'click', () => { view.flipped = !view.flipped; });
     on('tool', 'change', clearPoints);
@@ -392,7 +434,6 @@ function tools() {
         $('help').setAttribute('aria-expanded', !$('keys').hidden);
     });
     $('tools').addEventListener('submit', event => event.preventDefault());
-    listParts();
     window.addEventListener('keydown', keys);
     window.addEventListener('resize', redraw);
     window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
@@ -448,10 +489,12 @@ function show(model) {
     page.model = model;
     if (!page.view) {
         page.view = new View(model);
+        listParts();
         fit();
         page.view.named('front', aspect());
         const state = location.hash.slice(1) || model.head.start;
         if (state) page.view.read(state);
+        main.classList.toggle('waits', !state && $('still').src.length > 100);
         pointers();
         tools();
         showState(state ? '' : 'front');
@@ -465,11 +508,13 @@ async function open() {
         for await (const model of models(JSON.parse($('head').textContent))) show(model);
     } catch (error) {
         main.classList.toggle('live', !!page.drawing);
+        main.classList.remove('waits');
         // What is not a sentence of these scripts is of damaged data.
         say(error.name === 'Error' ? error.message : 'The data of the model are damaged.', true);
     }
     main.dataset.opened = page.error ? 'failed' : 'whole';
 }
 
+main.classList.toggle('framed', framed);
 warm();
 document.addEventListener('DOMContentLoaded', open);
