@@ -27,7 +27,7 @@ use crate::load::survive_torn_files;
 use crate::platform::{FileExt, open_files_limit};
 use crate::scratch::unnamed;
 
-use crate::jobs::batch::HOME;
+use crate::jobs::batch::page::HOME;
 
 use sheet::{BatchSheet, Entry};
 use subject::Subject;

@@ -20,12 +20,12 @@
 //! | `page` | `index.html`, the contact sheet, and `report.js`, what it shows only at home |
 
 mod claims;
-mod earlier;
+pub(super) mod earlier;
 mod folder;
 mod key;
 mod lock;
 mod options;
-mod page;
+pub(super) mod page;
 mod record;
 mod report;
 mod settle;
@@ -61,12 +61,10 @@ use crate::text::data;
 use crate::text::names::{MEMORY, MIN_SLICES, SCAN, THUMBNAILS_OF_ALL};
 use crate::volume::{Note, Overlap, SourceError, SourceFault, sentences};
 pub(super) use claims::{Claim, Claims};
-pub(super) use earlier::items;
 pub(super) use folder::NewFolders;
 use key::Key;
 use lock::FolderLock;
 use options::options_fingerprint;
-pub(super) use page::{HOME, SCRIPT, home_line};
 use record::{Journal, Record};
 
 /// Code that is resident on top of that of one stage of one job: other jobs are at other stages.

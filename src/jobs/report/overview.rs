@@ -13,18 +13,18 @@ const SHOWN: [Metric; 4] = [Metric::DepthRms, Metric::DepthMax, Metric::WrongPix
 type Setting = (&'static str, &'static str, &'static str);
 
 const BODY: [Setting; 5] = [
-    ("--surface skin", "surface", "skin"),
+    ("surface skin", "surface", "skin"),
     ("cells (default)", "bound", "cells"),
-    ("--error 0.1", "bound", "0.1"),
-    ("--error 0.2", "bound", "0.2"),
-    ("--error 0.5", "bound", "0.5"),
+    ("error 0.1", "bound", "0.1"),
+    ("error 0.2", "bound", "0.2"),
+    ("error 0.5", "bound", "0.5"),
 ];
 const FRAME: [Setting; 5] = [
     ("cells (default)", "bound_of_frame", "cells"),
-    ("--error 0.05", "bound_of_frame", "0.05"),
-    ("--error 0.1", "bound_of_frame", "0.1"),
-    ("--error 0.2", "bound_of_frame", "0.2"),
-    ("--error 0.5", "bound_of_frame", "0.5"),
+    ("error 0.05", "bound_of_frame", "0.05"),
+    ("error 0.1", "bound_of_frame", "0.1"),
+    ("error 0.2", "bound_of_frame", "0.2"),
+    ("error 0.5", "bound_of_frame", "0.5"),
 ];
 const MODEL: [Setting; 5] = [
     ("every voxel (default)", "detail_of_frame", "voxels"),

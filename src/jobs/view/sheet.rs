@@ -13,7 +13,8 @@ use sha2::{Digest, Sha256};
 use super::Subject;
 use crate::budget::Bytes;
 use crate::error::{Error, UsageError};
-use crate::jobs::batch::{SCRIPT, home_line, items};
+use crate::jobs::batch::earlier::items;
+use crate::jobs::batch::page::{SCRIPT, home_line};
 use crate::load::{LoadError, LoadFault};
 use crate::platform::open_file;
 use crate::text::{data, html};
@@ -145,7 +146,7 @@ impl BatchSheet {
     pub(super) fn policy() -> String {
         let hash = STANDARD.encode(Sha256::digest(SCRIPT));
         format!(
-            "default-src 'none'; img-src 'self' data:; style-src 'unsafe-inline'; script-src 'self' 'sha256-{hash}'; base-uri 'none'; form-action 'none'"
+            "img-src 'self' data:; script-src 'self' 'sha256-{hash}'; connect-src 'none'; font-src 'none'; frame-src 'none'; media-src 'none'; object-src 'none'; base-uri 'none'; form-action 'none'"
         )
     }
 }
