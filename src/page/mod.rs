@@ -266,14 +266,14 @@ impl<'a> Head<'a> {
 }
 
 fn script(way: Way) -> String {
-    let squeezed = |text: &str| joined(&slim(text));
+    let squeezed = |text: &str| shortened(&joined(&slim(text)));
     let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
     let load = match way {
         Way::File => squeezed(LOAD),
         Way::Served | Way::Pictures => squeezed(LOAD) + &squeezed(ASK),
         Way::Linked => squeezed(STREAM),
     };
-    let trace = serde_json::Value::from(squeezed(TRACE));
+    let trace = serde_json::Value::from(joined(&slim(TRACE)));
     // One strict scope; a shader is a string of it.
     format!("'use strict';\n{model}{load}{camera}{draw}const SHADER = {trace};\n{ui}")
 }
@@ -311,6 +311,12 @@ fn joined(text: &str) -> String {
     }
     joined.push('\n');
     joined
+}
+
+/// A script with shorter words for the same: `let` for constants, and no mark where a block ends a statement. Every
+/// loop of a script has a body.
+fn shortened(text: &str) -> String {
+    text.replace("const ", "let ").replace(";}", "}")
 }
 
 /// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
@@ -381,6 +387,11 @@ mod tests {
         ] {
             assert_eq!(joined(text), wanted);
         }
+    }
+
+    #[test]
+    fn constants_and_ends_of_blocks_are_shortened() {
+        assert_eq!(shortened("if(a){const b=1;return b;}\n"), "if(a){let b=1;return b}\n");
     }
 
     #[test]

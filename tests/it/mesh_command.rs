@@ -348,8 +348,10 @@ fn cells_are_the_default_but_for_what_only_skin_has() {
         ("plain.obj --error 0.1", "normal", false),
         ("red.obj --error 0.1", "normal", true),
     ] {
-        let script =
-            format!("\"$OCT\" build {} --grid 12 -o \"$1\" --force --json && \"$OCT\" info \"$1\"", at(what));
+        let script = format!(
+            "\"$OCT\" build {} --grid 12 -o \"$1\" --force --json && \"$OCT\" info --all \"$1\"",
+            at(what)
+        );
         let said = shell(&script, &[at("n.oct")]).stdout;
         assert_eq!(said.contains("which larger leaves do not hold; leave out --error"), is_said, "{what}");
         assert_eq!(said.contains("\ncolor "), channels.contains("color"), "{what}: {said}");

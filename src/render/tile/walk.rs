@@ -47,10 +47,12 @@ impl<S: Surface, R: Source> Kernel for Walk<'_, S, R> {
         }
         let depth = self.source.depth().min(MAX_DEPTH);
         let unit = self.tile.lod_edge_log2.min(depth);
-        let beam = (depth > unit)
-            .then(|| self.source.pencil(lanes, self.tile.corner))
-            .flatten()
-            .and_then(|pencil| Beam::new(lanes, &pencil, depth, unit, self.rays));
+        // No closures: instructions in them would be calls.
+        let pencil = if depth > unit { self.source.pencil(lanes, self.tile.corner) } else { None };
+        let beam = match pencil {
+            Some(pencil) => Beam::new(lanes, &pencil, depth, unit, self.rays),
+            None => None,
+        };
         let alone = match beam {
             Some(beam) => {
                 self.hits.mirrored(beam.mirror, 1_u32.wrapping_shl(depth), unit);

@@ -88,7 +88,7 @@ fn every_report_is_what_its_schema_says() {
         ("compare", serde_json::from_str(&moved.stdout).unwrap()),
         ("info", oct(&["info", &at("d.oct"), "--json"]).json()),
         ("thickness", oct(&["thickness", &at("m.oct"), "--thin", "900", "--json"]).json()),
-        ("pores", oct(&["pores", &at("m.oct"), "--json"]).json()),
+        ("pores", oct(&["pores", &at("m.oct"), "--gap", "--json"]).json()),
         ("pores", oct(&["pores", &at("m.oct"), "--bodies", "--json"]).json()),
         ("build", build(&[&["--iso", "500"], &cleaned[..]].concat())),
         ("build", build(&["--range", "200..900", "--channels", "none", "--lod", "off"])),
