@@ -114,6 +114,7 @@ function colored(model) {
 
 /** Shows which colour stands for which value. */
 function showLegend() {
+    if (!page.model.head.quantity) return;
     const {name, unit, sign, range: [low, high], colors} = page.model.head.quantity, [bar, ticks, text] = $('legend').children;
     $('legend').hidden = !page.view.colors;
     bar.style.background = `linear-gradient(to right, ${colors.map(color => `rgb(${color})`)})`;

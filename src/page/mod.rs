@@ -266,7 +266,7 @@ impl<'a> Head<'a> {
 }
 
 fn script(way: Way) -> String {
-    let squeezed = |text: &str| shortened(&joined(&slim(text)));
+    let squeezed = |text: &str| joined(&shortened(&slim(text)));
     let [model, camera, draw, ui] = SCRIPTS.map(squeezed);
     let load = match way {
         Way::File => squeezed(LOAD),
@@ -313,10 +313,21 @@ fn joined(text: &str) -> String {
     joined
 }
 
-/// A script with shorter words for the same: `let` for constants, and no mark where a block ends a statement. Every
-/// loop of a script has a body.
+/// Lines of a script with shorter words for the same: `let` for constants, and no mark where a block ends after a
+/// statement. A loop without a body does not end a block.
 fn shortened(text: &str) -> String {
-    text.replace("const ", "let ").replace(";}", "}")
+    let mut short = String::with_capacity(text.len());
+    let mut lines = text.lines().peekable();
+    while let Some(line) = lines.next() {
+        let is_last = lines.peek().is_some_and(|next| next.starts_with('}'));
+        let line = line.strip_suffix(';').filter(|_| is_last).unwrap_or(line);
+        match line.strip_prefix("const ") {
+            Some(rest) => short += &format!("let {rest}"),
+            None => short += &line.replace("for (const ", "for (let "),
+        }
+        short.push('\n');
+    }
+    short
 }
 
 /// A line of a script or shader without blanks around punctuation, where it is plain to see what is a string.
@@ -391,7 +402,8 @@ mod tests {
 
     #[test]
     fn constants_and_ends_of_blocks_are_shortened() {
-        assert_eq!(shortened("if(a){const b=1;return b;}\n"), "if(a){let b=1;return b}\n");
+        let text = "if (a) {\nconst b = 'c;}';\nreturn b;\n}\nd;\n";
+        assert_eq!(shortened(text), "if (a) {\nlet b = 'c;}';\nreturn b\n}\nd;\n");
     }
 
     #[test]

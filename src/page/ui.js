@@ -1,9 +1,9 @@
 'use strict';
-/* global Drawing, View, VIEWS, CUTS, models, ask, compiled, LABELS, valueOf, showLegend, dot, cross, added, scaled, SHADER */
+/* global Drawing, View, VIEWS, CUTS, models, ask, compiled, LABELS, valueOf, dot, cross, added, scaled, SHADER */
 // The page: events in, pictures out.
 
 const $ = id => document.getElementById(id);
-const framed = window !== window.parent;
+const framed = self !== top;
 const main = document.querySelector('main'), canvas = $('canvas');
 const page = {model: null, view: null, drawing: null, asks: false, points: [], scale: 4, fine: null, moving: 0, error: null, saves: false};
 
@@ -94,7 +94,7 @@ function drawCube() {
 
 /** Fits the canvas to the page; true where its size changed. */
 function fit() {
-    const ratio = Math.min(window.devicePixelRatio || 1, 2);
+    const ratio = Math.min(devicePixelRatio || 1, 2);
     const [w, h] = [canvas.clientWidth, canvas.clientHeight].map(side => Math.max(1, Math.round(side * ratio)));
     if (canvas.width === w && canvas.height === h) return false;
     [canvas.width, canvas.height] = [w, h];
@@ -175,7 +175,6 @@ function refine() {
 /** A sharp picture, which takes the still one's place, and a smooth one. */
 function *refined(drawing) {
     yield *drawing.fine(page.view, 1);
-    page.sharp ??= performance.now();
     if (!page.model.head.coarse) main.classList.remove('waits');
     yield *drawing.fine(page.view, 8);
 }
@@ -193,7 +192,7 @@ function listParts() {
         return element;
     };
     $('parts').hidden = !view.labels.length;
-    $('parts').open = window.innerWidth > 600;
+    $('parts').open = innerWidth > 600;
     // The list stands beside the model.
     const beside = () => {
         main.classList.toggle('listed', view.labels.length > 0 && $('parts').open);
@@ -300,7 +299,7 @@ function savePicture() {
     const link = document.createElement('a'), still = main.classList.contains('waits') || !page.drawing;
     link.download = `${document.title}.png`;
     page.saves = !still && main.dataset.drawn !== 'fine';
-    if (page.saves) return void say('The picture is being made; it is saved when it is fine.');
+    if (page.saves) return void say('It is saved when it is fine.');
     const give = href => {
         link.href = href;
         link.click();
@@ -427,16 +426,16 @@ function tools() {
     on('clear', 'click', clearPoints);
     on('dark', 'click', () => { view.dark = !view.isDark; });
     matchMedia('(prefers-color-scheme: dark)').addEventListener('change', () => changed($('named').value));
-    on('colors', 'click', () => { view.colors = !view.colors; $('legend').hidden = !page.model.head.quantity || !view.colors; });
+    on('colors', 'click', () => { view.colors = !view.colors; self.showLegend?.(); });
     $('save').addEventListener('click', savePicture);
     $('help').addEventListener('click', () => {
         $('keys').hidden = !$('keys').hidden;
         $('help').setAttribute('aria-expanded', !$('keys').hidden);
     });
     $('tools').addEventListener('submit', event => event.preventDefault());
-    window.addEventListener('keydown', keys);
-    window.addEventListener('resize', redraw);
-    window.addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
+    addEventListener('keydown', keys);
+    addEventListener('resize', redraw);
+    addEventListener('hashchange', () => { view.read(location.hash.slice(1)); changed(); });
     canvas.addEventListener('webglcontextlost', event => {
         event.preventDefault();
         page.drawing = page.fine = page.ready = null;
@@ -477,7 +476,7 @@ function begin() {
     main.classList.toggle('asks', page.asks);
     main.classList.add('live');
     $('colors').hidden = !page.model.sections.COLR && !page.view.labels.length;
-    if (page.model.head.quantity) showLegend();
+    self.showLegend?.();
     fit();
     if (!page.model.head.coarse) say('');
     redraw();
