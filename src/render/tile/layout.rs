@@ -77,11 +77,11 @@ impl Layout {
     #[cfg(any(test, feature = "python"))]
     pub(crate) fn part(self, wanted: usize) -> [usize; 2] {
         let Self { columns, across } = self;
-        let band = RAYS / across * columns;
+        let band = (RAYS / across * columns).max(1);
         if across == RAYS && columns > wanted {
             return [wanted.next_multiple_of(RAYS), RAYS];
         }
-        [(wanted / band.max(1)).max(1) * band, band]
+        [(wanted / band).max(1) * band, band]
     }
 
     /// The tiles of an array, or of a part, of so many rays. The last tile of a row or column has some rays of the one
