@@ -35,7 +35,7 @@ const GROUPS: [(&str, &str); 5] = [
     ("Machine and output", "threads memory json force"),
 ];
 
-/// What ends the clause of an option's text that `-h` shows.
+/// Ends of the clause of an option's text that `-h` shows.
 const CLAUSE_ENDS: [&str; 5] = ["; ", ": ", ". ", ", such as", ", by default"];
 
 /// Words that other programs have for what is here a command or an option.

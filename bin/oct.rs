@@ -102,7 +102,7 @@ fn refuse(e: &clap::Error) -> ExitCode {
     tell(&sentence, ExitKind::Usage, as_json)
 }
 
-/// What may have been meant by a command or an option that is not known: a word for the same thing, or the most similar.
+/// The likely meaning of a command or an option that is not known: a word for the same thing, or the most similar.
 fn meant(e: &clap::Error) -> Option<&str> {
     let guess = |kind| match e.get(kind)? {
         ContextValue::String(word) => Some(word.as_str()),

@@ -88,7 +88,7 @@ impl Pass<'_> {
     }
 }
 
-/// What a pass writes: values to an unnamed file, rows to a table.
+/// Outputs of a pass: values in an unnamed file, rows in a table.
 pub(super) struct Records<'a> {
     folder: &'a Path,
     values: BufWriter<File>,

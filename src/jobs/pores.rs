@@ -83,8 +83,7 @@ pub struct Pore {
     pub gap_mm: Option<f64>,
 }
 
-/// Columns of the table.
-/// A column for gaps comes last where they are asked for.
+/// Columns of the table; the gap comes last, where it is asked for.
 const COLUMNS: &str = "id,label,volume_mm3,area_mm2,x,y,z,x_min,y_min,z_min,x_max,y_max,z_max,equivalent_diameter_mm,\
                        sphericity,samples,below_resolution";
 

@@ -66,7 +66,7 @@ fn from_start(mut error: RenderError, first: usize) -> RenderError {
 /// An array in parts of whole tiles.
 fn cut<T>(items: &mut [T], [part, least]: [usize; 2]) -> Vec<&mut [T]> {
     let rest = items.len() % part;
-    // What is too short for a tile belongs to the part before.
+    // A rest that is too short for a tile belongs to the part before.
     let even = items.len() - if rest < least && items.len() > part { part + rest } else { rest };
     let (even, last) = items.split_at_mut(even);
     even.chunks_mut(part).chain((!last.is_empty()).then_some(last)).collect()

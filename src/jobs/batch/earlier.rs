@@ -17,7 +17,7 @@ const MAX_LINE_BYTES: u64 = 1 << 20;
 /// Memory: one line.
 ///
 /// # Errors
-/// Those of `work`.
+/// The errors of `work`.
 pub(in crate::jobs) fn items(
     out: &Path,
     work: &mut dyn FnMut(usize, Item) -> io::Result<()>,

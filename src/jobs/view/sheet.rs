@@ -142,7 +142,7 @@ impl BatchSheet {
         Some((kind, bytes))
     }
 
-    /// What the page may do: run the script that batches write and show pictures, and reach nothing outside.
+    /// Permissions of the page: it runs the script that batches write, shows pictures, and reaches nothing outside.
     pub(super) fn policy() -> String {
         let hash = STANDARD.encode(Sha256::digest(SCRIPT));
         format!(

@@ -82,7 +82,7 @@ impl Affines {
     }
 }
 
-/// What is sure of sixteen pairs: those past, and those within, as bits.
+/// Sixteen pairs, as far as they are decided: bits of those past, and of those within.
 #[inline(always)]
 fn compare<L: Lanes>(
     l: L,
