@@ -4,9 +4,9 @@
 use super::bits::{BitCoder, BitDecoder, BitEncoder};
 use super::group::{Group, GroupCoder, Place, child_place, coordinates, wrong_count};
 use super::mixer::{KEY_BITS, Mixer};
-use super::prior::Prior;
+use super::prior::{Prior, Sums};
 use super::{CUBE_DEPTH, CodingError};
-use crate::cpu::{Lanes, Portable};
+use crate::cpu::Lanes;
 
 /// Rows along a side of a grid: 128 cells and a border of two.
 const SIDE: usize = (1 << CUBE_DEPTH) + 4;
@@ -116,10 +116,10 @@ impl GroupCoder for NodeCoder {
     const DEPTH: u32 = CUBE_DEPTH;
 
     #[inline(always)]
-    fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError> {
+    fn encode(&mut self, isa: impl Lanes, group: &mut Group) -> Result<Vec<u8>, CodingError> {
         self.given.get_or_insert_with(Grid::new);
         let mut encoder = BitEncoder::new();
-        self.code(Portable, &mut encoder, group, |_| Ok(()))?;
+        self.code(isa, &mut encoder, group, |_| Ok(()))?;
         Ok(encoder.finish())
     }
 
@@ -262,27 +262,48 @@ impl NodeCoder {
         for (octant, keys) in keys.iter().enumerate().take(4) {
             self.mixer.fetch(with_own(keys, octant, 0));
         }
-        let mut sums = self.prior.sums(around.inputs(class));
-        let mut mask = 0_u8;
-        for octant in 0..8 {
-            if octant == 7 && mask == 0 && !depth.has_leaves {
-                mask = 1 << 7;
-                break;
-            }
-            if (1..5).contains(&octant) {
-                // The bits to come stay within a line.
-                self.mixer.fetch(with_own(&keys[octant + 3], octant + 3, mask.into()));
-            }
-            let keys = with_own(&keys[octant], octant, mask.into());
-            let logit = self.prior.logit(isa, &sums, octant);
-            let place = 3 * octant + class;
-            if self.mixer.code(coder, keys, place, logit, given >> octant & 1 == 1) {
-                mask |= 1 << octant;
-                self.prior.note(&mut sums, octant);
-            }
+        let mut node = Node { keys, sums: self.prior.sums(around.inputs(class)), class, given, mask: 0 };
+        // Octants as constants: shifts and places of tables are known.
+        self.code_octant(isa, coder, &mut node, 0);
+        self.code_octant(isa, coder, &mut node, 1);
+        self.code_octant(isa, coder, &mut node, 2);
+        self.code_octant(isa, coder, &mut node, 3);
+        self.code_octant(isa, coder, &mut node, 4);
+        self.code_octant(isa, coder, &mut node, 5);
+        self.code_octant(isa, coder, &mut node, 6);
+        if node.mask == 0 && !depth.has_leaves {
+            node.mask = 1 << 7;
+        } else {
+            self.code_octant(isa, coder, &mut node, 7);
         }
-        self.boxes.set_children(place, mask);
+        self.boxes.set_children(place, node.mask);
     }
+
+    #[inline(always)]
+    fn code_octant<C: BitCoder>(&mut self, isa: impl Lanes, coder: &mut C, node: &mut Node, octant: usize) {
+        let mask = usize::from(node.mask);
+        if (1..5).contains(&octant) {
+            // The bits to come stay within a line.
+            self.mixer.fetch(with_own(&node.keys[octant + 3], octant + 3, mask));
+        }
+        let keys = with_own(&node.keys[octant], octant, mask);
+        let logit = self.prior.logit(isa, &node.sums, octant);
+        let place = 3 * octant + node.class;
+        let is_one = self.mixer.code(isa, coder, keys, place, logit, node.given >> octant & 1 == 1);
+        node.mask |= u8::from(is_one) << octant;
+        self.prior.note(&mut node.sums, octant, is_one);
+    }
+}
+
+/// A node whose boxes are being coded.
+struct Node {
+    keys: [[usize; 3]; 8],
+    sums: Sums,
+    class: usize,
+    /// The boxes that an encoder has to code.
+    given: u8,
+    /// Those that are coded.
+    mask: u8,
 }
 
 /// Odd numbers whose products have well mixed high bits.
@@ -422,6 +443,7 @@ impl Around {
 mod tests {
     use super::super::group::tests::slab;
     use super::*;
+    use crate::cpu::Portable;
 
     fn decode(coder: &mut NodeCoder, payload: &[u8], like: &Group) -> Result<Group, CodingError> {
         let mut got = Group { subtrees: like.subtrees, first_leaves: like.first_leaves, ..Group::default() };
@@ -453,7 +475,7 @@ mod tests {
         let mut coder = NodeCoder::default();
         for leaves in [false, true, false] {
             let mut group = cubes(leaves);
-            let payload = coder.encode(&mut group).unwrap();
+            let payload = coder.encode(Portable, &mut group).unwrap();
             assert_eq!((group.voxels, group.leaves), (16_385, usize::from(leaves)));
             for _ in 0..2 {
                 let got = decode(&mut coder, &payload, &group).unwrap();

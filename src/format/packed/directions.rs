@@ -290,7 +290,7 @@ mod tests {
             (0..legal.len()).map(|i| legal[i * 7919 % legal.len()]).chain(legal.clone()).collect();
         let mut group = slab(order.len() / 4096, 6);
         group.normals = order[..group.voxels].to_vec();
-        let mut encoder = Encoder::default();
+        let mut encoder = Encoder::new(Portable);
         DirectionCoder::default().code(&mut encoder, &mut group).unwrap();
         let payload = encoder.finish();
         let normals = std::mem::take(&mut group.normals);

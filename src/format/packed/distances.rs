@@ -218,7 +218,7 @@ mod tests {
         let all: Vec<u8> = (0..group.voxels).map(|i| (i * 37 % 256).to_le_bytes()[0]).collect();
         for (offsets, most_bits) in [(vec![9; group.voxels], 3), (all, 16)] {
             group.offsets = offsets.clone();
-            let mut encoder = Encoder::default();
+            let mut encoder = Encoder::new(Portable);
             DistanceCoder::default().code(&mut encoder, &mut group).unwrap();
             let payload = encoder.finish();
             assert!(payload.len() * 8 < most_bits * group.voxels, "{}", payload.len());

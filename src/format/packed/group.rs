@@ -59,7 +59,7 @@ pub(crate) trait GroupCoder: Default + Send {
     ///
     /// # Errors
     /// The parts of the group do not belong together.
-    fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError>;
+    fn encode(&mut self, isa: impl Lanes, group: &mut Group) -> Result<Vec<u8>, CodingError>;
 
     /// Fills in what the codec holds.
     ///
@@ -85,8 +85,8 @@ impl<G: SymbolGroups> GroupCoder for G {
     const DEPTH: u32 = SUBTREE_DEPTH;
 
     #[inline(always)]
-    fn encode(&mut self, group: &mut Group) -> Result<Vec<u8>, CodingError> {
-        let mut encoder = Encoder::default();
+    fn encode(&mut self, isa: impl Lanes, group: &mut Group) -> Result<Vec<u8>, CodingError> {
+        let mut encoder = Encoder::new(isa);
         self.code(&mut encoder, group)?;
         Ok(encoder.finish())
     }

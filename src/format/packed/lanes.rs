@@ -28,26 +28,51 @@ impl Row {
 #[repr(align(16))]
 pub(super) struct Octet(pub(super) [i16; 8]);
 
+/// Four inputs of a mixer and one more, or their weights; the rest are 0.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(align(32))]
+pub(super) struct Inputs(pub(super) [i32; 8]);
+
+/// Four lanes of 32 bits.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(align(16))]
+pub(super) struct Quad(pub(super) [u32; 4]);
+
+/// What three keys find in their pairs of slots. A slot holds a number in its high half, a count and a key in its low bytes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Found {
+    /// The slot of each pair that has the key, else the one of the lower count, made new.
+    pub(super) slots: Quad,
+    firsts: Quad,
+    seconds: Quad,
+    /// All bits where the slot is the second of its pair.
+    is_second: Quad,
+}
+
 #[cfg(target_arch = "x86_64")]
-pub(super) use x86::{last_within, mean_of_four, products_above_0, sink};
+pub(super) use x86::{find, last_within, learn, mean_of_four, mixed, products_above_0, sink, update};
 
 #[cfg(not(target_arch = "x86_64"))]
-pub(super) use portable::{last_within, mean_of_four, products_above_0, sink};
+pub(super) use portable::{find, last_within, learn, mean_of_four, mixed, products_above_0, sink, update};
 
 /// Written out with the instructions, for compilers take these loops apart into single lanes.
 #[cfg(target_arch = "x86_64")]
 mod x86 {
     use std::arch::x86_64::{
-        __m128i, __m256i, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_avg_epu16, _mm_cmpgt_epi16,
-        _mm_cvtsi32_si128, _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16, _mm_movemask_epi8,
-        _mm_mullo_epi16, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16, _mm_setzero_si128,
-        _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_srl_epi16, _mm_sub_epi16, _mm_xor_si128,
-        _mm256_add_epi32, _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16,
-        _mm256_extracti128_si256, _mm256_madd_epi16, _mm256_max_epi16, _mm256_movemask_epi8,
-        _mm256_set1_epi16, _mm256_setzero_si256, _mm256_srl_epi16, _mm256_sub_epi16, _mm256_xor_si256,
+        __m128i, __m256i, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_andnot_si128, _mm_avg_epu16,
+        _mm_blendv_epi8, _mm_cmpeq_epi32, _mm_cmpgt_epi16, _mm_cmpgt_epi32, _mm_cvtsi32_si128,
+        _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16, _mm_max_epi32, _mm_min_epi32, _mm_movemask_epi8,
+        _mm_mullo_epi16, _mm_mullo_epi32, _mm_or_si128, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16,
+        _mm_set1_epi32, _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_slli_epi32,
+        _mm_srai_epi32, _mm_srl_epi16, _mm_srli_epi32, _mm_sub_epi16, _mm_sub_epi32, _mm_unpackhi_epi32,
+        _mm_unpackhi_epi64, _mm_unpacklo_epi32, _mm_unpacklo_epi64, _mm_xor_si128, _mm256_add_epi32,
+        _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16, _mm256_extracti128_si256,
+        _mm256_madd_epi16, _mm256_max_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_movemask_epi8,
+        _mm256_mullo_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srai_epi32,
+        _mm256_srl_epi16, _mm256_sub_epi16, _mm256_xor_si256,
     };
 
-    use super::{LANES, Octet, Row};
+    use super::{Found, Inputs, LANES, Octet, Quad, Row, portable};
     use crate::cpu::Lanes;
 
     #[inline(always)]
@@ -128,11 +153,113 @@ mod x86 {
                 _mm_add_epi32(_mm_add_epi32(product(0), product(1)), _mm_add_epi32(product(2), product(3)))
             }
         };
+        sum_of(sum)
+    }
+
+    /// The sum of four lanes.
+    #[inline(always)]
+    fn sum_of(lanes: __m128i) -> i32 {
         // SAFETY: every x86-64 machine has SSE2; no memory is accessed.
         unsafe {
-            let half = _mm_add_epi32(sum, _mm_shuffle_epi32::<0b01_00_11_10>(sum));
+            let half = _mm_add_epi32(lanes, _mm_shuffle_epi32::<0b01_00_11_10>(lanes));
             _mm_cvtsi128_si32(_mm_add_epi32(half, _mm_shuffle_epi32::<0b10_11_00_01>(half)))
         }
+    }
+
+    /// `mixed` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn mixed(isa: impl Lanes, weights: &Inputs, inputs: &Inputs) -> i32 {
+        if isa.avx2().is_none() {
+            return portable::mixed(isa, weights, inputs);
+        }
+        let [weight, _, input, _]: [__m128i; 4] = bytemuck::cast([weights.0, inputs.0]);
+        // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+        let products = unsafe { _mm_srai_epi32::<2>(_mm_mullo_epi32(weight, input)) };
+        sum_of(products).wrapping_add(weights.0[4].wrapping_mul(inputs.0[4]) >> 2)
+    }
+
+    /// `find` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn find(isa: impl Lanes, pairs: [[u32; 2]; 3], keys: [u32; 3], new: u32) -> Found {
+        if isa.avx2().is_none() {
+            return portable::find(isa, pairs, keys, new);
+        }
+        let [[a, b], [c, d], [e, f]] = pairs;
+        let two = |low: [u32; 2], high: [u32; 2]| bytemuck::cast::<_, __m128i>([low, high]);
+        let (ab, cd) = (two([a, b], [c, d]), two([e, f], [0; 2]));
+        let keys: __m128i = bytemuck::cast([keys[0], keys[1], keys[2], 0]);
+        // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+        let [slots, firsts, seconds, is_second] = unsafe {
+            // [a, c, e, 0] and [b, d, f, 0].
+            let (low, high) =
+                (_mm_shuffle_epi32::<0b11_01_10_00>(ab), _mm_shuffle_epi32::<0b11_01_10_00>(cd));
+            let (firsts, seconds) = (_mm_unpacklo_epi64(low, high), _mm_unpackhi_epi64(low, high));
+            let byte = _mm_set1_epi32(0xff);
+            let has_first = _mm_cmpeq_epi32(_mm_and_si128(firsts, byte), keys);
+            let has_second = _mm_cmpeq_epi32(_mm_and_si128(seconds, byte), keys);
+            let counts = _mm_set1_epi32(0xff00);
+            let is_less = _mm_cmpgt_epi32(_mm_and_si128(firsts, counts), _mm_and_si128(seconds, counts));
+            let is_second = _mm_andnot_si128(has_first, _mm_or_si128(has_second, is_less));
+            let old = _mm_blendv_epi8(firsts, seconds, is_second);
+            let new = _mm_or_si128(keys, _mm_set1_epi32(new.cast_signed()));
+            [_mm_blendv_epi8(new, old, _mm_or_si128(has_first, has_second)), firsts, seconds, is_second]
+        }
+        .map(|lanes| Quad(bytemuck::cast(lanes)));
+        Found { slots, firsts, seconds, is_second }
+    }
+
+    /// `update` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn update(
+        isa: impl Lanes,
+        found: &Found,
+        counts: [u32; 3],
+        bit: bool,
+    ) -> [[u32; 2]; 3] {
+        if isa.avx2().is_none() {
+            return portable::update(isa, found, counts, bit);
+        }
+        let counts: __m128i = bytemuck::cast([counts[0], counts[1], counts[2], 0]);
+        let [slots, firsts, seconds, is_second]: [__m128i; 4] =
+            bytemuck::cast([found.slots.0, found.firsts.0, found.seconds.0, found.is_second.0]);
+        let target = i32::from(bit).wrapping_neg() & 0xffff;
+        // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+        let [low, high]: [[[u32; 2]; 2]; 2] = bytemuck::cast(unsafe {
+            let one = _mm_srli_epi32::<16>(slots);
+            let way = _mm_sub_epi32(_mm_set1_epi32(target), one);
+            let step = _mm_mullo_epi32(way, _mm_and_si128(counts, _mm_set1_epi32(0xffff)));
+            let one = _mm_add_epi32(one, _mm_srai_epi32::<16>(step));
+            let count = _mm_and_si128(_mm_srli_epi32::<8>(counts), _mm_set1_epi32(0xff00));
+            let key = _mm_and_si128(slots, _mm_set1_epi32(0xff));
+            let moved = _mm_or_si128(_mm_slli_epi32::<16>(one), _mm_or_si128(count, key));
+            let firsts = _mm_blendv_epi8(moved, firsts, is_second);
+            let seconds = _mm_blendv_epi8(seconds, moved, is_second);
+            [_mm_unpacklo_epi32(firsts, seconds), _mm_unpackhi_epi32(firsts, seconds)]
+        });
+        [low[0], low[1], high[0]]
+    }
+
+    /// `learn` of the portable form.
+    #[inline(always)]
+    pub(in super::super) fn learn(
+        isa: impl Lanes,
+        weights: &mut Inputs,
+        inputs: &Inputs,
+        error: i32,
+        limit: i32,
+    ) {
+        if isa.avx2().is_none() {
+            return portable::learn(isa, weights, inputs, error, limit);
+        }
+        let [weight, input]: [__m256i; 2] = bytemuck::cast([weights.0, inputs.0]);
+        // SAFETY: the proof says that the machine has AVX2; no memory is accessed.
+        weights.0 = bytemuck::cast(unsafe {
+            let product = _mm256_mullo_epi32(input, _mm256_set1_epi32(error));
+            let step = _mm256_srai_epi32::<14>(_mm256_add_epi32(product, _mm256_set1_epi32(1 << 13)));
+            let moved = _mm256_add_epi32(weight, step);
+            let least = _mm256_max_epi32(moved, _mm256_set1_epi32(-limit));
+            _mm256_min_epi32(least, _mm256_set1_epi32(limit))
+        });
     }
 
     /// `last_within` of the portable form.
@@ -221,9 +348,12 @@ mod x86 {
     }
 }
 
-#[cfg(any(test, not(target_arch = "x86_64")))]
+#[cfg_attr(
+    all(target_arch = "x86_64", not(test)),
+    expect(dead_code, reason = "rows and sums have SSE2's instructions there")
+)]
 mod portable {
-    use super::{LANES, Row};
+    use super::{Found, Inputs, LANES, Quad, Row};
     use crate::cpu::Lanes;
 
     /// Moves lanes by 2^-shift of the way to `end`, the lanes and their ends seen through `turn`.
@@ -248,6 +378,67 @@ mod portable {
     pub(in super::super) fn products_above_0(_: impl Lanes, sums: &[i16; 32], weights: &[i16; 32]) -> i32 {
         let products = sums.iter().zip(weights).map(|(sum, w)| i32::from((*sum).max(0)) * i32::from(*w));
         products.fold(0, i32::wrapping_add)
+    }
+
+    /// A quarter of the sum of products with weights, each quarter rounded down.
+    #[inline(always)]
+    pub(in super::super) fn mixed(_: impl Lanes, weights: &Inputs, inputs: &Inputs) -> i32 {
+        let products = weights.0.iter().zip(inputs.0).map(|(w, input)| w.wrapping_mul(input) >> 2);
+        products.take(5).fold(0, i32::wrapping_add)
+    }
+
+    /// The slots of keys of a byte; `new` is what a new one has besides its key.
+    #[inline(always)]
+    pub(in super::super) fn find(_: impl Lanes, pairs: [[u32; 2]; 3], keys: [u32; 3], new: u32) -> Found {
+        let mut found = Found {
+            slots: Quad([0; 4]),
+            firsts: Quad([0; 4]),
+            seconds: Quad([0; 4]),
+            is_second: Quad([0; 4]),
+        };
+        for (i, ([first, second], key)) in pairs.into_iter().zip(keys).enumerate() {
+            let (has_first, has_second) = (first % 256 == key, second % 256 == key);
+            let is_second = !has_first & (has_second | ((second & 0xff00) < (first & 0xff00)));
+            let old = if is_second { second } else { first };
+            found.slots.0[i] = if has_first | has_second { old } else { new | key };
+            (found.firsts.0[i], found.seconds.0[i]) = (first, second);
+            found.is_second.0[i] = u32::from(is_second).wrapping_neg();
+        }
+        found
+    }
+
+    /// The pairs, after their slots have moved towards a bit by the steps in the low halves of `counts`, and have the counts
+    /// in their third bytes.
+    #[inline(always)]
+    pub(in super::super) fn update(
+        _: impl Lanes,
+        found: &Found,
+        counts: [u32; 3],
+        bit: bool,
+    ) -> [[u32; 2]; 3] {
+        std::array::from_fn(|i| {
+            let slot = found.slots.0[i];
+            let (one, step) = ((slot >> 16).cast_signed(), (counts[i] & 0xffff).cast_signed());
+            let target = if bit { 0xffff } else { 0 };
+            let one = one.wrapping_add((target - one).wrapping_mul(step) >> 16).cast_unsigned();
+            let moved = one << 16 | counts[i] >> 8 & 0xff00 | slot & 0xff;
+            if found.is_second.0[i] == 0 { [moved, found.seconds.0[i]] } else { [found.firsts.0[i], moved] }
+        })
+    }
+
+    /// Adds the products of inputs and an error, of 2^14, to the weights, which stay within a limit.
+    #[inline(always)]
+    pub(in super::super) fn learn(
+        _: impl Lanes,
+        weights: &mut Inputs,
+        inputs: &Inputs,
+        error: i32,
+        limit: i32,
+    ) {
+        for (weight, input) in weights.0.iter_mut().zip(inputs.0).take(5) {
+            let step = input.wrapping_mul(error).wrapping_add(1 << 13) >> 14;
+            *weight = weight.wrapping_add(step).clamp(-limit, limit);
+        }
     }
 
     /// The lane before the first that is above a number; lanes rise from 0.
@@ -324,6 +515,25 @@ mod tests {
                 let [sums, weights]: [[i16; 32]; 2] = bytemuck::cast([a.0, b.0, c.0, d.0]);
                 let product = x86::products_above_0(isa, &sums, &weights);
                 assert_eq!(product, portable::products_above_0(isa, &sums, &weights));
+                let [pairs, keys, counts, rest]: [[u32; 8]; 4] = bytemuck::cast([a.0, b.0, c.0, d.0]);
+                let pairs = [[pairs[0], pairs[1]], [pairs[2], pairs[3]], [pairs[4], pairs[5]]];
+                // Keys that are in the first slot, in the second, in neither.
+                let keys = [pairs[0][0], pairs[1][1], keys[0]].map(|key| key % 256);
+                let found = x86::find(isa, pairs, keys, 1 << 31);
+                assert_eq!(found, portable::find(isa, pairs, keys, 1 << 31));
+                let counts = [counts[0], counts[1], counts[2]];
+                for bit in [false, true] {
+                    let moved = x86::update(isa, &found, counts, bit);
+                    assert_eq!(moved, portable::update(isa, &found, counts, bit));
+                }
+                let [mut fast, inputs] = [rest, bytemuck::cast(c.0)].map(|lanes: [u32; 8]| {
+                    Inputs(std::array::from_fn(|i| if i < 5 { lanes[i].cast_signed() >> 12 } else { 0 }))
+                });
+                assert_eq!(x86::mixed(isa, &fast, &inputs), portable::mixed(isa, &fast, &inputs));
+                let (mut plain, error) = (fast, keys[2].cast_signed() * 512 - 65_535);
+                x86::learn(isa, &mut fast, &inputs, error, 1 << 18);
+                portable::learn(isa, &mut plain, &inputs, error, 1 << 18);
+                assert_eq!(fast, plain);
                 mean.0.sort_unstable();
                 mean.0[0] = 0;
                 for most in [mean.0[number() as usize % LANES], number(), 0, u16::MAX] {

@@ -4,23 +4,24 @@
 #![expect(clippy::cast_possible_truncation, reason = "probabilities and their logits have 16 bits")]
 
 use super::bits::{BitCoder, PROBABILITIES};
-use super::lanes::boxed;
-use crate::cpu::prefetch;
+use super::lanes::{Inputs, boxed, find, learn, mixed, update};
+use crate::cpu::{Lanes, prefetch};
 
 /// Bits of a context's key: eight that its slot keeps, and above them those that choose a pair of slots.
 pub(super) const KEY_BITS: u32 = 23;
 /// Lines of a cache with eight pairs each.
 const LINES: usize = 1 << (KEY_BITS - 11);
-/// Sets of weights are chosen by so many places and sizes, and by how often both first slots were seen.
+/// Sets of weights are chosen by so many places and sizes, and by how often both first slots were seen: 16 a place, and some
+/// that are not used, so that their number is a power of two.
 pub(super) const PLACES: usize = 24;
-const SETS: usize = PLACES * 16;
+const SETS: usize = (PLACES * 16).next_power_of_two();
 /// A slot: a probability of 16 bits, how often it was seen, and the low bits of its key.
 const NEW: u32 = 1 << 31;
-const MAX_SEEN: u32 = 60;
+const MAX_SEEN: usize = 60;
 /// Logits are in 1/256, at most so large.
 pub(super) const LOGIT: i32 = 2047;
 /// Weights of the prior, the tables and the bias, of 65536.
-const WEIGHTS: [i32; 5] = [39_322, 19_661, 22_938, 13_107, 0];
+const WEIGHTS: Inputs = Inputs([39_322, 19_661, 22_938, 13_107, 0, 0, 0, 0]);
 const WEIGHT_LIMIT: i32 = (1 << 19) - 1;
 /// e^(-1/256), of 2^32.
 const DECAY: u64 = 4_278_222_805;
@@ -75,27 +76,19 @@ static LOGITS: [i16; 4096] = {
     logits
 };
 
-/// 65536 / (n + 3/2), rounded down.
-static STEPS: [i32; MAX_SEEN as usize + 1] = {
-    let mut steps = [0; MAX_SEEN as usize + 1];
-    let mut n = 0;
-    while n < steps.len() {
-        steps[n] = 131_072 / (2 * n as i32 + 3);
-        n += 1;
+/// What follows from how often a slot was seen: 65536 / (n + 3/2), rounded down, in the low half; how often it will have been
+/// in the next byte; a class (0; 1 and 2; 3 to 7; more) in the highest. Counts of damaged slots are held to the most.
+static COUNTS: [u32; 256] = {
+    let mut counts = [0; 256];
+    let mut i = 0;
+    while i < counts.len() {
+        let n = if i < MAX_SEEN { i } else { MAX_SEEN } as u32;
+        let next = if i < MAX_SEEN { n + 1 } else { n };
+        let class = (n > 0) as u32 + (n > 2) as u32 + (n > 7) as u32;
+        counts[i] = 131_072 / (2 * n + 3) | next << 16 | class << 24;
+        i += 1;
     }
-    steps
-};
-
-/// Classes of counts: 0; 1 and 2; 3 to 7; more.
-static SEEN: [u8; MAX_SEEN as usize + 1] = {
-    let mut seen = [3; MAX_SEEN as usize + 1];
-    [seen[0], seen[1], seen[2]] = [0, 1, 1];
-    let mut n = 3;
-    while n < 8 {
-        seen[n] = 2;
-        n += 1;
-    }
-    seen
+    counts
 };
 
 #[derive(Clone, Copy, Debug)]
@@ -108,33 +101,14 @@ type Table = Box<[Line; LINES]>;
 #[derive(Debug)]
 pub(super) struct Mixer {
     tables: [Table; 3],
-    weights: Box<[[i32; 5]; SETS]>,
+    weights: Box<[Inputs; SETS]>,
 }
 
 impl Default for Mixer {
     fn default() -> Self {
         let table = || boxed(Line([[NEW; 2]; 8]));
-        Self { tables: [table(), table(), table()], weights: Box::new([WEIGHTS; SETS]) }
+        Self { tables: [table(), table(), table()], weights: boxed(WEIGHTS) }
     }
-}
-
-/// How often a slot was seen.
-#[inline(always)]
-fn count(slot: u32) -> usize {
-    ((slot >> 8) % 256).min(MAX_SEEN) as usize
-}
-
-/// The slot of a key, and where it goes: that of its pair which has it, else the one that was seen less, made new.
-/// Without branches: they could not be predicted.
-#[inline(always)]
-fn slot(table: &mut Table, key: usize) -> (u32, &mut u32) {
-    let low = key as u32 % 256;
-    let pair = &mut table[(key >> 11) % LINES].0[(key >> 8) % 8];
-    let [is_first, is_second] = pair.map(|slot| slot % 256 == low);
-    let has_less = pair[1] << 16 >> 24 < pair[0] << 16 >> 24;
-    let place = &mut pair[usize::from(!is_first & (is_second | has_less))];
-    let is_new = u32::from(is_first | is_second).wrapping_sub(1);
-    (*place ^ (*place ^ (NEW | low)) & is_new, place)
 }
 
 impl Mixer {
@@ -156,6 +130,7 @@ impl Mixer {
     #[inline(always)]
     pub(super) fn code<C: BitCoder>(
         &mut self,
+        isa: impl Lanes,
         coder: &mut C,
         keys: [usize; 3],
         place: usize,
@@ -163,35 +138,37 @@ impl Mixer {
         bit: bool,
     ) -> bool {
         let [a, b, c] = &mut self.tables;
-        let slots = [slot(a, keys[0]), slot(b, keys[1]), slot(c, keys[2])];
-        let logit = |slot: usize| i32::from(LOGITS[(slots[slot].0 >> 20) as usize]);
-        let inputs = [prior, logit(0), logit(1), logit(2), 256];
-        let seen = |slot: usize| usize::from(SEEN[count(slots[slot].0)]);
-        let weights = &mut self.weights[(16 * place + 4 * seen(0) + seen(1)) % SETS];
-        let products = weights.iter().zip(inputs).map(|(w, input)| w.wrapping_mul(input) >> 2);
-        let mixed = (products.fold(0, i32::wrapping_add) >> 14).clamp(-LOGIT, LOGIT);
+        let places = [pair(a, keys[0]), pair(b, keys[1]), pair(c, keys[2])];
+        let pairs = [*places[0], *places[1], *places[2]];
+        let found = find(isa, pairs, keys.map(|key| key as u32 % 256), NEW);
+        let [a, b, c, _] = found.slots.0;
+        let logit = |slot: u32| i32::from(LOGITS[(slot >> 20) as usize]);
+        let inputs = Inputs([prior, logit(a), logit(b), logit(c), 256, 0, 0, 0]);
+        let counts = [a, b, c].map(|slot| COUNTS[(slot >> 8) as usize % 256]);
+        let class = |slot: usize| (counts[slot] >> 24) as usize;
+        let weights = &mut self.weights[(16 * place + 4 * class(0) + class(1)) % SETS];
+        let mixed = (mixed(isa, weights, &inputs) >> 14).clamp(-LOGIT, LOGIT);
         let one = ONES[(mixed + 2048) as usize % 4096];
         let bit = coder.bit(one.into(), bit);
-        let error = (i32::from(bit) << 16) - i32::from(one);
-        for (weight, input) in weights.iter_mut().zip(inputs) {
-            let step = input.wrapping_mul(error).wrapping_add(1 << 13) >> 14;
-            *weight = weight.wrapping_add(step).clamp(-WEIGHT_LIMIT, WEIGHT_LIMIT);
-        }
-        for (slot, place) in slots {
-            let (one, seen) = ((slot >> 16).cast_signed(), count(slot));
-            // No product passes 32 bits: a slot that is new has its probability in the middle.
-            let target = if bit { 65_535 } else { 0 };
-            let one = one.wrapping_add((target - one).wrapping_mul(STEPS[seen]) >> 16);
-            *place = one.cast_unsigned() << 16 | (seen as u32 + 1).min(MAX_SEEN) << 8 | (slot % 256);
+        learn(isa, weights, &inputs, (i32::from(bit) << 16) - i32::from(one), WEIGHT_LIMIT);
+        for (place, pair) in places.into_iter().zip(update(isa, &found, counts, bit)) {
+            *place = pair;
         }
         bit
     }
+}
+
+/// The pair of slots of a key.
+#[inline(always)]
+fn pair(table: &mut Table, key: usize) -> &mut [u32; 2] {
+    &mut table[(key >> 11) % LINES].0[(key >> 8) % 8]
 }
 
 #[cfg(test)]
 mod tests {
     use super::super::bits::{BitDecoder, BitEncoder};
     use super::*;
+    use crate::cpu::Portable;
 
     #[test]
     fn logits_and_probabilities_are_each_others_inverse() {
@@ -218,11 +195,11 @@ mod tests {
         };
         let keys = |i: usize| [i % 7, i % 5, 3].map(|context| context << 8);
         let mut encoder = BitEncoder::new();
-        let given = run(&mut |mixer, i| mixer.code(&mut encoder, keys(i), i % 24, 0, bits(i)));
+        let given = run(&mut |mixer, i| mixer.code(Portable, &mut encoder, keys(i), i % 24, 0, bits(i)));
         let payload = encoder.finish();
         assert!(payload.len() * 8 < 20_000 / 10, "{} bytes", payload.len());
         let mut decoder = BitDecoder::new(&payload).unwrap();
-        assert_eq!(run(&mut |mixer, i| mixer.code(&mut decoder, keys(i), i % 24, 0, false)), given);
+        assert_eq!(run(&mut |mixer, i| mixer.code(Portable, &mut decoder, keys(i), i % 24, 0, false)), given);
         decoder.finish().unwrap();
     }
 }

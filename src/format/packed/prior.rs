@@ -99,11 +99,12 @@ impl Prior {
         (sum.wrapping_add(self.bias[bit % 8]) >> 4).clamp(-LOGIT, LOGIT)
     }
 
-    /// Adds that a bit is 1.
+    /// Adds what a bit is.
     #[inline(always)]
-    pub(super) fn note(&self, sums: &mut Sums, bit: usize) {
+    pub(super) fn note(&self, sums: &mut Sums, bit: usize, is_one: bool) {
+        let all = -i16::from(is_one);
         for (sum, w) in sums.iter_mut().zip(&self.own[bit % 8]) {
-            *sum = sum.wrapping_add(*w);
+            *sum = sum.wrapping_add(*w & all);
         }
     }
 }
@@ -127,7 +128,8 @@ mod tests {
         let prior = Prior::get();
         let inputs = [0x8000_0000_0000_0421, 0x8000_0000_0001];
         let mut sums = prior.sums(inputs);
-        prior.note(&mut sums, 5);
+        prior.note(&mut sums, 5, true);
+        prior.note(&mut sums, 6, false);
         for (hidden, sum) in sums.iter().enumerate() {
             let ones = (0..INPUTS).filter(|i| inputs[i / 64] >> (i % 64) & 1 == 1);
             let all =

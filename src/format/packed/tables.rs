@@ -7,7 +7,7 @@
 
 use super::CodingError;
 use super::lanes::{LANES, Row, boxed, last_within, mean_of_four, sink};
-use crate::cpu::{Lanes, Portable};
+use crate::cpu::Lanes;
 
 /// Symbols of a table: a lane holds the frequency of symbols below it, of 65536; lane 0 is 0.
 const SYMBOLS: usize = LANES;
@@ -163,15 +163,21 @@ pub(crate) trait SymbolCoder {
     fn check(&self) -> Result<(), CodingError>;
 }
 
-#[derive(Debug, Default)]
-pub(crate) struct Encoder {
+/// Codes symbols with the instructions of `L`.
+#[derive(Debug)]
+pub(crate) struct Encoder<L> {
+    isa: L,
     /// Begin and width of the symbols of a block.
     log: Vec<[u16; 2]>,
     items: u32,
     out: Vec<u8>,
 }
 
-impl Encoder {
+impl<L: Lanes> Encoder<L> {
+    pub(crate) fn new(isa: L) -> Self {
+        Self { isa, log: Vec::new(), items: 0, out: Vec::new() }
+    }
+
     /// Ends a block: symbols are coded from the last to the first, so that they are read from the first to the last.
     fn end_block(&mut self) {
         let begin = self.out.len();
@@ -205,13 +211,13 @@ impl Encoder {
     }
 }
 
-impl SymbolCoder for Encoder {
+impl<L: Lanes> SymbolCoder for Encoder<L> {
     const READS: bool = false;
-    type Lanes = Portable;
+    type Lanes = L;
 
     #[inline(always)]
-    fn isa(&self) -> Portable {
-        Portable
+    fn isa(&self) -> L {
+        self.isa
     }
 
     #[inline(always)]
@@ -375,6 +381,7 @@ impl<L: Lanes> SymbolCoder for Decoder<'_, L> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cpu::Portable;
 
     type Both = [Tables<4, 4, 7>; 2];
 
@@ -397,7 +404,7 @@ mod tests {
     #[test]
     fn symbols_of_any_skew_come_back_over_many_blocks() {
         for (skew, count) in [(0, 1), (0, 50_000), (500, 16_384), (990, 32_768), (1000, 40_000)] {
-            let mut encoder = Encoder::default();
+            let mut encoder = Encoder::new(Portable);
             let given = code(&mut encoder, skew, count);
             let payload = encoder.finish();
             let mut decoder = Decoder::new(Portable, &payload).unwrap();
@@ -411,7 +418,7 @@ mod tests {
 
     #[test]
     fn a_payload_cut_or_changed_is_an_error_or_other_symbols_and_never_a_panic() {
-        let mut encoder = Encoder::default();
+        let mut encoder = Encoder::new(Portable);
         let given = code(&mut encoder, 700, 600);
         let payload = encoder.finish();
         for len in 0..payload.len() {

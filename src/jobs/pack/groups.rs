@@ -54,7 +54,7 @@ impl<G: GroupCoder> Kernel for Work<'_, G> {
     fn run(self, isa: impl Lanes) -> Self::Output {
         let Worker { coder, group, payload, .. } = self.0;
         match self.1 {
-            Direction::Encode => *payload = coder.encode(group)?,
+            Direction::Encode => *payload = coder.encode(isa, group)?,
             Direction::Decode => coder.decode(isa, payload, group)?,
         }
         Ok(())
