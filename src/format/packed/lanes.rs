@@ -61,15 +61,15 @@ mod x86 {
     use std::arch::x86_64::{
         __m128i, __m256i, _mm_add_epi16, _mm_add_epi32, _mm_and_si128, _mm_andnot_si128, _mm_avg_epu16,
         _mm_blendv_epi8, _mm_cmpeq_epi32, _mm_cmpgt_epi16, _mm_cmpgt_epi32, _mm_cvtsi32_si128,
-        _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16, _mm_max_epi32, _mm_min_epi32, _mm_movemask_epi8,
-        _mm_mullo_epi16, _mm_mullo_epi32, _mm_or_si128, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16,
-        _mm_set1_epi32, _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_slli_epi32,
-        _mm_srai_epi32, _mm_srl_epi16, _mm_srli_epi32, _mm_sub_epi16, _mm_sub_epi32, _mm_unpackhi_epi32,
-        _mm_unpackhi_epi64, _mm_unpacklo_epi32, _mm_unpacklo_epi64, _mm_xor_si128, _mm256_add_epi32,
-        _mm256_avg_epu16, _mm256_castsi256_si128, _mm256_cmpgt_epi16, _mm256_extracti128_si256,
-        _mm256_madd_epi16, _mm256_max_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_movemask_epi8,
-        _mm256_mullo_epi32, _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srai_epi32,
-        _mm256_srl_epi16, _mm256_sub_epi16, _mm256_xor_si256,
+        _mm_cvtsi128_si32, _mm_madd_epi16, _mm_max_epi16, _mm_movemask_epi8, _mm_mullo_epi16,
+        _mm_mullo_epi32, _mm_or_si128, _mm_packs_epi16, _mm_set_epi64x, _mm_set1_epi16, _mm_set1_epi32,
+        _mm_setzero_si128, _mm_shuffle_epi32, _mm_shufflelo_epi16, _mm_slli_epi32, _mm_srai_epi32,
+        _mm_srl_epi16, _mm_srli_epi32, _mm_sub_epi16, _mm_sub_epi32, _mm_unpackhi_epi32, _mm_unpackhi_epi64,
+        _mm_unpacklo_epi32, _mm_unpacklo_epi64, _mm_xor_si128, _mm256_add_epi32, _mm256_avg_epu16,
+        _mm256_castsi256_si128, _mm256_cmpgt_epi16, _mm256_extracti128_si256, _mm256_madd_epi16,
+        _mm256_max_epi16, _mm256_max_epi32, _mm256_min_epi32, _mm256_movemask_epi8, _mm256_mullo_epi32,
+        _mm256_set1_epi16, _mm256_set1_epi32, _mm256_setzero_si256, _mm256_srai_epi32, _mm256_srl_epi16,
+        _mm256_sub_epi16, _mm256_xor_si256,
     };
 
     use super::{Found, Inputs, LANES, Octet, Quad, Row, portable};

@@ -85,7 +85,7 @@ static COUNTS: [u32; 256] = {
         let n = if i < MAX_SEEN { i } else { MAX_SEEN } as u32;
         let next = if i < MAX_SEEN { n + 1 } else { n };
         let class = (n > 0) as u32 + (n > 2) as u32 + (n > 7) as u32;
-        counts[i] = 131_072 / (2 * n + 3) | next << 16 | class << 24;
+        counts[i] = (131_072 / (2 * n + 3)) | (next << 16) | (class << 24);
         i += 1;
     }
     counts
