@@ -13,11 +13,14 @@ HERE = pathlib.Path(__file__).resolve().parent
 sys.path[:] = [path for path in sys.path if pathlib.Path(path).resolve() != HERE]
 
 import infobyte  # noqa: E402
-from infobyte import distributed  # noqa: E402
+from infobyte import _types, distributed  # noqa: E402
 
 PAGE = HERE.parents[1] / "docs/PYTHON.md"
 
 ORDER = ["build", "open", "Model", "Hits", "Nearest", "Mesh", "compare", "thickness", "pores", "pack", "unpack", "verify", "render_scene"]
+#: Types that are a choice of names.
+NAMED = {name: str(of).removeprefix("typing.") for name, of in vars(_types).items() if str(of).startswith("typing.Literal[")}
+NAMED |= {"NamedView": NAMED["View"], "Label": "str | int", "Opacity": "Mapping[str | int, float]"}
 ERRORS = ["InfobyteError", "UsageError", "InputError", "BudgetError"]
 
 HEAD = """# Python
@@ -58,7 +61,10 @@ def shown(text: str) -> str:
 
 def signature(name: str, item: object) -> str:
     text = str(inspect.signature(item))
-    text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", text).replace("_os.", "os.").replace("_Any", "Any")
+    text = re.sub(r"(: |-> )'([^']*)'", r"\1\2", text)
+    # Names are listed; overloads are described in the text.
+    text = re.sub(r"(?<=[ \[])\w+(?=[\], ])", lambda word: NAMED.get(word[0], word[0]), text)
+    text = text.replace("Unpack[Picture]", "Any")
     text = text.replace("(self, ", "(").replace("(self)", "()").replace("NDArray[np.", "NDArray[")
     call = f"{name}{text}"
     if len(call) > 100:

@@ -15,15 +15,18 @@ hand of a patient, y to the back, z to the head. Without a place, voxels are of 
 
 from __future__ import annotations
 
-import os as _os
-from typing import Any as _Any
+import os
+from typing import TYPE_CHECKING, Any
 
 from . import _infobyte
 from ._build import _bar, build
-from ._compare import compare, pores, thickness
+from ._compare import _path, compare, pores, thickness
 from ._errors import BudgetError, InfobyteError, InputError, UsageError
 from ._model import Hits, Mesh, Model, Nearest
 from ._model import loads as _loads
+
+if TYPE_CHECKING:
+    from ._types import Path, Progress
 
 __version__ = _infobyte.__version__
 __all__ = [
@@ -36,7 +39,11 @@ for _public in (BudgetError, Hits, InfobyteError, InputError, Mesh, Model, Neare
 del _public
 
 
-def open(path: str | _os.PathLike[str], *, mmap: bool = True) -> Model:
+def __dir__() -> list[str]:
+    return [*__all__, "__version__"]
+
+
+def open(path: Path, *, mmap: bool = True) -> Model:
     """Opens a model, `.oct`, packed or not. Costs some microseconds whatever its size; a packed one is unpacked first.
 
     `mmap=False` reads the whole file, so that the model does not depend on it any more.
@@ -49,7 +56,7 @@ def open(path: str | _os.PathLike[str], *, mmap: bool = True) -> Model:
     return Model(path, mmap=mmap)
 
 
-def pack(model: Model | str | _os.PathLike[str], output: str | _os.PathLike[str], *, progress: _Any = False) -> dict[str, _Any]:
+def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes a model in its smallest form, for archives; the keys of `oct pack`. `progress` as that of `build`.
 
     >>> report = infobyte.pack('ball.oct', 'small.oct')
@@ -57,16 +64,16 @@ def pack(model: Model | str | _os.PathLike[str], output: str | _os.PathLike[str]
     True
     """
     with _bar(progress) as told:
-        return _loads(_infobyte.pack(_path(model), _os.fspath(output), told))
+        return _loads(_infobyte.pack(_path(model), os.fspath(output), told))
 
 
-def unpack(model: Model | str | _os.PathLike[str], output: str | _os.PathLike[str], *, progress: _Any = False) -> dict[str, _Any]:
+def unpack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes the mapped form of a packed model, byte for byte what it was made from; the keys of `oct unpack`."""
     with _bar(progress) as told:
-        return _loads(_infobyte.unpack(_path(model), _os.fspath(output), told))
+        return _loads(_infobyte.unpack(_path(model), os.fspath(output), told))
 
 
-def verify(model: Model | str | _os.PathLike[str]) -> dict[str, _Any]:
+def verify(model: Model | Path) -> dict[str, Any]:
     """Checks every byte of a model; the keys of `oct verify`. Raises `InputError` with the first rule that is broken.
 
     >>> infobyte.verify('ball.oct')['ok']
@@ -76,13 +83,13 @@ def verify(model: Model | str | _os.PathLike[str]) -> dict[str, _Any]:
 
 
 def render_scene(
-    scene: str | _os.PathLike[str],
-    output: str | _os.PathLike[str],
+    scene: Path,
+    output: Path,
     *,
     size: tuple[int, int] | None = None,
     threads: int | None = None,
-    progress: _Any = False,
-) -> dict[str, _Any]:
+    progress: Progress = False,
+) -> dict[str, Any]:
     """Makes the picture of a scene, a `.toml` file of models, lights and materials, into a PNG.
 
     `size`: (width, height) in pixels, instead of the scene's. Returns the keys of `oct render`.
@@ -90,10 +97,6 @@ def render_scene(
     Raises `InputError` with the line of what is wrong in the scene.
     """
     sides = None if size is None else [int(side) for side in size]
-    workers = threads or len(_os.sched_getaffinity(0))
+    workers = threads or len(os.sched_getaffinity(0))
     with _bar(progress) as told:
-        return _loads(_infobyte.render_scene(_os.fspath(scene), _os.fspath(output), sides, workers, told))
-
-
-def _path(model: Model | str | _os.PathLike[str]) -> str:
-    return model.path if isinstance(model, Model) else _os.fspath(model)
+        return _loads(_infobyte.render_scene(os.fspath(scene), os.fspath(output), sides, workers, told))

@@ -18,8 +18,9 @@ from ._model import Model
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
-    Path = str | os.PathLike[str]
-    Progress = Callable[[str, int, int], object] | bool | None
+    from ._types import (
+        Axes, Channel, Close, Connectivity, Downsample, Fill, Gaps, Gradient, Path, Preset, Progress, Surface, Unit, Up
+    )  # fmt: skip
 
 #: Millimetres of a unit.
 UNITS = {"um": 0.001, "mm": 1.0, "cm": 10.0, "m": 1000.0, "in": 25.4}
@@ -31,43 +32,43 @@ def build(
     *,
     iso: float | None = None,
     range: tuple[float, float] | None = None,
-    preset: str | None = None,
+    preset: Preset | None = None,
     labels: str | Sequence[int] | None = None,
     names: Path | Mapping[int, str] | None = None,
     keep_names: bool = False,
     smooth: float | None = None,
     each: Path | None = None,
-    surface: str | None = None,
+    surface: Surface | None = None,
     error: float | str | None = None,
     uncertainty: bool = False,
     spacing: float | Sequence[float] | None = None,
     origin: Sequence[float] | None = None,
     affine: ArrayLike | None = None,
-    axes: str = "zyx",
+    axes: Axes = "zyx",
     memory: int | str = "64MiB",
     threads: int | None = None,
-    channels: Sequence[str] | None = None,
-    gradient: str | None = None,
-    connectivity: int | None = None,
+    channels: Sequence[Channel] | None = None,
+    gradient: Gradient | None = None,
+    connectivity: Connectivity | None = None,
     visible_from: Sequence[Any] = (),
     lod: bool = True,
     roi: Sequence[tuple[int, int]] | None = None,
-    downsample: int | None = None,
-    close: int = 0,
+    downsample: Downsample | None = None,
+    close: Close = 0,
     fill_cavities: bool = False,
     keep_largest: int | None = None,
     drop_below: int | str | None = None,
-    component_connectivity: int | None = None,
+    component_connectivity: Connectivity | None = None,
     grid: int | None = None,
     voxel: float | None = None,
     margin: int = 1,
-    unit: str = "mm",
-    up: str = "z",
-    fill: str | None = None,
+    unit: Unit = "mm",
+    up: Up = "z",
+    fill: Fill | None = None,
     keep_thin: bool = False,
     volume: int | None = None,
     index: Mapping[str, int] | None = None,
-    gaps: str = "error",
+    gaps: Gaps = "error",
     follow_links: bool = False,
     orientation: str | None = None,
     dims: Sequence[int] | None = None,

@@ -15,13 +15,15 @@ from ._model import Model, _threads, loads
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
 
+    from ._types import Path, Progress, Way
+
 
 def compare(
-    actual: Model | str | os.PathLike[str],
-    nominal: Model | str | os.PathLike[str],
+    actual: Model | Path,
+    nominal: Model | Path,
     *,
-    output: str | os.PathLike[str] | None = None,
-    csv: str | os.PathLike[str] | None = None,
+    output: Path | None = None,
+    csv: Path | None = None,
     table: bool = False,
     radius: float | None = None,
     tolerance: float | tuple[float, float] | None = None,
@@ -34,7 +36,7 @@ def compare(
     iso: float | None = None,
     memory: int | str = "64MiB",
     threads: int | None = None,
-    progress: Any = False,
+    progress: Progress = False,
 ) -> dict[str, Any]:
     """How far the surface of `actual` lies from that of `nominal`; the keys of `oct compare`.
 
@@ -66,16 +68,16 @@ def compare(
 
 
 def thickness(
-    model: Model | str | os.PathLike[str],
+    model: Model | Path,
     *,
-    by: str = "ray",
+    by: Way = "ray",
     max: float | None = None,
     thin: float | None = None,
-    output: str | os.PathLike[str] | None = None,
-    csv: str | os.PathLike[str] | None = None,
+    output: Path | None = None,
+    csv: Path | None = None,
     table: bool = False,
     threads: int | None = None,
-    progress: Any = False,
+    progress: Progress = False,
 ) -> dict[str, Any]:
     """How thick the walls of a model of cells are, in mm; the keys of `oct thickness`.
 
@@ -96,11 +98,11 @@ def thickness(
     return _measured(lambda *rest: _infobyte.thickness(_path(model), *rest), output, csv, table, asked, progress)
 
 
-def _path(of: Model | str | os.PathLike[str]) -> str:
+def _path(of: Model | Path) -> str:
     return of.path if isinstance(of, Model) else os.fspath(of)
 
 
-def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any], progress: Any) -> dict[str, Any]:
+def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any], progress: Progress) -> dict[str, Any]:
     """The report of a job that writes a model and a table of cells."""
     import json
     import tempfile  # both take as long as all else
@@ -122,12 +124,12 @@ _PORES = np.dtype(
 
 
 def pores(
-    model: Model | str | os.PathLike[str],
+    model: Model | Path,
     *,
     bodies: bool = False,
     least: int = 1,
-    csv: str | os.PathLike[str] | None = None,
-    progress: Any = False,
+    csv: Path | None = None,
+    progress: Progress = False,
 ) -> dict[str, Any]:
     """The pores that a model of cells encloses, or its separate bodies; the keys of `oct pores`.
 
@@ -144,8 +146,7 @@ def pores(
 
     with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
-        path = model.path if isinstance(model, Model) else os.fspath(model)
-        report = loads(_infobyte.pores(path, listed, bool(bodies), least, told))
+        report = loads(_infobyte.pores(_path(model), listed, bool(bodies), least, told))
         rows = np.genfromtxt(listed, _PORES, delimiter=",", skip_header=1, filling_values={1: -1})
     report["table"] = np.atleast_1d(rows) if report["bodies" if bodies else "pores"] else np.empty(0, _PORES)
     return report

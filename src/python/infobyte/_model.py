@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator, Sequence
-from typing import TYPE_CHECKING, Any, NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple, Unpack, overload
 
 import numpy as np
 
@@ -14,7 +14,9 @@ from ._errors import UsageError
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
 
-    Path = str | os.PathLike[str]
+    from ._types import (
+        Axis, Colors, Form, Label, Layer, Opacity, Path, Picture, Progress, Projection, Samples, Shading, View as NamedView
+    )  # fmt: skip
 
 
 class Hits(NamedTuple):
@@ -64,7 +66,7 @@ class Mesh(NamedTuple):
     """A closed surface as triangles, in LPS mm.
 
     >>> mesh = model.to_mesh()
-    >>> mesh.vertices.dtype, mesh.faces.dtype, mesh.vertices.shape == mesh.vertex_normals.shape
+    >>> mesh.vertices.dtype, mesh.faces.dtype, mesh.vertex_normals is not None
     (dtype('float32'), dtype('uint32'), True)
     """
 
@@ -190,37 +192,43 @@ class Model:
         """Figures of the build (the keys of `oct build`), if this model comes from `build`; otherwise `None`."""
         return self._report
 
+    @overload
+    def render(self, size: int | tuple[int, int] = 512, **options: Unpack[Picture]) -> NDArray[np.uint8]: ...
+    @overload
+    def render(
+        self, size: int | tuple[int, int] = 512, *, layers: Sequence[Layer], **options: Unpack[Picture]
+    ) -> dict[str, NDArray[Any]]: ...
     def render(
         self,
         size: int | tuple[int, int] = 512,
         *,
-        view: str | None = None,
+        view: NamedView | None = None,
         eye: Sequence[float] | None = None,
         look_at: Sequence[float] | None = None,
         up: Sequence[float] | None = None,
         turned: float | None = None,
-        projection: str = "parallel",
+        projection: Projection = "parallel",
         fov: float | None = None,
         zoom: float = 1.0,
         color: Sequence[int] | None = None,
-        shading: str | None = None,
-        colors: str | None = None,
+        shading: Shading | None = None,
+        colors: Colors | None = None,
         range: tuple[float, float] | None = None,
         blended: bool = False,
-        samples: str | int = "auto",
+        samples: Samples = "auto",
         ao_rays: int | None = None,
         lod: bool = False,
         smooth_edges: bool = False,
         annotate: bool = False,
         title: str | bool = False,
         legend: bool = False,
-        clip: dict[str, tuple[float | None, float | None]] | None = None,
-        only: Sequence[str | int] | None = None,
-        hide: Sequence[str | int] = (),
-        opacity: dict[str | int, float] | None = None,
-        section: tuple[str, float] | None = None,
+        clip: Mapping[Axis, tuple[float | None, float | None]] | None = None,
+        only: Sequence[Label] | None = None,
+        hide: Sequence[Label] = (),
+        opacity: Opacity | None = None,
+        section: tuple[Axis, float] | None = None,
         background: Sequence[int] | None = None,
-        layers: Sequence[str] = (),
+        layers: Sequence[Layer] = (),
         threads: int | None = None,
     ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
         """A picture as an array of H x W x 4: sRGB and alpha, rows from the top.
@@ -289,7 +297,7 @@ class Model:
             made[layer] = array.reshape(height, width, *((3,) if array.size == 3 * height * width else ()))
         return made
 
-    def png(self, size: int | tuple[int, int] = 512, **options: Any) -> bytes:
+    def png(self, size: int | tuple[int, int] = 512, **options: Unpack[Picture]) -> bytes:
         """The picture of `render` as the bytes of a PNG; options as there, without `layers`."""
         return self._handle.png(_asked(size, **options)[0])
 
@@ -322,6 +330,26 @@ class Model:
             with open(page, encoding="utf-8") as file:
                 return View(file.read(), title, int(height))
 
+    @overload
+    def turntable(
+        self,
+        frames: int = 36,
+        size: int | tuple[int, int] = 384,
+        *,
+        output: None = None,
+        fps: float = 18.0,
+        **options: Unpack[Picture],
+    ) -> Iterator[NDArray[np.uint8]]: ...
+    @overload
+    def turntable(
+        self,
+        frames: int = 36,
+        size: int | tuple[int, int] = 384,
+        *,
+        output: Path,
+        fps: float = 18.0,
+        **options: Unpack[Picture],
+    ) -> None: ...
     def turntable(
         self,
         frames: int = 36,
@@ -329,7 +357,7 @@ class Model:
         *,
         output: Path | None = None,
         fps: float = 18.0,
-        **options: Any,
+        **options: Unpack[Picture],
     ) -> Iterator[NDArray[np.uint8]] | None:
         """Pictures all around the model: an iterator of H x W x 4 arrays, for encoders of MP4 and others.
 
@@ -354,7 +382,7 @@ class Model:
         pictures[0].save(target, save_all=True, append_images=pictures[1:], duration=1000 / fps, loop=0)
         return None
 
-    def _turn(self, frames: int, size: Any, options: dict[str, Any]) -> Iterator[NDArray[np.uint8]]:
+    def _turn(self, frames: int, size: int | tuple[int, int], options: Picture) -> Iterator[NDArray[np.uint8]]:
         for frame in range(frames):
             yield self.render(size, turned=360.0 * frame / frames, **options)
 
@@ -413,7 +441,7 @@ class Model:
             distance.reshape(shape), position.reshape(places), normal.reshape(places), side.reshape(shape), cell.reshape(shape)
         )
 
-    def to_mesh(self, *, progress: Callable[[str, int, int], object] | None = None) -> Mesh:
+    def to_mesh(self, *, progress: Progress = None) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `progress` as
@@ -472,7 +500,7 @@ class Model:
     def export(
         self,
         output: Path,
-        form: str | None = None,
+        form: Form | None = None,
         *,
         error: float | str | None = None,
         smooth: float | None = None,

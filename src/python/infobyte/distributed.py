@@ -22,7 +22,7 @@ from ._errors import UsageError
 from ._model import Model, loads
 
 if TYPE_CHECKING:
-    from ._build import Path, Progress
+    from ._types import Path, Progress
 
 __all__ = ["build", "batch"]
 
