@@ -30,7 +30,7 @@ use farthest::Farthest;
 pub use report::{
     Area, Border, CompareReport, Deviation, Hausdorff, Placement, Tolerance, Uncertainty, Verdict, Worst,
 };
-use rule::{Doubt, Measured, Row, Rule, Worker};
+use rule::{Doubt, Measured, Row, Rule};
 use subject::Input;
 
 /// Part of the nominal's diagonal within which counterparts are looked for.
@@ -229,9 +229,9 @@ impl Job<'_> {
         each: impl FnMut(&Row) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let pass = Pass { models: &[one.model, other.model], progress: self.progress };
-        let workers = (0..self.request.threads.max(1)).map(|_| Worker::new(other.surface));
+        let workers = (0..self.request.threads.max(1)).map(|_| other.surface.search());
         let row = |number, cell| Row { number, cell, ..Row::default() };
-        pass.run(workers, row, |worker, rows| rule.fill(&one, &other, worker, rows), each)
+        pass.run(workers, row, |search, rows| rule.fill(&one, &other, search, rows), each)
     }
 
     /// Where the actual model lies.

@@ -2,7 +2,7 @@
 
 use crate::geom::{Affine, VoxelIndex};
 use crate::load::{Model, ModelView};
-use crate::measure::nearest::{Blocks, Found, Query, Search, Surface, is_same_block};
+use crate::measure::nearest::{Found, Query, Search, Surface};
 use crate::measure::uncertainty::{SURE, Uncertainty};
 
 /// How deviations are measured.
@@ -141,48 +141,27 @@ impl Rule {
     }
 
     /// Measures the cells of rows that hold their numbers and places.
-    pub(super) fn fill<'a>(
+    pub(super) fn fill(
         &self,
         one: &Measured<'_>,
-        other: &Measured<'a>,
-        worker: &mut Worker<'a>,
+        other: &Measured<'_>,
+        search: &mut Search<'_>,
         rows: &mut [Row],
     ) {
-        let Worker { blocks, points, normals } = worker;
-        let space = other.surface.space;
-        for rows in rows.chunk_by_mut(|one, other| is_same_block(one.cell, other.cell)) {
-            points.clear();
-            normals.clear();
-            for row in rows.iter_mut() {
-                let (made, normal) = one.row(row.number, row.cell, &self.placement);
-                *row = made;
-                points.push(space.to_frame(row.at_mm));
-                normals.push(space.direction_to_frame(normal));
+        for row in rows {
+            let (made, normal) = one.row(row.number, row.cell, &self.placement);
+            *row = made;
+            if row.is_border {
+                continue;
             }
-            blocks.nearest(points, self.radius_mm, |search, number, found| {
-                let (row, place) = (&mut rows[number], (points[number], normals[number]));
-                let found =
-                    found.filter(|_| !row.is_border).and_then(|found| self.deviation(search, place, found));
-                let Some((value, found)) = found else { return };
-                row.value = Some(value);
-                let own = one.doubt.squares_mm2(one.surface.view, row.number);
-                let others =
-                    || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
-                row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
-            });
+            let space = other.surface.space;
+            let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
+            let Some((value, found)) = self.measure(search, place) else { continue };
+            row.value = Some(value);
+            let own = one.doubt.squares_mm2(one.surface.view, row.number);
+            let others =
+                || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
+            row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
         }
-    }
-}
-
-/// A search, and the places and normals of a block in its frame.
-pub(super) struct Worker<'a> {
-    blocks: Blocks<'a>,
-    points: Vec<[f64; 3]>,
-    normals: Vec<[f64; 3]>,
-}
-
-impl<'a> Worker<'a> {
-    pub(super) fn new(surface: Surface<'a>) -> Self {
-        Self { blocks: Blocks::new(surface), points: Vec::new(), normals: Vec::new() }
     }
 }

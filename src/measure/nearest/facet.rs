@@ -29,24 +29,20 @@ impl Facet {
         dot(self.normal, minus(point, self.middle)) - self.offset
     }
 
-    /// A disc that holds the facet: its middle, and its radius. It lies around the foot of the box's middle.
+    /// True where a point's squared distance is known to be above a limit: the facet lies within its box, and within a disc
+    /// around the foot of the box's middle.
     #[inline]
-    pub(super) fn disc(&self) -> ([f64; 3], f64) {
-        let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
-        (add_scaled(self.middle, self.offset, self.normal), radius)
-    }
-
-    /// A lower bound of a point's squared distance: the facet lies within its box, and within its
-    /// disc.
-    #[inline]
-    pub(super) fn bound(&self, point: [f64; 3]) -> f64 {
+    pub(super) fn is_beyond(&self, point: [f64; 3], limit: f64) -> bool {
         let from = minus(point, self.middle);
-        let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
         let height = dot(self.normal, from) - self.offset;
+        let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
+        if height * height > limit || dot(over, over) > limit {
+            return true;
+        }
         let across = add_scaled(from, -(height + self.offset), self.normal);
-        let (_, radius) = self.disc();
+        let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
         let beyond = (dot(across, across).sqrt() - radius).max(0.0);
-        dot(over, over).max(height * height + beyond * beyond)
+        height * height + beyond * beyond > limit
     }
 
     /// The nearest point of the facet, and its squared distance.

@@ -13,11 +13,9 @@
 //! | [`facet`] | a plane clipped to its box: bound, nearest point, area |
 //! | [`space`] | the frame |
 //! | [`tree`] | the search: from the last answer's cell, nearest child first |
-//! | [`blocks`] | the search for the cells of a whole model, block by block |
 //! | [`side`] | inside or outside |
 //! | [`overlap`] | how far two bodies overlap, or are apart |
 
-mod blocks;
 mod facet;
 mod overlap;
 mod side;
@@ -26,7 +24,6 @@ mod space;
 mod tests;
 mod tree;
 
-pub(crate) use blocks::{Blocks, is_same_block};
 pub(crate) use facet::Facet;
 pub(crate) use overlap::Gap;
 pub(crate) use side::Side;
@@ -35,7 +32,7 @@ pub(crate) use tree::{Found, Query, Search};
 
 use crate::fault::{Fault, unfit};
 use crate::format::cell::CORNERS;
-use crate::geom::{Affine, BoxIndex, Dims, Octant};
+use crate::geom::{Affine, BoxIndex, Dims};
 use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::text::names::SURFACE;
 
@@ -100,26 +97,15 @@ impl<'a> Surface<'a> {
         place.level > 0 && self.view.has_leaves() && self.view.is_leaf(place.number.node())
     }
 
-    /// The children of a node that meet a range of cells, of which the node holds some.
+    /// Squared distance of a point from a box.
     #[inline]
-    fn children(&self, place: Place, [first, last]: [[u32; 3]; 2], mut each: impl FnMut(Place)) {
-        const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
-        let (node, level) = (place.number.node(), place.level - 1);
-        let infobyte = self.view.infobyte(node);
-        let mut rest = infobyte;
-        for a in 0..3 {
-            let middle = place.low[a] + (1 << level);
-            rest &= if first[a] >= middle { HIGH[a] } else { u8::MAX };
-            rest &= if last[a] < middle { !HIGH[a] } else { u8::MAX };
-        }
-        let child = self.view.first_child(node);
-        while rest != 0 {
-            let bit = rest.trailing_zeros();
-            rest &= rest - 1;
-            let number = child.after((infobyte & ((1 << bit) - 1)).count_ones());
-            let high = Octant::low_bits(bit).high();
-            each(Place { number, low: std::array::from_fn(|a| place.low[a] + (high[a] << level)), level });
-        }
+    fn square_to(&self, low: [u32; 3], level: u32, point: [f64; 3]) -> f64 {
+        (0..3).fold(0.0, |sum, a| {
+            let spacing = self.space.spacing[a];
+            let ends = [low[a], low[a] + (1 << level)].map(|cell| f64::from(cell) * spacing);
+            let over = (ends[0] - point[a]).max(point[a] - ends[1]).max(0.0);
+            sum + over * over
+        })
     }
 
     /// Number of a cell.
@@ -184,7 +170,7 @@ impl<'a> Surface<'a> {
     /// True where a place of the frame lies in a cell at the border of the volume, whose surface may be a cap of the build.
     pub(crate) fn is_border(&self, at: [f64; 3]) -> bool {
         (0..3).any(|a| {
-            let cell = (at[a] / self.space.spacing[a]).floor();
+            let cell = at[a] / self.space.spacing[a];
             cell < 1.0 || cell >= f64::from(self.dims[a].saturating_sub(1))
         })
     }

@@ -11,6 +11,9 @@ use super::{Facet, Place, Surface};
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
 
+/// The range of all cells.
+const EVERYWHERE: [[u32; 3]; 2] = [[0; 3], [u32::MAX; 3]];
+
 /// Least part of a distance that is along the normal, for the normal to say the side.
 pub(super) const ALONG: f64 = 0.8;
 
@@ -105,6 +108,8 @@ pub(crate) struct Search<'a> {
     waiting: Vec<(f64, Place)>,
     way: Way,
     seed: Option<Place>,
+    /// First and last cell that are near enough.
+    range: [[u32; 3]; 2],
     best: Option<Found>,
     limit: f64,
 }
@@ -112,7 +117,7 @@ pub(crate) struct Search<'a> {
 impl<'a> Search<'a> {
     pub(super) fn new(surface: Surface<'a>) -> Self {
         let (way, limit) = (Way::new(&surface), f64::INFINITY);
-        Self { surface, waiting: Vec::new(), way, seed: None, best: None, limit }
+        Self { surface, waiting: Vec::new(), way, seed: None, range: EVERYWHERE, best: None, limit }
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -127,12 +132,15 @@ impl<'a> Search<'a> {
         if self.surface.view.is_empty() || !point.iter().all(|c| c.is_finite()) {
             return None;
         }
+        self.range = EVERYWHERE;
         let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
         if let Some(seed) = self.seed {
             self.ask(seed, point, query);
             if self.best.is_some() {
-                let range = self.range(point, point, self.slack().sqrt());
-                start = range.map_or(start, |range| self.start(range));
+                if let Some(range) = self.range(point, self.slack().sqrt()) {
+                    start = self.start(range);
+                    self.range = range;
+                }
             }
         }
         self.descend(start, point, query);
@@ -147,25 +155,26 @@ impl<'a> Search<'a> {
         self.way.go(&self.surface, cell)
     }
 
-    /// First and last cell of the grid within `reach` of a box of the frame; `None` if the grid is elsewhere.
+    /// First and last cell of the grid within `reach` of a point of the frame; `None` if the grid is elsewhere.
     #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the grid")]
-    pub(super) fn range(&self, low: [f64; 3], high: [f64; 3], reach: f64) -> Option<[[u32; 3]; 2]> {
+    fn range(&self, point: [f64; 3], reach: f64) -> Option<[[u32; 3]; 2]> {
         let Surface { space, view, .. } = self.surface;
         let reach = reach * (1.0 + 1e-9) + 1e-9 * space.finest;
         let end = f64::from(1_u32 << view.depth());
         let mut range = [[0; 3]; 2];
         for a in 0..3 {
-            let [first, last] = [low[a] - reach, high[a] + reach].map(|c| (c / space.spacing[a]).floor());
-            if view.is_empty() || !(last >= 0.0 && first < end) {
+            let [first, last] = [point[a] - reach, point[a] + reach].map(|c| c / space.spacing[a]);
+            if !(last >= 0.0 && first < end) {
                 return None;
             }
+            // Rounded down, as neither is below 0.
             (range[0][a], range[1][a]) = (first.max(0.0) as u32, last.min(end - 1.0) as u32);
         }
         Some(range)
     }
 
     /// The smallest box that holds a range of cells, as far as the tree goes.
-    pub(super) fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> Place {
+    fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> Place {
         let apart = (0..3).fold(0, |apart, a| apart | (first[a] ^ last[a]));
         self.way.go(&self.surface, first);
         self.way.place(u32::BITS - apart.leading_zeros())
@@ -186,49 +195,45 @@ impl<'a> Search<'a> {
                 continue;
             }
             if place.level == 0 || self.surface.is_leaf(place) {
-                if self.seed != Some(place) || self.best.is_none() {
-                    self.ask(place, point, query);
-                }
+                self.ask_unless_seed(place, point, query);
                 continue;
             }
-            self.open(place, point);
+            self.open(place, point, query);
         }
     }
 
-    /// Puts the children of a node that are near enough on the stack, the nearest last.
+    /// Asks the children of a node that are cells, and puts others that are near enough on the stack, the nearest last.
     #[inline]
-    fn open(&mut self, place: Place, point: [f64; 3]) {
-        let node = place.number.node();
-        let infobyte = self.surface.view.infobyte(node);
-        let first = self.surface.view.first_child(node);
-        let (level, spacing) = (place.level - 1, self.surface.space.spacing);
-        let (edge, most) = (f64::from(1_u32 << level), self.slack());
-        // Squared distances to the low and high half along each axis.
-        let halves: [[f64; 2]; 3] = std::array::from_fn(|a| {
-            let low = f64::from(place.low[a]) * spacing[a];
-            let middle = (f64::from(place.low[a]) + edge) * spacing[a];
-            let high = (f64::from(place.low[a]) + 2.0 * edge) * spacing[a];
-            let gap = |low: f64, high: f64| {
-                let d = (low - point[a]).max(point[a] - high).max(0.0);
-                d * d
-            };
-            [gap(low, middle), gap(middle, high)]
-        });
+    fn open(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
+        let view = self.surface.view;
+        let (infobyte, first) = (view.infobyte(place.number.node()), view.first_child(place.number.node()));
+        let level = place.level - 1;
         let begin = self.waiting.len();
-        let (mut rest, mut number) = (infobyte, first);
+        let mut rest = infobyte & octants_within(self.range, place.low, level);
         while rest != 0 {
-            let octant = Octant::low_bits(rest.trailing_zeros());
+            let bit = rest.trailing_zeros();
             rest &= rest - 1;
-            let high = octant.high();
-            let [x, y, z] = [0, 1, 2].map(|a| halves[a][high[a] as usize]);
-            let square = x + y + z;
-            if square <= most {
-                let low = std::array::from_fn(|a| place.low[a] + (high[a] << level));
-                let child = (square, Place { number, low, level });
-                let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
-                self.waiting.insert(begin + before, child);
+            let high = Octant::low_bits(bit).high();
+            let low = std::array::from_fn(|a| place.low[a] + (u32::from(high[a]) << level));
+            let square = self.surface.square_to(low, level, point);
+            if square > self.slack() {
+                continue;
             }
-            number = number.after(1);
+            let number = first.after((infobyte & ((1 << bit) - 1)).count_ones());
+            let child = Place { number, low, level };
+            if level == 0 {
+                self.ask_unless_seed(child, point, query);
+                continue;
+            }
+            let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
+            self.waiting.insert(begin + before, (square, child));
+        }
+    }
+
+    #[inline]
+    fn ask_unless_seed(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
+        if self.seed != Some(place) || self.best.is_none() {
+            self.ask(place, point, query);
         }
     }
 
@@ -244,12 +249,25 @@ impl<'a> Search<'a> {
             }
         }
         surface.facets(place, |part, facet| {
-            if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
+            if facet.is_beyond(point, self.slack()) || !query.accepts(facet.normal) {
                 return;
             }
             Found::offer(&mut self.best, &mut self.limit, point, &facet, (place, part));
         });
     }
+}
+
+/// The octants of a box whose halves have this level, of which some meet a range of cells, that meet it.
+#[inline]
+fn octants_within([first, last]: [[u32; 3]; 2], low: [u32; 3], level: u32) -> u8 {
+    const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
+    let mut octants = u8::MAX;
+    for a in 0..3 {
+        let middle = low[a] + (1 << level);
+        octants &= if first[a] >= middle { HIGH[a] } else { u8::MAX };
+        octants &= if last[a] < middle { !HIGH[a] } else { u8::MAX };
+    }
+    octants
 }
 
 /// The boxes on the way from the root to a cell.
