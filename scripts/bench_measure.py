@@ -99,7 +99,7 @@ def open3d_seconds(mesh, points):
 def speed(folder, n):
     """Cells a CPU second, memory, and the peers on the same points."""
     model, noisy = folder / "a.oct", folder / "b.oct"
-    source = f"synthetic:head@{n}?noise=0.02"
+    source = f"synthetic:gyroid@{n}?noise=0.02"
     plain, sure = turns(
         lambda: oct_("build", source, "-o", model, "--threads", 1),
         lambda: oct_("build", source, "-o", noisy, "--threads", 1, "--uncertainty"),
@@ -108,14 +108,14 @@ def speed(folder, n):
     table = folder / "a.csv"
     moved = lambda by: oct_("compare", model, model, "--move", f"{by},0,0", "--threads", 1, "--radius", 10)
     (near, seconds), (far, _) = turns(lambda: moved(0.3), lambda: moved(3))
-    row(f"head {n}^3 moved by .3: million cells a CPU second", near["cells"] / seconds / 1e6, 2)
+    row(f"gyroid {n}^3 moved by .3: million cells a CPU second", near["cells"] / seconds / 1e6, 2)
     for by, report in ((0.3, near), (3, far)):
-        row(f"head {n}^3 moved by {by}: peak MiB", report["peak_rss_bytes"] / 2**20, 8, False)
+        row(f"gyroid {n}^3 moved by {by}: peak MiB", report["peak_rss_bytes"] / 2**20, 8, False)
     oct_("compare", model, model, "--move", "0.3,0,0", "--csv", table, "--threads", 1)
     points = np.genfromtxt(table, delimiter=",", skip_header=1, usecols=(0, 1, 2))
     mesh = folder / "a.ply"
     oct_("export", model, "-o", mesh)
-    name = f"head {n}^3 moved by .3: times as fast as Open3D"
+    name = f"gyroid {n}^3 moved by .3: times as fast as Open3D"
     try:
         asked, built = open3d_seconds(mesh, points)
         row(name + ", signed distance", asked / seconds, 3 if n <= 256 else 8)

@@ -29,20 +29,17 @@ impl Facet {
         dot(self.normal, minus(point, self.middle)) - self.offset
     }
 
-    /// True where a point's squared distance is known to be above a limit: the facet lies within its box, and within a disc
-    /// around the foot of the box's middle.
+    /// A lower bound of a point's squared distance: the facet lies within its box, and within a disc around the foot of the
+    /// box's middle.
     #[inline]
-    pub(super) fn is_beyond(&self, point: [f64; 3], limit: f64) -> bool {
+    pub(super) fn bound(&self, point: [f64; 3]) -> f64 {
         let from = minus(point, self.middle);
-        let height = dot(self.normal, from) - self.offset;
         let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
-        if height * height > limit || dot(over, over) > limit {
-            return true;
-        }
+        let height = dot(self.normal, from) - self.offset;
         let across = add_scaled(from, -(height + self.offset), self.normal);
         let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
         let beyond = (dot(across, across).sqrt() - radius).max(0.0);
-        height * height + beyond * beyond > limit
+        dot(over, over).max(height * height + beyond * beyond)
     }
 
     /// The nearest point of the facet, and its squared distance.

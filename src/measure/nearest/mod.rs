@@ -97,17 +97,6 @@ impl<'a> Surface<'a> {
         place.level > 0 && self.view.has_leaves() && self.view.is_leaf(place.number.node())
     }
 
-    /// Squared distance of a point from a box.
-    #[inline]
-    fn square_to(&self, low: [u32; 3], level: u32, point: [f64; 3]) -> f64 {
-        (0..3).fold(0.0, |sum, a| {
-            let spacing = self.space.spacing[a];
-            let ends = [low[a], low[a] + (1 << level)].map(|cell| f64::from(cell) * spacing);
-            let over = (ends[0] - point[a]).max(point[a] - ends[1]).max(0.0);
-            sum + over * over
-        })
-    }
-
     /// Number of a cell.
     #[inline]
     pub(crate) fn cell(&self, number: BoxIndex) -> u64 {

@@ -11,9 +11,6 @@ use super::{Facet, Place, Surface};
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
 
-/// The range of all cells.
-const EVERYWHERE: [[u32; 3]; 2] = [[0; 3], [u32::MAX; 3]];
-
 /// Least part of a distance that is along the normal, for the normal to say the side.
 pub(super) const ALONG: f64 = 0.8;
 
@@ -108,8 +105,6 @@ pub(crate) struct Search<'a> {
     waiting: Vec<(f64, Place)>,
     way: Way,
     seed: Option<Place>,
-    /// First and last cell that are near enough.
-    range: [[u32; 3]; 2],
     best: Option<Found>,
     limit: f64,
 }
@@ -117,7 +112,7 @@ pub(crate) struct Search<'a> {
 impl<'a> Search<'a> {
     pub(super) fn new(surface: Surface<'a>) -> Self {
         let (way, limit) = (Way::new(&surface), f64::INFINITY);
-        Self { surface, waiting: Vec::new(), way, seed: None, range: EVERYWHERE, best: None, limit }
+        Self { surface, waiting: Vec::new(), way, seed: None, best: None, limit }
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -132,15 +127,12 @@ impl<'a> Search<'a> {
         if self.surface.view.is_empty() || !point.iter().all(|c| c.is_finite()) {
             return None;
         }
-        self.range = EVERYWHERE;
         let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
         if let Some(seed) = self.seed {
             self.ask(seed, point, query);
             if self.best.is_some() {
-                if let Some(range) = self.range(point, self.slack().sqrt()) {
-                    start = self.start(range);
-                    self.range = range;
-                }
+                let range = self.range(point, self.slack().sqrt());
+                start = range.map_or(start, |range| self.start(range));
             }
         }
         self.descend(start, point, query);
@@ -195,45 +187,49 @@ impl<'a> Search<'a> {
                 continue;
             }
             if place.level == 0 || self.surface.is_leaf(place) {
-                self.ask_unless_seed(place, point, query);
+                if self.seed != Some(place) || self.best.is_none() {
+                    self.ask(place, point, query);
+                }
                 continue;
             }
-            self.open(place, point, query);
+            self.open(place, point);
         }
     }
 
-    /// Asks the children of a node that are cells, and puts others that are near enough on the stack, the nearest last.
+    /// Puts the children of a node that are near enough on the stack, the nearest last.
     #[inline]
-    fn open(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
-        let view = self.surface.view;
-        let (infobyte, first) = (view.infobyte(place.number.node()), view.first_child(place.number.node()));
-        let level = place.level - 1;
+    fn open(&mut self, place: Place, point: [f64; 3]) {
+        let node = place.number.node();
+        let infobyte = self.surface.view.infobyte(node);
+        let first = self.surface.view.first_child(node);
+        let (level, spacing) = (place.level - 1, self.surface.space.spacing);
+        let (edge, most) = (f64::from(1_u32 << level), self.slack());
+        // Squared distances to the low and high half along each axis.
+        let halves: [[f64; 2]; 3] = std::array::from_fn(|a| {
+            let low = f64::from(place.low[a]) * spacing[a];
+            let middle = (f64::from(place.low[a]) + edge) * spacing[a];
+            let high = (f64::from(place.low[a]) + 2.0 * edge) * spacing[a];
+            let gap = |low: f64, high: f64| {
+                let d = (low - point[a]).max(point[a] - high).max(0.0);
+                d * d
+            };
+            [gap(low, middle), gap(middle, high)]
+        });
         let begin = self.waiting.len();
-        let mut rest = infobyte & octants_within(self.range, place.low, level);
+        let (mut rest, mut number) = (infobyte, first);
         while rest != 0 {
-            let bit = rest.trailing_zeros();
+            let octant = Octant::low_bits(rest.trailing_zeros());
             rest &= rest - 1;
-            let high = Octant::low_bits(bit).high();
-            let low = std::array::from_fn(|a| place.low[a] + (u32::from(high[a]) << level));
-            let square = self.surface.square_to(low, level, point);
-            if square > self.slack() {
-                continue;
+            let high = octant.high();
+            let [x, y, z] = [0, 1, 2].map(|a| halves[a][high[a] as usize]);
+            let square = x + y + z;
+            if square <= most {
+                let low = std::array::from_fn(|a| place.low[a] + (high[a] << level));
+                let child = (square, Place { number, low, level });
+                let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
+                self.waiting.insert(begin + before, child);
             }
-            let number = first.after((infobyte & ((1 << bit) - 1)).count_ones());
-            let child = Place { number, low, level };
-            if level == 0 {
-                self.ask_unless_seed(child, point, query);
-                continue;
-            }
-            let before = self.waiting[begin..].iter().take_while(|other| other.0 >= square).count();
-            self.waiting.insert(begin + before, (square, child));
-        }
-    }
-
-    #[inline]
-    fn ask_unless_seed(&mut self, place: Place, point: [f64; 3], query: &Query<'_>) {
-        if self.seed != Some(place) || self.best.is_none() {
-            self.ask(place, point, query);
+            number = number.after(1);
         }
     }
 
@@ -249,25 +245,12 @@ impl<'a> Search<'a> {
             }
         }
         surface.facets(place, |part, facet| {
-            if facet.is_beyond(point, self.slack()) || !query.accepts(facet.normal) {
+            if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
                 return;
             }
             Found::offer(&mut self.best, &mut self.limit, point, &facet, (place, part));
         });
     }
-}
-
-/// The octants of a box whose halves have this level, of which some meet a range of cells, that meet it.
-#[inline]
-fn octants_within([first, last]: [[u32; 3]; 2], low: [u32; 3], level: u32) -> u8 {
-    const HIGH: [u8; 3] = [0b1010_1010, 0b1100_1100, 0b1111_0000];
-    let mut octants = u8::MAX;
-    for a in 0..3 {
-        let middle = low[a] + (1 << level);
-        octants &= if first[a] >= middle { HIGH[a] } else { u8::MAX };
-        octants &= if last[a] < middle { !HIGH[a] } else { u8::MAX };
-    }
-    octants
 }
 
 /// The boxes on the way from the root to a cell.
