@@ -2,7 +2,7 @@
 # Windows, from Linux: type-checks the program, or builds it, runs it under Wine, and compares what it writes with what the
 # Linux program writes, byte for byte.
 #
-#   scripts/windows.sh --check    type-checks library and program; what continuous integration runs
+#   scripts/windows.sh --check    type-checks library, program and tests; what continuous integration runs
 #   scripts/windows.sh --build    builds the release program
 #   scripts/windows.sh            builds both release programs and compares; some fifteen minutes on two cores
 #   scripts/windows.sh OCT OCT_EXE    compares these two
@@ -29,7 +29,7 @@ if [ $# != 2 ]; then
     fi
 fi
 if [ "${1:-}" = --check ]; then
-    exec cargo check --locked --lib --bins --target $target
+    exec cargo check --locked --lib --bins --tests --target $target
 fi
 if [ "${1:-}" = --build ]; then
     exec cargo build --locked --release --bin oct --target $target

@@ -275,6 +275,8 @@ fn outputs_that_cannot_be_written_are_refused() {
     oct(&["thumbnail", &model, "-o", &model, "--force"]).refused(2, &["is the model", "name another file"]);
 }
 
+/// Modes of folders do not exist on Windows.
+#[cfg(unix)]
 #[test]
 fn a_folder_without_write_permission_is_refused() {
     use std::os::unix::fs::PermissionsExt;

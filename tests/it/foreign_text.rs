@@ -3,7 +3,6 @@
 //! writing; in the console, in HTML and in CSV. If this fails, a file's name can recolour, hide or type.
 
 use crate::prelude::*;
-use std::os::unix::ffi::OsStrExt;
 
 /// An escape sequence, a forged line, C1, and overrides of the direction of writing.
 const ACTIVE: &str = "a\u{1b}]0;owned\u{7}\u{1b}[31m\noct: forged\r\u{9b}2J\u{202e}gpj\u{2066}b\u{2028}";

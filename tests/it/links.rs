@@ -3,7 +3,6 @@
 //! files that its receiver can read and its sender cannot.
 
 use crate::prelude::*;
-use std::os::unix::fs::symlink;
 
 /// A folder of headers whose data are links, and beside it the data.
 fn headers(top: &Path, target: &Path) -> Vec<(PathBuf, &'static str)> {

@@ -169,7 +169,7 @@ fn what_cannot_be_read_is_refused_by_name() {
     refused("a.glb", &repeated(20_000), "is too small");
     #[cfg(unix)]
     {
-        std::os::unix::fs::symlink("/dev/null", folder.path().join("linked.bin")).unwrap();
+        symlink("/dev/null", folder.path().join("linked.bin")).unwrap();
         refused("a.glb", &changed(&|d| d["buffers"][0]["uri"] = json!("linked.bin")), "follow_links");
     }
     let model = |resources: &str, items: &str| packed(&text("millimeter", resources, items), 8);

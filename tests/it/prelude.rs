@@ -26,6 +26,7 @@ pub(crate) use crate::common::random::Random;
 pub(crate) use crate::common::scenes::{
     Garbage, Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane,
 };
+pub(crate) use crate::common::system::{ExitStatusExt, FileExt, OsStrExt, latin1, symlink};
 pub(crate) use crate::common::vectors::{cross, dot, unit};
 pub(crate) use crate::common::volume::{MemoryVolume, write_raw};
 pub(crate) use crate::common::{
@@ -70,8 +71,6 @@ pub(crate) use serde_json::{Value, json};
 pub(crate) use std::collections::{BTreeMap, BTreeSet, HashMap};
 pub(crate) use std::fs;
 pub(crate) use std::fs::File;
-pub(crate) use std::os::unix::fs::FileExt;
-pub(crate) use std::os::unix::process::ExitStatusExt;
 pub(crate) use std::panic::{AssertUnwindSafe, catch_unwind};
 pub(crate) use std::path::{Path, PathBuf};
 pub(crate) use std::process::{Command, Stdio};

@@ -174,8 +174,7 @@ fn studies(top: &Path) -> Vec<String> {
     file(top, "page.npy", &npy(&object(9), 1, false, false));
     file(top, "white.npy", &npy(&object(10), 1, false, false));
     // Latin-1 in a name that is not a UTF-8.
-    use std::os::unix::ffi::OsStrExt;
-    let odd = std::ffi::OsStr::from_bytes(b"M\xfcllerin.nrrd");
+    let odd = latin1(b"M\xfcllerin.nrrd");
     fs::write(top.join(odd), nrrd(&object(11), "raw", false, "")).unwrap();
     words.extend(["müllerin".to_owned(), "llerin".to_owned()]);
     // A volume whose samples lie in a file that is named in its header, which is called by a path.

@@ -56,7 +56,7 @@ fn torment(original: &Path, changes: u64) {
     if ["nhdr", "mhd", "hdr", "json", "toml"].iter().any(|end| path.extension().is_some_and(|e| e == *end)) {
         for entry in fs::read_dir(original.parent().unwrap()).unwrap() {
             let beside = entry.unwrap().path();
-            let _ = std::os::unix::fs::symlink(&beside, folder.path().join(beside.file_name().unwrap()));
+            let _ = symlink(&beside, folder.path().join(beside.file_name().unwrap()));
         }
     }
     let file = File::options().write(true).open(&path).unwrap();

@@ -18,6 +18,8 @@ pub(crate) mod oracle;
 pub(crate) mod random;
 pub(crate) mod scenes;
 pub(crate) mod schema;
+#[allow(unused_imports, reason = "each program uses its own part")]
+pub(crate) mod system;
 pub(crate) mod vectors;
 pub(crate) mod volume;
 

@@ -176,7 +176,7 @@ fn files_that_a_tree_names_stay_in_its_folder_and_volumes_where_they_lie() {
     let folder = outer.path().join("own");
     std::fs::create_dir(&folder).unwrap();
     put_box(&outer.path().join("a.stl"), [1.0; 3], [9.0; 3]);
-    std::os::unix::fs::symlink(outer.path().join("a.stl"), folder.join("a.stl")).unwrap();
+    symlink(outer.path().join("a.stl"), folder.join("a.stl")).unwrap();
     let refusal = |text: &str, csg: &CsgOptions| convert(&folder, text, csg, &options(16, 1)).unwrap_err();
     let told = refusal("mesh(\"a.stl\");", &exact(GRID));
     assert!(told.contains("a link that leads out of its folder"), "{told}");

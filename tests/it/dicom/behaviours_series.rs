@@ -86,7 +86,7 @@ fn behaviour_01_dicom_is_found_by_content_and_others_are_summed_up() {
     let directory = directory.clone().without(0x0028_0010).without(0x0028_0011).bytes();
     folder.put("DICOMDIR", &directory);
     folder.put("empty", b"");
-    std::os::unix::fs::symlink(folder.path(), folder.path().join("sub/circle")).unwrap();
+    symlink(folder.path(), folder.path().join("sub/circle")).unwrap();
     let (found, findings) = folder.survey(&OpenOptions::default());
     assert_eq!(parts(&findings), [("", [2, 2, 3], true)]);
     let left: Vec<(String, u64)> = found.left_out().iter().map(|l| (l.why.to_string(), l.count)).collect();
