@@ -10,6 +10,8 @@ fn main() {
     if env::var_os("CARGO_CFG_WINDOWS").is_some() {
         // No library of mingw has to lie beside the program.
         println!("cargo:rustc-link-arg-bins=-static");
+        // Sections that begin at pages are mapped; others are read into memory, whole.
+        println!("cargo:rustc-link-arg-bins=-Wl,--file-alignment=4096");
     }
     if let (Some(archive), Some(out)) = (archive(), env::var_os("OUT_DIR")) {
         let link = Path::new(&out).join("libstdc++.a");

@@ -23,6 +23,8 @@ pub(crate) enum TargetFault {
     DanglingLink,
     #[error("it exists and is not a regular file")]
     NotRegular,
+    #[error("it is the name of a device")]
+    Device,
     #[error("it is not a file name")]
     NoFileName,
     #[error("no free temporary name in the folder")]
@@ -69,6 +71,9 @@ impl AtomicFile {
         }
         if fs::symlink_metadata(&target).is_ok_and(|m| m.is_symlink()) {
             return Err(TargetFault::DanglingLink.into());
+        }
+        if platform::is_device(&target) {
+            return Err(TargetFault::Device.into());
         }
         if target.file_name().is_none() {
             return Err(TargetFault::NoFileName.into());
@@ -127,7 +132,7 @@ impl AtomicFile {
         self.file().sync_all()?;
         match self.storage {
             Storage::Named(file) => {
-                file.persist(&self.target).map_err(|e| e.error)?;
+                file.persist(&self.target).map_err(|e| platform::not_replaced(e.error))?;
             }
             Storage::Unnamed(file) => link(&file, &self.folder, &self.target)?,
         }

@@ -1,6 +1,6 @@
 //! Paths of records, and the order of items.
 
-use crate::platform::OsStrExt;
+use crate::platform::{OsStrExt, below};
 use std::path::{Path, PathBuf};
 
 use super::log::Record;
@@ -10,7 +10,7 @@ use crate::source::natural_cmp;
 pub(super) fn full_path(inputs: &[PathBuf], record: &Record) -> PathBuf {
     let input = inputs.get(record.input as usize).map_or(Path::new(""), PathBuf::as_path);
     // Joined with nothing, a file would get a slash at its end.
-    if record.path.as_os_str().is_empty() { input.to_path_buf() } else { input.join(&record.path) }
+    if record.path.as_os_str().is_empty() { input.to_path_buf() } else { below(input, &record.path) }
 }
 
 /// Natural order of whole paths: the order of the inputs does not matter, only their names.

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 
 use crate::discovery::NotVolume;
 use crate::fault::bad;
-use crate::platform::{self, file_id};
+use crate::platform::{self, below, file_id};
 use crate::synthetic::is_synthetic;
 use crate::volume::{Result, SourceError, SourceFault};
 
@@ -75,7 +75,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
 fn chunks(input: u32, path: &Path, visitor: &dyn Visitor) -> Option<(PathBuf, Metadata)> {
     let head = visitor.chunks(input, path)?;
     let meta = fs::metadata(&head).ok()?;
-    Some((path.join(head.file_name()?), meta))
+    Some((below(path, head.file_name()?.as_ref()), meta))
 }
 
 /// Where a walk is.
@@ -104,7 +104,7 @@ fn folder(
         if name.as_encoded_bytes().starts_with(b".") {
             continue;
         }
-        let path = prefix.join(&name);
+        let path = below(prefix, name.as_ref());
         let Ok(kind) = entry.file_type() else { continue };
         let linked = kind.is_symlink().then(|| fs::metadata(entry.path()).ok()).flatten();
         let linked = linked.filter(Metadata::is_dir).and_then(|_| file_id(&entry.path()).ok());

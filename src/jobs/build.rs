@@ -20,6 +20,7 @@ pub(crate) use each::build_each;
 pub use each::{EachLabel, LabelModel, convert_each};
 pub use report::BuildFigures;
 pub use summary::BuildSummary;
+pub(super) use summary::above_cap;
 
 use super::hint::Hint;
 use super::info::read_info;
@@ -316,7 +317,7 @@ impl BuildJob<'_> {
     /// As [`builder::build_volume`], [`CleanOptions::clean`], [`with_mesh`] and [`with_tree`].
     pub fn build(&self, subject: Subject, input: String, started: Instant) -> Result<BuildSummary, Error> {
         let is_solid = !matches!(subject, Subject::Volume(_));
-        let Built { report, cleaned, warnings, mut hints } = match subject {
+        let Built { report, cleaned, mut warnings, mut hints } = match subject {
             Subject::Volume(volume) => self.volume(volume)?,
             solid => self.solid(&solid)?,
         };
@@ -328,6 +329,7 @@ impl BuildJob<'_> {
             let (dims, spacing_mm) = (info.frame.header.dims.to_array(), info.frame.metadata.spacing_mm);
             hints.extend(Hint::of_size(dims, spacing_mm).map(|hint| hint.to_string()));
         }
+        warnings.extend(above_cap(self.options.memory));
         Ok(BuildSummary {
             input,
             output: self.output.to_path_buf(),

@@ -19,7 +19,7 @@ use crate::export::part_name;
 use crate::fault::{bad, usage};
 use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
-use crate::platform::open_file;
+use crate::platform::{is_device_name, open_file};
 use crate::text::{self, mark_bytes};
 use crate::volume::SourceError;
 
@@ -203,6 +203,9 @@ pub(super) fn file_names(labels: &[Label]) -> Vec<String> {
             while name.len() > MAX_NAME {
                 name.pop();
             }
+            if is_device_name(&name) {
+                name.insert(0, '_');
+            }
             while name.is_empty() || !taken.insert(name.to_lowercase()) {
                 name.push_str(&format!("_{}", label.number));
             }
@@ -305,6 +308,9 @@ mod tests {
         let label = |number, name: &str| Label { number, name: name.into(), color: [0; 3], voxels: 1 };
         let labels = [label(1, "liver"), label(2, ""), label(3, "Liver"), label(7, "../a b"), label(9, "..")];
         assert_eq!(file_names(&labels), ["liver", "label_2", "Liver_3", "_a_b", "_9"]);
+        // Names of devices and of no file on Windows are the same elsewhere.
+        let labels = [label(1, "con"), label(2, "Com1.a"), label(3, "a<:>|?*\\b. "), label(4, "console")];
+        assert_eq!(file_names(&labels), ["_con", "_Com1.a", "a_______b._", "console"]);
         let labels = [label(1, "x"), label(2, "x_3"), label(3, "x"), label(4, &"肝".repeat(100))];
         let names = file_names(&labels);
         assert_eq!(names[..3], ["x", "x_3", "x_3_3"]);

@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::platform::{OsStrExt, open_file, open_files_limit};
+use crate::platform::{OsStrExt, below, open_file, open_files_limit};
 
 use super::natural::natural_cmp;
 
@@ -56,7 +56,7 @@ impl FileList {
     }
 
     pub(crate) fn path(&self, index: usize) -> PathBuf {
-        self.base.join(self.name(index))
+        below(&self.base, self.name(index))
     }
 
     /// Every path, one at a time.

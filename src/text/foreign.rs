@@ -87,9 +87,9 @@ impl<T: Foreign + ?Sized> Display for Shown<'_, T> {
     }
 }
 
-/// A path as data, for JSON and CSV: as it is, but for bytes that are not text. Who prints it prints it [`shown`].
+/// A path as data, for JSON and CSV: as it is, but for bytes that are not text, and with `/` on Windows, too. Who prints it prints it [`shown`].
 pub fn data(path: &Path) -> String {
-    path.as_os_str().to_string_lossy().into_owned()
+    crate::platform::as_reported(path.as_os_str().to_string_lossy().into_owned())
 }
 
 /// A text without characters that act; line feeds are kept if it may have `lines`.

@@ -4,12 +4,14 @@ use std::fmt;
 use std::io;
 
 use crate::atomic::TargetFault;
-use crate::platform::{is_not_regular, is_too_many_open};
+use crate::platform::{is_not_regular, is_open_elsewhere, is_too_many_open};
 
 /// The cure where a file cannot be read; `usual` where the reason says no more.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
     if is_too_many_open(cause) {
         Cure::RaiseLimit
+    } else if is_open_elsewhere(cause) {
+        Cure::CloseIt
     } else if is_not_regular(cause) {
         Cure::NameFile
     } else {
@@ -20,6 +22,7 @@ pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
 /// The end of a sentence about a file that cannot be read.
 pub(crate) enum Cure<T> {
     RaiseLimit,
+    CloseIt,
     NameFile,
     Usual(T),
 }
@@ -28,6 +31,7 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::RaiseLimit => f.write_str(RAISE_LIMIT),
+            Self::CloseIt => f.write_str(CLOSE_IT),
             Self::NameFile => f.write_str("give a file"),
             Self::Usual(cure) => cure.fmt(f),
         }
@@ -40,10 +44,15 @@ pub(crate) fn writing(cause: &io::Error) -> &'static str {
     if is_too_many_open(cause) {
         return RAISE_LIMIT;
     }
+    if is_open_elsewhere(cause) {
+        return CLOSE_IT;
+    }
     if let Some(fault) = cause.get_ref().and_then(|inner| inner.downcast_ref::<TargetFault>()) {
         return match fault {
             TargetFault::DanglingLink => "remove the link, or name another file",
-            TargetFault::NotRegular | TargetFault::NoFileName => "name a file that is to be written",
+            TargetFault::Device | TargetFault::NotRegular | TargetFault::NoFileName => {
+                "name a file that is to be written"
+            }
             TargetFault::NoFreeName => "clear the folder of old temporary files, or choose another one",
         };
     }
@@ -53,11 +62,14 @@ pub(crate) fn writing(cause: &io::Error) -> &'static str {
         Kind::NotADirectory => "a part of its path is a file; choose a folder",
         Kind::PermissionDenied => "you may not write there; choose another folder",
         Kind::ReadOnlyFilesystem => "nothing can be written there; choose another folder",
+        Kind::InvalidFilename => "the system takes no such name, or none so long; choose another one",
         Kind::StorageFull | Kind::QuotaExceeded => "free some space, or choose another folder",
         _ => "check the folder and its free space",
     }
 }
 
+const CLOSE_IT: &str =
+    "another program has it open, or it may only be read; close it there, or name another file";
 const RAISE_LIMIT: &str = "too many files are open; raise the limit, for example with `ulimit -n 4096`";
 
 #[cfg(test)]

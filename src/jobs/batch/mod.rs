@@ -43,7 +43,7 @@ use std::sync::atomic::{AtomicU64, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Instant;
 
-use super::build::{BuildJob, BuildSummary, GridOptions};
+use super::build::{BuildJob, BuildSummary, GridOptions, above_cap};
 use super::picture::thumbnail_within_pages;
 use crate::atomic::sweep;
 use crate::budget::{Budget, MemoryCap, Reservation, SizeArgument, TooSmall, peak_rss_bytes};
@@ -247,7 +247,7 @@ pub fn batch(request: &BatchRequest, watcher: &dyn Watcher) -> Result<BatchRepor
         counts: Counts { converted, skipped, failed },
         left_out: catalogue.left_out().iter().map(LeftOutCount::from).collect(),
         left_out_files: named_left_out(&catalogue)?,
-        warnings: lock.warning.iter().cloned().chain(burned_in).collect(),
+        warnings: lock.warning.iter().cloned().chain(burned_in).chain(above_cap(cap)).collect(),
         memory_budget_bytes: limit,
         peak_rss_bytes: peak_rss_bytes(),
         jobs,

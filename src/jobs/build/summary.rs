@@ -3,11 +3,12 @@
 use std::path::PathBuf;
 
 use super::LabelModel;
-use crate::budget::{Bytes, peak_rss_bytes};
+use crate::budget::{Bytes, MemoryCap, peak_rss_bytes};
 use crate::builder::BuildReport;
 use crate::clean::CleanReport;
 use crate::format::SurfaceKind;
 use crate::jobs::info::{self, Info};
+use crate::text::names::MEMORY;
 use crate::text::{Short, shown};
 
 /// What was built, from what, and what it took.
@@ -101,5 +102,30 @@ impl BuildSummary {
             text.push_str(&format!("  hint: {hint}\n"));
         }
         text
+    }
+}
+
+/// Report's sentence about a process whose peak is above its cap.
+pub(in crate::jobs) fn above_cap(cap: MemoryCap) -> Option<String> {
+    let MemoryCap::Process(cap) = cap else { return None };
+    let peak = peak_rss_bytes();
+    let text = |[peak, cap]: [Bytes; 2]| {
+        format!(
+            "the peak of resident memory, {peak}, is above the {cap} allowed: the system counted more than was planned; allow more with {MEMORY}, and report it"
+        )
+    };
+    (peak > cap).then(|| text([peak, cap].map(Bytes)))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_peak_above_the_cap_is_reported() {
+        let said = above_cap(MemoryCap::Process(1 << 10)).unwrap();
+        assert!(said.contains("above the 1.00 KiB allowed"), "{said}");
+        assert_eq!(above_cap(MemoryCap::Process(u64::MAX)), None);
+        assert_eq!(above_cap(MemoryCap::Share(1)), None);
     }
 }

@@ -4,7 +4,7 @@ use std::fs::{File, Metadata, OpenOptions, Permissions};
 use std::io::{self, IoSliceMut};
 use std::os::fd::AsRawFd;
 use std::os::unix::fs::{MetadataExt, OpenOptionsExt, PermissionsExt};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use rustix::fs::{AtFlags, CWD, Mode, OFlags};
 use rustix::process::{Resource, getrlimit};
@@ -34,6 +34,31 @@ pub(crate) fn open_file_id(file: &File) -> io::Result<(u64, u64)> {
 /// The system refused.
 pub(crate) fn file_id(path: &Path) -> io::Result<(u64, u64)> {
     std::fs::metadata(path).map(|meta| (meta.dev(), meta.ino()))
+}
+
+/// A path below a folder.
+pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
+    folder.join(name)
+}
+
+/// Nothing by its name: devices have places of their own.
+pub(crate) fn is_device(_: &Path) -> bool {
+    false
+}
+
+/// The reason why a file is not replaced, as the system gives it.
+pub(crate) fn not_replaced(cause: io::Error) -> io::Error {
+    cause
+}
+
+/// False: files that others have open can be read and replaced.
+pub(crate) fn is_open_elsewhere(_: &io::Error) -> bool {
+    false
+}
+
+/// A path as reports have it.
+pub(crate) fn as_reported(path: String) -> String {
+    path
 }
 
 /// When a file's bytes were changed: seconds and nanoseconds.

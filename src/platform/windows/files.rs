@@ -7,13 +7,15 @@ use std::io::{self, IoSliceMut};
 use std::os::windows::ffi::OsStrExt as _;
 use std::os::windows::fs::{FileExt as _, MetadataExt, OpenOptionsExt};
 use std::os::windows::io::AsRawHandle;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 #[cfg(test)]
 pub(crate) use std::os::windows::fs::symlink_file as symlink;
 
 use thiserror::Error;
-use windows_sys::Win32::Foundation::{ERROR_TOO_MANY_OPEN_FILES, HANDLE};
+use windows_sys::Win32::Foundation::{
+    ERROR_LOCK_VIOLATION, ERROR_SHARING_VIOLATION, ERROR_TOO_MANY_OPEN_FILES, ERROR_USER_MAPPED_FILE, HANDLE,
+};
 use windows_sys::Win32::Storage::FileSystem::{
     BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, FILE_FLAG_OPEN_REPARSE_POINT, FILE_TYPE_DISK,
     GetDiskFreeSpaceExW, GetFileInformationByHandle, GetFileType, GetFinalPathNameByHandleW,
@@ -115,6 +117,50 @@ pub(crate) fn file_id(path: &Path) -> io::Result<(u64, u64)> {
     open_file_id(&OpenOptions::new().access_mode(0).custom_flags(FILE_FLAG_BACKUP_SEMANTICS).open(path)?)
 }
 
+/// The beginning of a path that the system takes as it is, in which `/` separates nothing.
+const VERBATIM: &str = r"\\?\";
+
+/// A path below a folder, with `/` between them: volumes have the names and the order that they have on Linux.
+pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
+    let bytes = folder.as_os_str().as_bytes();
+    if bytes.is_empty() || bytes.starts_with(VERBATIM.as_bytes()) || name.has_root() {
+        return folder.join(name);
+    }
+    let mut path = folder.as_os_str().to_owned();
+    if !bytes.ends_with(b"/") && !bytes.ends_with(b"\\") {
+        path.push("/");
+    }
+    path.push(name);
+    path.into()
+}
+
+/// True for a path that leads to a device, whatever its folder and suffix are.
+pub(crate) fn is_device(path: &Path) -> bool {
+    path.file_name().is_some_and(|name| super::super::is_device_name(&name.to_string_lossy()))
+}
+
+/// The reason why a file is not replaced: in a folder that took a new file, access is refused to one that is open, or that
+/// may only be read.
+pub(crate) fn not_replaced(cause: io::Error) -> io::Error {
+    match cause.kind() {
+        io::ErrorKind::PermissionDenied => {
+            io::Error::from_raw_os_error(ERROR_SHARING_VIOLATION.cast_signed())
+        }
+        _ => cause,
+    }
+}
+
+/// True if another program has the file open or mapped.
+pub(crate) fn is_open_elsewhere(cause: &io::Error) -> bool {
+    let causes = [ERROR_SHARING_VIOLATION, ERROR_LOCK_VIOLATION, ERROR_USER_MAPPED_FILE];
+    causes.iter().any(|known| cause.raw_os_error() == Some(known.cast_signed()))
+}
+
+/// A path as reports have it: with `/`, as on Linux.
+pub(crate) fn as_reported(path: String) -> String {
+    if path.starts_with(VERBATIM) { path } else { path.replace('\\', "/") }
+}
+
 /// When a file's bytes were changed: seconds and nanoseconds.
 pub(crate) fn changed(meta: &Metadata) -> (i64, i64) {
     /// Ticks of 100 ns in a second, and seconds from 1601 to 1970.
@@ -135,7 +181,7 @@ pub(crate) struct NotRegular;
 /// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
 pub(crate) fn open_file(path: &Path) -> io::Result<File> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, NotRegular);
-    if std::fs::metadata(path)?.is_dir() {
+    if is_device(path) || std::fs::metadata(path)?.is_dir() {
         return Err(refused());
     }
     let file = File::open(path)?;
