@@ -22,6 +22,7 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use clap::{CommandFactory, Parser};
 use infobyte::budget::{Bytes, MemoryCap};
 use infobyte::builder::{BuildOptions, Threshold};
+use infobyte::cpu::Form;
 use infobyte::export::ExportForm;
 use infobyte::format::SurfaceKind;
 use infobyte::geom::{Affine, Orientation};
@@ -64,6 +65,9 @@ fn main() -> ExitCode {
         Err(e) => return refuse(&e),
     };
     let as_json = cli.command.json();
+    if let Err(sentence) = Form::chosen() {
+        return tell(sentence, ExitKind::Usage, as_json);
+    }
     match run(cli.command) {
         Ok(code) => code,
         Err(e) => tell(&e.to_string(), e.kind(), as_json),

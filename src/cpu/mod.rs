@@ -61,15 +61,33 @@ impl Form {
         [Self::Portable, Self::Avx2, Self::Vbmi2].into_iter().filter(|form| form.is_available())
     }
 
-    /// The fastest form of this machine, or the one that `INFOBYTE_FORM` in the environment names as [`Form::name`] does:
-    /// so a slower form is measured where there is a faster one.
+    /// The form of [`Form::chosen`]; the portable one if that is an error.
     #[inline]
     pub fn best() -> Self {
-        static BEST: OnceLock<Form> = OnceLock::new();
-        *BEST.get_or_init(|| {
-            let asked = std::env::var("INFOBYTE_FORM").unwrap_or_default();
-            let named = Self::available().find(|form| form.name() == asked);
-            named.or_else(|| Self::available().last()).unwrap_or(Self::Portable)
+        Self::chosen().unwrap_or(Self::Portable)
+    }
+
+    /// The fastest form of this machine, or the one that `INFOBYTE_FORM` in the environment names as [`Form::name`] does:
+    /// so a slower form is measured where there is a faster one.
+    ///
+    /// # Errors
+    /// A sentence, if the environment names what is not a form of this machine.
+    #[inline]
+    pub fn chosen() -> Result<Self, &'static str> {
+        static CHOSEN: OnceLock<Result<Form, String>> = OnceLock::new();
+        let read = || Self::named(&std::env::var_os("INFOBYTE_FORM").unwrap_or_default().to_string_lossy());
+        CHOSEN.get_or_init(read).as_ref().copied().map_err(String::as_str)
+    }
+
+    /// The form of this name; the fastest one for an empty name.
+    fn named(name: &str) -> Result<Self, String> {
+        let found = Self::available().filter(|form| name.is_empty() || form.name() == name).last();
+        found.ok_or_else(|| {
+            let names: Vec<_> = Self::available().map(Self::name).collect();
+            format!(
+                "INFOBYTE_FORM={name} in the environment is not a form of this machine; choose one of {}, or unset it",
+                names.join(", ")
+            )
         })
     }
 

@@ -7,6 +7,7 @@ use crate::error::Error;
 use crate::fault::usage;
 use crate::load::{Model, NodeView};
 use crate::measure::nearest::{Query, Search, Side, Surface};
+use crate::progress::{Progress, Silent};
 
 /// Points that a thread takes at least.
 const PART: usize = 1 << 10;
@@ -96,15 +97,16 @@ impl<D: AsRef<[u8]> + Sync> Model<D> {
     /// changes during the call.
     pub fn nearest(&self, points: &[[f64; 3]]) -> Result<NearestPoints, Error> {
         let threads = thread::available_parallelism().map_or(1, NonZero::get);
-        self.unchanged_during(|| nearest_points(self, points, threads))
+        self.unchanged_during(|| nearest_points(self, points, threads, &Silent))
     }
 }
 
-/// [`Model::nearest`] on so many threads.
+/// [`Model::nearest`] on so many threads; [`Error::Stopped`] if `progress` says so.
 pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
     model: &Model<D>,
     points: &[[f64; 3]],
     threads: usize,
+    progress: &dyn Progress,
 ) -> Result<NearestPoints, Error> {
     if let Some(at) = points.iter().position(|point| !point.iter().all(|c| c.is_finite())) {
         return Err(usage!("point {at} is not finite").into());
@@ -114,7 +116,8 @@ pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
     let mut answers = vec![Answer::NONE; points.len()];
     let work = |points: &[[f64; 3]], answers: &mut [Answer]| {
         let mut search = surface.search();
-        points.iter().zip(answers).for_each(|(point, answer)| *answer = Answer::of(&mut search, *point));
+        let wanted = points.iter().zip(answers).take_while(|_| !progress.stopped());
+        wanted.for_each(|(point, answer)| *answer = Answer::of(&mut search, *point));
     };
     let part = points.len().div_ceil(threads.max(1)).max(PART);
     if part >= points.len() {
@@ -126,6 +129,7 @@ pub(crate) fn nearest_points<D: AsRef<[u8]> + Sync>(
             }
         });
     }
+    progress.check().map_err(|_| Error::Stopped)?;
     Ok(NearestPoints {
         distance_mm: answers.iter().map(|answer| answer.distance_mm).collect(),
         position_mm: answers.iter().map(|answer| answer.position_mm).collect(),

@@ -309,7 +309,11 @@ pub(super) fn paint_parts(
     prepared.look.max_band_pixels =
         relief.band_pixels(&prepared.look, bodies.files(), prepared.boxes_wide(bodies), has_cells)?;
     progress.stage("render", prepared.look.height.into());
-    let watch = Watch { rows_done: &|rows: u32| progress.advance(rows.into()), between: &|| relief.look() };
+    let watch = Watch {
+        rows_done: &|rows: u32| progress.advance(rows.into()),
+        between: &|| relief.look(),
+        is_stopped: &|| progress.stopped(),
+    };
     let (mut strip, ground) = (None, bodies.ground(request));
     let (counts, seen) = scene::paint_parts(bodies.parts, &prepared.look, watch, &mut |part| {
         ground.into_iter().for_each(|ground| part.lay_on(ground));

@@ -26,6 +26,7 @@ use crate::jobs::picture::{Outputs, framed};
 use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
+use crate::progress::{Progress, Silent};
 use crate::render::sight::Sight;
 use crate::render::{Image, Layout, RayCaster};
 use crate::text::data;
@@ -82,7 +83,7 @@ impl Handle {
         Ok(Self { path, bytes, model })
     }
 
-    /// Does something with the model without the interpreter's lock: an exception if its file was changed before or
+    /// Does something short with the model without the interpreter's lock: an exception if its file was changed before or
     /// meanwhile, when the model is neither the one nor the other.
     fn with<T: Send>(
         &self,
@@ -90,6 +91,19 @@ impl Handle {
         job: impl FnOnce(&Model<Bytes>) -> Result<T, Error> + Send,
     ) -> PyResult<T> {
         py.detach(|| self.unchanged(|| job(&self.model))).map_err(|error| raised(py, &error))
+    }
+
+    /// [`Handle::with`] for so many rays or points: where these take long, signals stop it.
+    fn each<T: Send>(
+        &self,
+        py: Python<'_>,
+        count: usize,
+        job: impl FnOnce(&Model<Bytes>, &dyn Progress) -> Result<T, Error> + Send,
+    ) -> PyResult<T> {
+        if count <= rays::PART {
+            return self.with(py, |model| job(model, &Silent));
+        }
+        watched(py, None, |progress| self.unchanged(|| job(&self.model, progress)))
     }
 
     fn paint(
@@ -254,12 +268,12 @@ impl Handle {
     fn cast<'py>(&self, py: Python<'py>, asked: &str) -> PyResult<Arrays<'py>> {
         let asked: PictureAsked = read(py, asked)?;
         let request = asked.request().map_err(|sentence| usage(py, &sentence))?;
-        let found = self.with(py, |model| {
+        let [width, height] = asked.size;
+        let found = self.each(py, width as usize * height as usize, |model, progress| {
             let (space, camera) = camera_of(model, &request)?;
-            let [width, height] = asked.size;
             let sight = Sight::new(&space, &camera, width, height);
             let pixels = Pixels { sight, width: width as usize, height: height as usize };
-            rays::first_hits(&RayCaster::new(model)?, &pixels, request.threads)
+            rays::first_hits(&RayCaster::new(model)?, &pixels, (request.threads, progress))
         })?;
         Ok(arrays(py, found))
     }
@@ -272,7 +286,8 @@ impl Handle {
         threads: usize,
     ) -> PyResult<Nearest<'py>> {
         let points = triples(py, &points)?;
-        let found = self.with(py, |model| nearest_points(model, points, threads))?;
+        let found =
+            self.each(py, points.len(), |model, progress| nearest_points(model, points, threads, progress))?;
         let cell = |cell: &Option<u64>| cell.and_then(|cell| i64::try_from(cell).ok()).unwrap_or(-1);
         let cells = found.cell.iter().map(cell).collect();
         Ok((
@@ -295,7 +310,9 @@ impl Handle {
         if given.0.len() != given.1.len() {
             return Err(usage(py, "there are not as many directions as origins"));
         }
-        let found = self.with(py, |model| rays::first_hits(&RayCaster::new(model)?, &given, threads))?;
+        let found = self.each(py, given.0.len(), |model, progress| {
+            rays::first_hits(&RayCaster::new(model)?, &given, (threads, progress))
+        })?;
         Ok(arrays(py, found))
     }
 
@@ -311,7 +328,9 @@ impl Handle {
         if given.0.len() != given.1.len() {
             return Err(usage(py, "there are not as many directions as origins"));
         }
-        let met = self.with(py, |model| rays::any_hit(&RayCaster::new(model)?, &given, t_max, threads))?;
+        let met = self.each(py, given.0.len(), |model, progress| {
+            rays::any_hit(&RayCaster::new(model)?, &given, t_max, (threads, progress))
+        })?;
         Ok(PyArray1::from_vec(py, met))
     }
 

@@ -191,16 +191,16 @@ pub(super) fn unpack(
 
 /// Lists pores, or bodies; the report as JSON.
 #[pyfunction]
-#[pyo3(signature = (model, csv, bodies, least, progress))]
+#[pyo3(signature = (model, csv, asked, progress))]
 pub(super) fn pores(
     py: Python<'_>,
     model: PathBuf,
     csv: Option<PathBuf>,
-    bodies: bool,
-    least: u64,
+    asked: (bool, u64, bool),
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let request = PoresRequest { bodies, least, gap: false };
+    let (bodies, least, gap) = asked;
+    let request = PoresRequest { bodies, least, gap };
     let report = watched(py, progress, |progress| {
         crate::jobs::pores::pores(&model, request, csv.as_deref(), progress)
     })?;

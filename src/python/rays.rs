@@ -6,11 +6,12 @@ use rayon::prelude::*;
 
 use crate::error::Error;
 use crate::load::Model;
+use crate::progress::Progress;
 use crate::render::picture::pool;
 use crate::render::{Layout, RayCaster, RenderError, RenderFault};
 
-/// Rays that a thread takes at a time, about: parts are whole tiles.
-const PART: usize = 1 << 14;
+/// Rays that a thread takes at a time, about: parts are whole tiles. Fewer are not worth a thread, or being stopped.
+pub(super) const PART: usize = 1 << 14;
 
 /// Arrays of hits with an item, or three, for each ray.
 #[derive(Debug, Default)]
@@ -72,14 +73,18 @@ fn cut<T>(items: &mut [T], [part, least]: [usize; 2]) -> Vec<&mut [T]> {
     even.chunks_mut(part).chain((!last.is_empty()).then_some(last)).collect()
 }
 
-/// Runs `each` on every part, which it gets with the number of its first ray; the error of the first part that has one.
+/// Runs `each` on every part, which it gets with the number of its first ray; the error of the first part that has one, or
+/// [`Error::Stopped`].
 fn in_parts<T: Send>(
     parts: Vec<T>,
     part: usize,
-    threads: usize,
+    (threads, progress): (usize, &dyn Progress),
     each: impl Fn(&mut Room, usize, T) -> Result<(), RenderError> + Sync,
 ) -> Result<(), Error> {
     let run = |room: &mut Room, (number, of_part): (usize, T)| {
+        if progress.stopped() {
+            return None;
+        }
         let first = number * part;
         each(room, first, of_part).err().map(|error| (number, from_start(error, first)))
     };
@@ -93,14 +98,14 @@ fn in_parts<T: Send>(
         };
         pool(threads)?.install(all)
     };
-    wrong.map_or(Ok(()), |(_, error)| Err(error.into()))
+    wrong.map_or_else(|| progress.check().map_err(|_| Error::Stopped), |(_, error)| Err(error.into()))
 }
 
-/// First hits of rays.
+/// First hits of rays; `means` are the threads, and the watcher that may stop them.
 pub(super) fn first_hits<P, D>(
     caster: &RayCaster<P>,
     rays: &impl Rays,
-    threads: usize,
+    means: (usize, &dyn Progress),
 ) -> Result<Found, Error>
 where
     P: Deref<Target = Model<D>> + Sync,
@@ -117,7 +122,7 @@ where
     let part = layout.part(PART);
     let parts = cut(&mut found.t, part).into_iter().zip(cut(&mut found.position, part));
     let parts = parts.zip(cut(&mut found.normal, part)).zip(cut(&mut found.voxel, part)).collect();
-    in_parts(parts, part[0], threads, |room, first, (((t, position), normal), voxel)| {
+    in_parts(parts, part[0], means, |room, first, (((t, position), normal), voxel)| {
         let (origins, directions) = rays.of(first..first + t.len(), room);
         caster.points(layout, origins, directions, |ray, point| {
             t[ray] = point.t;
@@ -134,7 +139,7 @@ pub(super) fn any_hit<P, D>(
     caster: &RayCaster<P>,
     rays: &impl Rays,
     t_max: f64,
-    threads: usize,
+    means: (usize, &dyn Progress),
 ) -> Result<Vec<bool>, Error>
 where
     P: Deref<Target = Model<D>> + Sync,
@@ -142,7 +147,7 @@ where
 {
     let (mut met, layout) = (vec![false; rays.count()], rays.layout());
     let part = layout.part(PART);
-    in_parts(cut(&mut met, part), part[0], threads, |room, first, met| {
+    in_parts(cut(&mut met, part), part[0], means, |room, first, met| {
         caster.met(layout, rays.of(first..first + met.len(), room), t_max, met)
     })?;
     Ok(met)

@@ -260,6 +260,7 @@ impl<P: Deref<Target = Model<D>>, D: AsRef<[u8]>> RayCaster<P> {
     /// # Errors
     /// [`RenderError`] for a model whose axes span no volume, or whose file was changed ([`Model::open`]).
     pub fn new(model: P) -> Result<Self, RenderError> {
+        Form::chosen().map_err(RenderFault::Form)?;
         let space = model.unchanged_during(|| GridSpace::new(model.dims(), &model.affine()))?;
         Ok(Self { model, space })
     }

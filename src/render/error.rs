@@ -67,6 +67,10 @@ pub(crate) enum RenderFault {
         #[source]
         cause: io::Error,
     },
+    #[error("the picture was stopped by its caller")]
+    Stopped,
+    #[error("{0}")]
+    Form(&'static str),
 }
 
 /// A fault of a camera.
@@ -124,11 +128,13 @@ impl RenderFault {
             | Self::DiscreteCells
             | Self::DiscreteCut
             | Self::Threads { .. }
-            | Self::TooDeep { .. } => ExitKind::Usage,
+            | Self::TooDeep { .. }
+            | Self::Form(_) => ExitKind::Usage,
             Self::Model(error) => error.kind(),
             Self::SingularAffine => ExitKind::Input,
             Self::Memory { .. } => ExitKind::Budget,
             Self::Write { .. } => ExitKind::Io,
+            Self::Stopped => ExitKind::Stopped,
         }
     }
 

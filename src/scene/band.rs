@@ -195,7 +195,9 @@ impl Painter<'_> {
                         let items = items.next().unwrap_or_default();
                         let pixels = BandTile { hits, normals, open, items };
                         counts = counts.plus(self.look_at(kept, corner, limit, pixels));
-                        self.watch.step();
+                        if self.watch.ends() {
+                            break;
+                        }
                     }
                     counts
                 },
@@ -465,7 +467,9 @@ impl Painter<'_> {
                     counts.trace += start.elapsed();
                 }
             }
-            self.watch.step();
+            if self.watch.ends() {
+                break;
+            }
         }
         counts
     }

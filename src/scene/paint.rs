@@ -216,11 +216,25 @@ pub(crate) struct Watch<'a> {
     pub(crate) rows_done: &'a (dyn Fn(u32) + Sync),
     /// Called by any worker after each small step (a tile, some rays of ambient occlusion), to look after memory.
     pub(crate) between: &'a (dyn Fn() + Sync),
+    /// True as soon as nobody wants the picture any more.
+    pub(crate) is_stopped: &'a (dyn Fn() -> bool + Sync),
 }
 
 impl Watch<'_> {
     pub(super) fn step(&self) {
         (self.between)();
+    }
+
+    /// A step after which a worker may leave the rest of its rows; true if it shall.
+    pub(super) fn ends(&self) -> bool {
+        self.step();
+        (self.is_stopped)()
+    }
+
+    /// Goes on after a part, unless the picture is stopped.
+    pub(super) fn part(&self, rows: u32) -> Result<(), RenderError> {
+        (self.rows_done)(rows);
+        if (self.is_stopped)() { Err(RenderFault::Stopped.into()) } else { Ok(()) }
     }
 }
 
@@ -253,10 +267,11 @@ pub fn paint(
     check_size(look.width, look.height)?;
     let mut image = look.blank(0);
     image.reserve(look.height);
-    let (counts, seen) = paint_parts(parts, look, Watch { rows_done, between: &|| {} }, &mut |part| {
-        image.append(part);
-        Ok(())
-    })?;
+    let (counts, seen) =
+        paint_parts(parts, look, Watch { rows_done, between: &|| {}, is_stopped: &|| false }, &mut |part| {
+            image.append(part);
+            Ok(())
+        })?;
     Ok(Painted { image, counts, seen })
 }
 
@@ -275,6 +290,7 @@ pub(crate) fn paint_parts(
     take: Taker<'_>,
 ) -> Result<(Counts, BTreeSet<Seen>), RenderError> {
     check_size(look.width, look.height)?;
+    Form::chosen().map_err(RenderFault::Form)?;
     let pool = pool(look.threads)?;
     if let Some(section) = look.section {
         return pool.install(|| section::slice(parts, look, section, watch, take));
@@ -499,7 +515,7 @@ impl<'a> Painter<'a> {
             counts = counts.plus(own);
             (traced, painted) = (traced + rows, end);
             band.forget_above(painted.saturating_sub(TILE) / TILE * TILE);
-            (self.watch.rows_done)(parts);
+            self.watch.part(parts)?;
             std::mem::swap(&mut done, &mut next);
         }
         take(&mut done)?;

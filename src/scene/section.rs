@@ -96,7 +96,7 @@ pub(super) fn slice(
         let bands = part.rgba.par_chunks_mut(width * BAND * 4).enumerate();
         let done = bands.map(|(number, rgba)| plane.band(top + number * BAND, rgba));
         all = joined(all, done.reduce(Default::default, joined));
-        (watch.rows_done)(part.height);
+        watch.part(part.height)?;
         top += rows;
         take(&mut part)?;
     }
@@ -158,7 +158,9 @@ impl Plane<'_> {
         let mut counts = Counts::default();
         for row in 0..rows {
             self.row((top * SAMPLES + row) as f64 - REACH as f64, row, &mut samples, &mut counts);
-            self.watch.step();
+            if self.watch.ends() {
+                break;
+            }
         }
         let mut seen = BTreeSet::new();
         for (number, out) in rgba.as_chunks_mut::<4>().0.iter_mut().enumerate() {

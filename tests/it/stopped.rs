@@ -5,6 +5,9 @@ use crate::prelude::*;
 use std::sync::Mutex;
 
 use infobyte::Error;
+use infobyte::jobs::picture::{Outputs, render_file};
+use infobyte::render::Shading;
+use infobyte::scene::Section;
 
 /// Stops a job when it asks for the n-th time.
 struct Stopper {
@@ -173,4 +176,20 @@ fn exports_and_packing_are_stopped() {
     let stopped = infobyte::triangles(&model, &Stopper::new(5));
     assert!(matches!(stopped, Err(Error::Stopped)));
     infobyte::triangles(&model, &Silent).unwrap();
+}
+
+#[test]
+fn pictures_are_stopped() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    infobyte::build(&Voxels::from_fn(dims(), depth), &BuildOptions::default(), at("m.oct")).unwrap();
+    fs::write(at("m.png"), b"an old picture").unwrap();
+    let cut = Section { axis: 2, at_mm: 20.0 };
+    for (section, shading) in [(None, Some(Shading::Plain)), (None, Some(Shading::Ao)), (Some(cut), None)] {
+        let request =
+            RenderRequest { size: Some([40, 40]), section, shading, threads: 1, ..RenderRequest::default() };
+        stop_everywhere(folder.path(), 60, &|progress| {
+            render_file(&at("m.oct"), &Outputs::of(&at("m.png")), &request, progress).map(|_| ())
+        });
+    }
 }

@@ -244,3 +244,19 @@ fn damaged_trees_neither_panic_nor_hold_a_tile() {
     }
     assert!(start.elapsed().as_secs() < 60, "{:?}", start.elapsed());
 }
+
+#[test]
+fn a_form_that_the_environment_names_is_one_of_the_machine() {
+    let told = |form: &str| {
+        let mut info = std::process::Command::new(binary());
+        Run::of(&info.args(["info", "none.oct"]).env("INFOBYTE_FORM", form).output().unwrap())
+    };
+    for form in Form::available().map(Form::name).chain([""]) {
+        let run = told(form);
+        assert!(run.code == 3 && run.stderr.contains("none.oct"), "{form}: {run:?}");
+    }
+    for form in ["avx2", "AVX9", " "] {
+        let run = told(form);
+        assert!(run.code == 2 && run.stderr.contains("portable") && run.stderr.contains(form), "{run:?}");
+    }
+}

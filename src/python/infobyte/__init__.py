@@ -19,11 +19,12 @@ import os
 from typing import TYPE_CHECKING, Any
 
 from . import _infobyte
-from ._build import _bar, build
+from ._build import build
 from ._compare import _path, compare, pores, thickness
 from ._errors import BudgetError, InfobyteError, InputError, UsageError
 from ._model import Hits, Mesh, Model, Nearest
 from ._model import loads as _loads
+from ._progress import bar
 
 if TYPE_CHECKING:
     from ._types import Path, Progress
@@ -63,13 +64,13 @@ def pack(model: Model | Path, output: Path, *, progress: Progress = False) -> di
     >>> report['bytes'] < report['bytes_in']
     True
     """
-    with _bar(progress) as told:
+    with bar(progress) as told:
         return _loads(_infobyte.pack(_path(model), os.fspath(output), told))
 
 
 def unpack(model: Model | Path, output: Path, *, progress: Progress = False) -> dict[str, Any]:
     """Writes the mapped form of a packed model, byte for byte what it was made from; the keys of `oct unpack`."""
-    with _bar(progress) as told:
+    with bar(progress) as told:
         return _loads(_infobyte.unpack(_path(model), os.fspath(output), told))
 
 
@@ -98,5 +99,5 @@ def render_scene(
     """
     sides = None if size is None else [int(side) for side in size]
     workers = threads or len(os.sched_getaffinity(0))
-    with _bar(progress) as told:
+    with bar(progress) as told:
         return _loads(_infobyte.render_scene(os.fspath(scene), os.fspath(output), sides, workers, told))

@@ -14,6 +14,7 @@ import numpy as np
 from . import _infobyte, _sources
 from ._errors import UsageError
 from ._model import Model
+from ._progress import bar
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -113,8 +114,8 @@ def build(
       `scratch`: folder of the scratch files; that of `output` by default.
     - `progress`: called as `progress(stage, done, total)` from the calling thread, when a stage begins and every 50 ms; an
       exception in it stops the build, as Ctrl-C does, and leaves nothing behind, unless the whole model has just got its
-      name. `True` shows a bar of tqdm, `None` shows it on a
-      terminal or in a notebook where tqdm is installed, `False` shows nothing.
+      name. `True` shows a bar of tqdm, or lines on the standard
+      error stream where that is not installed; `None` shows the bar alone, on a terminal or in a notebook; `False` nothing.
 
     Stored
     - `channels` (`'normal'`, `'value'`, `'color'`, `'material'`), `gradient`, `connectivity`, `visible_from`
@@ -190,7 +191,7 @@ def build(
         return asked
 
     target = os.fspath(output)
-    with _bar(progress) as told:
+    with bar(progress) as told:
         paths = _sources.paths_of(source)
         if paths is not None:
             if affine is not None:
@@ -402,41 +403,3 @@ def _placement(spacing: Any, origin: Any, affine: Any, stated: Any, axes: str) -
 
 def _place(value: Any) -> str:
     return value if isinstance(value, str) else ",".join(repr(float(at)) for at in value)
-
-
-@contextlib.contextmanager
-def _bar(progress: Progress) -> Iterator[Any]:
-    """The function that is told how far a job is, or `None`."""
-    if callable(progress):
-        yield progress
-        return
-    bars = _tqdm() if progress or (progress is None and _is_shown()) else None
-    if bars is None:
-        yield None
-        return
-    bar = bars(total=1, leave=False)
-    try:
-
-        def tell(stage: str, done: int, total: int) -> None:
-            if bar.desc != f"{stage}: ":
-                bar.reset(total=total)
-                bar.set_description(stage)
-            bar.update(done - bar.n)
-
-        yield tell
-    finally:
-        bar.close()
-
-
-def _is_shown() -> bool:
-    kernel = sys.modules.get("IPython")
-    shell = kernel.get_ipython() if kernel else None
-    return sys.stderr.isatty() or type(shell).__name__ == "ZMQInteractiveShell"
-
-
-def _tqdm() -> Any:
-    try:
-        from tqdm.auto import tqdm
-    except ImportError:
-        return None
-    return tqdm

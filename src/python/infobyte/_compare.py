@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from . import _infobyte
-from ._build import _bar
 from ._errors import UsageError
 from ._model import Model, _threads, loads
+from ._progress import bar
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike
@@ -107,7 +107,7 @@ def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any
     import json
     import tempfile  # both take as long as all else
 
-    with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
+    with tempfile.TemporaryDirectory() as folder, bar(progress) as told:
         listed = os.path.join(folder, "cells.csv") if table and csv is None else csv
         written = [None if path is None else os.fspath(path) for path in (output, listed)]
         report = loads(job(*written, json.dumps(asked), told))
@@ -116,7 +116,7 @@ def _measured(job: Any, output: Any, csv: Any, table: bool, asked: dict[str, Any
     return report
 
 
-_PORES = np.dtype(
+_PORES = (
     [("id", "i8"), ("label", "i4"), ("volume_mm3", "f8"), ("area_mm2", "f8"), ("x", "f8"), ("y", "f8"), ("z", "f8")]
     + [(f"{axis}_{end}", "f8") for end in ("min", "max") for axis in "xyz"]
     + [("equivalent_diameter_mm", "f8"), ("sphericity", "f8"), ("samples", "i8"), ("below_resolution", "?")]
@@ -128,15 +128,18 @@ def pores(
     *,
     bodies: bool = False,
     least: int = 1,
+    gap: bool = False,
     csv: Path | None = None,
     progress: Progress = False,
 ) -> dict[str, Any]:
     """The pores that a model of cells encloses, or its separate bodies; the keys of `oct pores`.
 
     `table` is a structured array with a row for each, which `pandas.DataFrame` takes; its label is -1 where there is none.
-    `least`: voxels of the smallest one that is listed. `csv`: a file for the table. Costs one pass over the model.
+    `least`: voxels of the smallest one that is listed. `gap`: adds the distance of each pore from the outer surface, in mm, NaN
+    where there is none. `csv`: a file for the table. Costs one pass over the model, and for gaps a search for each cell of a pore.
 
-    Raises `InputError` or `UsageError` for a model that is a skin of voxels, or keeps only what can be seen.
+    Raises `InputError` or `UsageError` for a model that is a skin of voxels, or keeps only what can be seen, and for gaps of
+    bodies, labels, larger leaves or axes that are not at right angles.
 
     >>> report = infobyte.pores('ball.oct', bodies=True)
     >>> report['bodies'], report['table']['sphericity'].round(1).tolist()
@@ -144,9 +147,12 @@ def pores(
     """
     import tempfile
 
-    with tempfile.TemporaryDirectory() as folder, _bar(progress) as told:
+    with tempfile.TemporaryDirectory() as folder, bar(progress) as told:
         listed = os.path.join(folder, "pores.csv") if csv is None else os.fspath(csv)
-        report = loads(_infobyte.pores(_path(model), listed, bool(bodies), least, told))
-        rows = np.genfromtxt(listed, _PORES, delimiter=",", skip_header=1, filling_values={1: -1})
-    report["table"] = np.atleast_1d(rows) if report["bodies" if bodies else "pores"] else np.empty(0, _PORES)
+        report = loads(_infobyte.pores(_path(model), listed, (bool(bodies), least, bool(gap)), told))
+        columns = np.dtype(_PORES + [("gap_mm", "f8")] * bool(gap))
+        rows = np.empty(0, columns)
+        if report["bodies" if bodies else "pores"]:
+            rows = np.genfromtxt(listed, columns, delimiter=",", skip_header=1, filling_values={1: -1})
+    report["table"] = np.atleast_1d(rows)
     return report

@@ -10,6 +10,7 @@ import numpy as np
 
 from . import _infobyte
 from ._errors import UsageError
+from ._progress import bar
 
 if TYPE_CHECKING:
     from numpy.typing import ArrayLike, NDArray
@@ -193,10 +194,17 @@ class Model:
         return self._report
 
     @overload
-    def render(self, size: int | tuple[int, int] = 512, **options: Unpack[Picture]) -> NDArray[np.uint8]: ...
+    def render(
+        self, size: int | tuple[int, int] = 512, *, progress: Progress = False, **options: Unpack[Picture]
+    ) -> NDArray[np.uint8]: ...
     @overload
     def render(
-        self, size: int | tuple[int, int] = 512, *, layers: Sequence[Layer], **options: Unpack[Picture]
+        self,
+        size: int | tuple[int, int] = 512,
+        *,
+        layers: Sequence[Layer],
+        progress: Progress = False,
+        **options: Unpack[Picture],
     ) -> dict[str, NDArray[Any]]: ...
     def render(
         self,
@@ -230,6 +238,7 @@ class Model:
         background: Sequence[int] | None = None,
         layers: Sequence[Layer] = (),
         threads: int | None = None,
+        progress: Progress = False,
     ) -> NDArray[np.uint8] | dict[str, NDArray[Any]]:
         """A picture as an array of H x W x 4: sRGB and alpha, rows from the top.
 
@@ -263,6 +272,8 @@ class Model:
         float64, LPS mm and unit vectors, NaN where nothing is hit; `ids`: H x W int64, rows of `voxels()`, or -1. They are of
         exact voxels of the whole model through the middle of each pixel, whatever `lod`, `clip` and the labels say.
 
+        `progress` as that of `build`. Ctrl-C stops a picture, as it stops rays, builds, exports and measurements.
+
         Raises `UsageError` for a camera that makes no sense, a plane that misses the model, a legend of a model without
         labels, or layers with a title, a legend or a section; `InputError` if the file was changed.
 
@@ -287,7 +298,8 @@ class Model:
         )
         if layers and (title or legend or section is not None):
             raise UsageError("layers are of a picture without title, legend and section; make two pictures")
-        color = self._handle.render(asked, None).reshape(height, width, 4)
+        with bar(progress) as told:
+            color = self._handle.render(asked, told).reshape(height, width, 4)
         if not layers:
             return color
         found = dict(zip(names, self._handle.cast(asked)))
@@ -441,7 +453,7 @@ class Model:
             distance.reshape(shape), position.reshape(places), normal.reshape(places), side.reshape(shape), cell.reshape(shape)
         )
 
-    def to_mesh(self, *, progress: Progress = None) -> Mesh:
+    def to_mesh(self, *, progress: Progress = False) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
         Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `progress` as
@@ -449,18 +461,19 @@ class Model:
 
         Raises `UsageError` for a model that keeps only what can be seen.
         """
-        arrays = self._handle.triangles(progress)
+        with bar(progress) as told:
+            arrays = self._handle.triangles(told)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
         return Mesh(three["vertices"], three["faces"], *optional)
 
-    def to_trimesh(self) -> Any:
+    def to_trimesh(self, *, progress: Progress = False) -> Any:
         """`to_mesh` as a `trimesh.Trimesh`, in LPS mm."""
-        return self.to_mesh().to_trimesh()
+        return self.to_mesh(progress=progress).to_trimesh()
 
-    def to_pyvista(self) -> Any:
+    def to_pyvista(self, *, progress: Progress = False) -> Any:
         """`to_mesh` as a `pyvista.PolyData`, in LPS mm."""
-        return self.to_mesh().to_pyvista()
+        return self.to_mesh(progress=progress).to_pyvista()
 
     def voxels(self) -> NDArray[np.uint32]:
         """N x 3: indices (z, y, x) of the voxels or cells of the surface; `array[tuple(model.voxels().T)]` are the samples
@@ -504,14 +517,17 @@ class Model:
         *,
         error: float | str | None = None,
         smooth: float | None = None,
+        progress: Progress = False,
     ) -> dict[str, Any]:
         """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given.
 
         `error`: leaves out corners of triangles while the surface stays so close to the full one, in voxels (`0.1`) or as
-        `'0.05mm'`. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`.
+        `'0.05mm'`. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`;
+        `progress` as that of `build`.
         """
         within = None if error is None else str(error)
-        return loads(_infobyte.export((self.path, os.fspath(output)), form, within, smooth, None))
+        with bar(progress) as told:
+            return loads(_infobyte.export((self.path, os.fspath(output)), form, within, smooth, told))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""

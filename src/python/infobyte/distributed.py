@@ -17,9 +17,9 @@ from operator import itemgetter
 from typing import TYPE_CHECKING, Any
 
 from . import _errors
-from ._build import _bar
 from ._errors import UsageError
 from ._model import Model, loads
+from ._progress import bar
 
 if TYPE_CHECKING:
     from ._types import Path, Progress
@@ -72,7 +72,7 @@ def build(
     planned = _run("plan", *_paths(source), *_flags(options), f"--parts={parts}", f"--out={folder}")
     plan, stages = itemgetter("plan", "stages")(_made(planned))
     means = [f"--memory={memory}", f"--threads={threads}"]
-    with _bar(progress) as told:
+    with bar(progress) as told:
         # What has to be known of the whole volume comes first: every stage ends in one file for all parts.
         for stage in stages:
             named = f"--stage={stage}"
@@ -141,7 +141,7 @@ def batch(
         paths = sorted({volume["input"] for volume in volumes})
         names = [volume["name"] for volume in volumes]
         calls.append((_bundle, folder, names, ["batch", *paths, f"--series={','.join(names)}", "--jobs=1", *flags]))
-    with _bar(progress) as told:
+    with bar(progress) as told:
         _do(client, calls, retries, "bundles", told)
     # A program whose worker was lost may still be at work in a folder of its own.
     shutil.rmtree(shelf, ignore_errors=True)
