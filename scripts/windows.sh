@@ -118,6 +118,8 @@ ends_with 3 verify absent.oct
 ends_with 3 build absent.nrrd -o never.oct
 ends_with 3 verify "$fixtures/x_cut.oct"
 ends_with 2 build synthetic:head@32 -o m.oct --iso x
+ends_with 3 build NUL -o never.oct
+ends_with 3 verify COM1
 if [ -d "$data" ]; then
     while read -r name input arguments; do
         # shellcheck disable=SC2086  # words
@@ -141,4 +143,44 @@ if ! diff "$work/linux.sums" "$work/wine.sums"; then
     echo "windows: files differ from Linux's"
     exit 1
 fi
+
+# Devices, names that the system does not take, and a model that is open elsewhere are no outputs.
+at() { (cd "$work/killed" && exec wine "$work/oct.exe" "$@"); }
+no_output() {
+    local code=0
+    at build synthetic:head@32 -o "$1" --quiet --force 2>"$work/said.wine" || code=$?
+    [ "$code" = 5 ] || { echo "windows: exit code $code for the output $1, where 5 is due" && exit 1; }
+}
+mkdir "$work/killed"
+for name in con.oct lpt1.oct 'a<b.oct' "$(printf 'a%.0s' {1..300}).oct"; do no_output "$name"; done
+at build synthetic:gyroid@48 -o old.oct --quiet
+at build synthetic:gyroid@96 -o new.oct --quiet
+at view old.oct >"$work/view" 2>&1 &
+viewer=$!
+for _ in {1..100}; do grep -q http "$work/view" && break || sleep 0.1; done
+no_output old.oct
+kill -9 $viewer
+wait $viewer 2>/dev/null || true
+
+# Whenever a build is killed, the old model is there, or the new one.
+begun=${EPOCHREALTIME/./}
+at build synthetic:gyroid@96 -o killed.oct --quiet
+usual=$((${EPOCHREALTIME/./} - begun))
+for _ in {1..100}; do
+    cp "$work/killed/old.oct" "$work/killed/killed.oct"
+    at build synthetic:gyroid@96 -o killed.oct --quiet --force 2>/dev/null &
+    building=$!
+    sleep "$(printf '0.%06d' $((usual * RANDOM / 32768 % 1000000)))"
+    kill -9 $building 2>/dev/null || true
+    wait $building 2>/dev/null || true
+    if ! cmp -s "$work/killed/killed.oct" "$work/killed/old.oct" && ! cmp -s "$work/killed/killed.oct" "$work/killed/new.oct"; then
+        echo "windows: a build that was killed left a damaged model" && exit 1
+    fi
+done
+at build synthetic:gyroid@96 -o killed.oct --quiet --force
+cmp "$work/killed/killed.oct" "$work/killed/new.oct"
+if [ "$(find "$work/killed" -name '.oct-*' | wc -l)" -gt 5 ]; then
+    echo "windows: what killed builds left is not removed by the next one" && exit 1
+fi
+
 echo "windows: $cases commands under Wine, $(wc -l <"$work/linux.sums") files equal to Linux's"

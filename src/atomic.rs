@@ -8,7 +8,7 @@ use std::fs::{self, File};
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
-use std::sync::mpsc;
+use std::sync::{Once, mpsc};
 use std::thread;
 use std::time::Duration;
 
@@ -157,8 +157,11 @@ fn is_final(cause: &io::Error) -> bool {
     )
 }
 
-/// A file with a name that [`sweep`] knows.
+/// A file with a name that [`sweep`] knows. Here a process that is killed does leave its file: the first one that comes
+/// after it sweeps.
 fn named(folder: &Path) -> io::Result<tempfile::NamedTempFile> {
+    static SWEPT: Once = Once::new();
+    SWEPT.call_once(|| sweep(folder));
     loop {
         let name = temporary_name();
         let mut builder = tempfile::Builder::new();

@@ -52,6 +52,10 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
             visitor.synthetic(at)?;
             continue;
         }
+        let not_regular = || bad!("is neither a file nor a folder; name one of these").at(input).into();
+        if platform::is_device(input) {
+            return Err(not_regular());
+        }
         let meta = fs::metadata(input).map_err(unreadable)?;
         if meta.is_dir() {
             if let Some((path, meta)) = chunks(at, Path::new(""), visitor) {
@@ -65,7 +69,7 @@ pub(super) fn walk(inputs: &[PathBuf], depth: u32, follow: bool, visitor: &mut d
             visitor.file(at, Path::new(""), &meta)?;
         } else {
             // Opening a pipe could wait forever.
-            return Err(bad!("is neither a file nor a folder; name one of these").at(input).into());
+            return Err(not_regular());
         }
     }
     Ok(())

@@ -14,7 +14,8 @@ pub(crate) use std::os::windows::fs::symlink_file as symlink;
 
 use thiserror::Error;
 use windows_sys::Win32::Foundation::{
-    ERROR_LOCK_VIOLATION, ERROR_SHARING_VIOLATION, ERROR_TOO_MANY_OPEN_FILES, ERROR_USER_MAPPED_FILE, HANDLE,
+    ERROR_FILENAME_EXCED_RANGE, ERROR_LOCK_VIOLATION, ERROR_SHARING_VIOLATION, ERROR_TOO_MANY_OPEN_FILES,
+    ERROR_USER_MAPPED_FILE, HANDLE,
 };
 use windows_sys::Win32::Storage::FileSystem::{
     BY_HANDLE_FILE_INFORMATION, FILE_FLAG_BACKUP_SEMANTICS, FILE_FLAG_OPEN_REPARSE_POINT, FILE_TYPE_DISK,
@@ -140,12 +141,13 @@ pub(crate) fn is_device(path: &Path) -> bool {
 }
 
 /// The reason why a file is not replaced: in a folder that took a new file, access is refused to one that is open, or that
-/// may only be read.
+/// may only be read, and a name that cannot be found is too long.
 pub(crate) fn not_replaced(cause: io::Error) -> io::Error {
     match cause.kind() {
         io::ErrorKind::PermissionDenied => {
             io::Error::from_raw_os_error(ERROR_SHARING_VIOLATION.cast_signed())
         }
+        io::ErrorKind::NotFound => io::Error::from_raw_os_error(ERROR_FILENAME_EXCED_RANGE.cast_signed()),
         _ => cause,
     }
 }

@@ -1,6 +1,8 @@
 //! Memory that the operating system accounts to this process: its working set.
 #![expect(unsafe_code, reason = "calls of the system")]
 
+use std::sync::OnceLock;
+
 use windows_sys::Win32::System::Memory::VirtualUnlock;
 use windows_sys::Win32::System::ProcessStatus::{K32GetProcessMemoryInfo, PROCESS_MEMORY_COUNTERS};
 use windows_sys::Win32::System::Threading::{GetCurrentProcess, SetProcessWorkingSetSize};
@@ -33,14 +35,25 @@ pub(crate) fn resident_bytes() -> u64 {
     current_rss_bytes()
 }
 
-/// All of it: the system does not tell files' pages apart.
-pub(crate) fn own_rss_bytes() -> u64 {
-    current_rss_bytes()
+/// Bytes that the process has had since its start in pages of files: the system's libraries, and the code that starts it.
+static BASE: OnceLock<u64> = OnceLock::new();
+
+/// What is the process's own at present, as far as it is resident, and the pages of files.
+fn own_and_file() -> (u64, u64) {
+    let (own, all) = counters().map_or((0, 0), |now| (now.PagefileUsage as u64, now.WorkingSetSize as u64));
+    (own.min(all), all.saturating_sub(own))
 }
 
-/// 0: the system does not tell.
+/// What the process has allocated, and its [`BASE`].
+pub(crate) fn own_rss_bytes() -> u64 {
+    let (own, file) = own_and_file();
+    own + *BASE.get_or_init(|| file)
+}
+
+/// Pages of files beyond the [`BASE`].
 pub(crate) fn file_rss_bytes() -> u64 {
-    0
+    let (_, file) = own_and_file();
+    file.saturating_sub(*BASE.get_or_init(|| file))
 }
 
 /// `None`: the system does not tell.
@@ -48,8 +61,10 @@ pub(crate) fn mapped_rss_bytes(_: &[u8]) -> Option<u64> {
     None
 }
 
-/// Nothing to set: the system's heap returns large buffers by itself.
-pub fn map_large_buffers() {}
+/// Nothing to set: the system's heap returns large buffers by itself. Called first of all, it measures the base.
+pub fn map_large_buffers() {
+    let _ = own_rss_bytes();
+}
 
 /// Takes what is not needed at once out of the working set; what is looked at again comes back from the system's cache.
 ///
