@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 
 use crate::csg;
 use crate::mesh;
-use crate::platform::open_file;
+use crate::platform::{Placed, open_file};
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
@@ -42,7 +42,7 @@ impl SubjectKind {
             Ok(meta) if !meta.is_file() => return Self::Volume,
             meta => meta.and_then(|meta| {
                 let file = open_file(path)?;
-                (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+                Placed::new(&file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
                 Ok((meta.len(), file))
             }),
         };

@@ -2,7 +2,7 @@
 //!
 //! [`Catalogue`]: super::Catalogue
 
-use crate::platform::{OsStrExt, open_file};
+use crate::platform::{OsStrExt, Placed, open_file};
 use std::collections::HashMap;
 use std::fs::Metadata;
 use std::io::Read;
@@ -75,7 +75,7 @@ impl<'a> Surveyor<'a> {
         }
         let mut head = Vec::with_capacity(HEAD_BYTES);
         let opened = open_file(path).and_then(|file| {
-            (&file).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+            Placed::new(&file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
             Ok(file)
         });
         let file = match opened {

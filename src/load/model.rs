@@ -11,7 +11,7 @@ use crate::format::{
 };
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
-use crate::platform::open_file;
+use crate::platform::{Placed, open_file};
 
 use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
@@ -133,7 +133,7 @@ impl Model<Vec<u8>> {
             let mut bytes = Vec::new();
             let len = usize::try_from(frame.header.file_bytes).unwrap_or(usize::MAX);
             bytes.try_reserve_exact(len).map_err(io::Error::from)?;
-            (&file).take(frame.header.file_bytes).read_to_end(&mut bytes)?;
+            Placed::new(&file, 0).take(frame.header.file_bytes).read_to_end(&mut bytes)?;
             if FileIdentity::of(&file)? != then {
                 return Ok(None);
             }

@@ -4,9 +4,9 @@
 //! The rest of the library takes it from here, and a test holds that. So another system is one folder next to
 //! `linux` with the same items.
 //!
-//! A file that is read or written at places has no other use meanwhile: on Windows the system moves its cursor, too. Its
-//! head may be read by the cursor before, and a file that was written onwards may be read at places afterwards; who writes
-//! onwards between such reads takes a [`PlacedWriter`].
+//! A file that is read or written at places is not used by its cursor as well: on Windows the system moves that, too. Who reads
+//! or writes onwards takes a [`Placed`] file, which has a place of its own. (A file that was only written onwards may be read
+//! at places afterwards.)
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -45,21 +45,29 @@ pub(crate) fn is_device_name(name: &str) -> bool {
         })
 }
 
-/// A writer from one place of a file on, whatever its cursor is.
+/// A file that is read or written onwards from one place, whatever its cursor is.
 #[derive(Debug)]
-pub(crate) struct PlacedWriter<'a> {
+pub(crate) struct Placed<'a> {
     file: &'a File,
     at: u64,
 }
 
-impl<'a> PlacedWriter<'a> {
-    /// A writer whose first byte goes to `at`.
+impl<'a> Placed<'a> {
+    /// A file whose next byte is that at `at`.
     pub(crate) fn new(file: &'a File, at: u64) -> Self {
         Self { file, at }
     }
 }
 
-impl io::Write for PlacedWriter<'_> {
+impl io::Read for Placed<'_> {
+    fn read(&mut self, bytes: &mut [u8]) -> io::Result<usize> {
+        let read = self.file.read_at(bytes, self.at)?;
+        self.at += read as u64;
+        Ok(read)
+    }
+}
+
+impl io::Write for Placed<'_> {
     fn write(&mut self, bytes: &[u8]) -> io::Result<usize> {
         self.file.write_all_at(bytes, self.at)?;
         self.at += bytes.len() as u64;
@@ -68,5 +76,39 @@ impl io::Write for PlacedWriter<'_> {
 
     fn flush(&mut self) -> io::Result<()> {
         Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::io::{Read as _, Write as _};
+
+    use super::*;
+
+    #[test]
+    fn a_placed_file_goes_on_where_it_was_whatever_is_read_between() {
+        let file = tempfile::tempfile().unwrap();
+        let mut out = Placed::new(&file, 3);
+        for part in [b"ab", b"cd"] {
+            out.write_all(part).unwrap();
+            file.read_exact_at(&mut [0; 2], 0).unwrap();
+        }
+        let mut read = Placed::new(&file, 3);
+        let mut got = [0; 2];
+        read.read_exact(&mut got).unwrap();
+        file.read_exact_at(&mut [0; 1], 0).unwrap();
+        let mut rest = Vec::new();
+        read.read_to_end(&mut rest).unwrap();
+        assert_eq!((&got, &*rest), (b"ab", &b"cd"[..]));
+    }
+
+    #[test]
+    fn names_of_devices_are_known_in_every_spelling() {
+        for name in ["con", "NUL.oct", "Com1", "lpt9.a.b", "aux .txt", "COM\u{b9}"] {
+            assert!(is_device_name(name), "{name}");
+        }
+        for name in ["", "console", "com", "com10", "a.con", "_nul", "lptx"] {
+            assert!(!is_device_name(name), "{name}");
+        }
     }
 }

@@ -16,7 +16,7 @@ use super::json::{Accessor, Described, Embedded, Shape};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_reference, buffer_lies, count_lies, outside};
-use crate::platform::{FileExt, PlacedWriter};
+use crate::platform::{FileExt, Placed};
 
 /// Longest distance of two items.
 const MAX_STRIDE: u64 = 252;
@@ -96,7 +96,7 @@ impl Resolver<'_> {
             Some(known) => known,
             None => (Arc::new(crate::scratch::unnamed(self.limits.scratch).map_err(Stop::Scratch)?), 0),
         };
-        let mut out = std::io::BufWriter::with_capacity(32 << 10, PlacedWriter::new(&file, offset));
+        let mut out = std::io::BufWriter::with_capacity(32 << 10, Placed::new(&file, offset));
         let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);
         for _ in 0..left {
             let [byte] = stream.take()?;
