@@ -173,9 +173,12 @@ pub(crate) struct ExportArgs {
     #[arg(long = "as", value_name = "FORM", value_parser = parse::export_forms())]
     pub(crate) form: Option<ExportForm>,
     /// Leave out corners of triangles while the surface stays this close to the full one: in voxels of the finest
-    /// spacing (0.1), or in mm (0.05mm); at most one voxel
+    /// spacing (0.1), or in mm (0.05mm)
     #[arg(long, value_name = "BOUND", allow_hyphen_values = true)]
     pub(crate) error: Option<Tolerance>,
+    /// Make at most so many triangles; how far they are from the full surface is measured. With --error whichever comes first
+    #[arg(long, value_name = "N", allow_hyphen_values = true, value_parser = parse::triangles)]
+    pub(crate) triangles: Option<u64>,
     /// How far walls of labels may move along each axis to be smooth, in voxels, 0 to 0.5; at 0, and where labels are
     /// thin, they follow the faces of voxels [default: 0.5]
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth)]

@@ -453,11 +453,21 @@ fn export_request(args: &args::ExportArgs, form: ExportForm) -> Result<ExportReq
     if args.skin && !form.is_mask() {
         return Err(Refusal::NotOf { flag: "--skin", of: "masks (nrrd, nii, nii.gz)" });
     }
-    let of_triangles = [("--error", args.error.is_some()), ("--smooth", args.smooth.is_some())];
+    let of_triangles = [
+        ("--error", args.error.is_some()),
+        ("--triangles", args.triangles.is_some()),
+        ("--smooth", args.smooth.is_some()),
+    ];
     if let Some((flag, _)) = of_triangles.iter().find(|(_, given)| *given && !form.has_triangles()) {
         return Err(Refusal::NotOf { flag, of: TRIANGLES });
     }
-    Ok(ExportRequest { form, skin_only: args.skin, error: args.error, smooth: args.smooth })
+    Ok(ExportRequest {
+        form,
+        skin_only: args.skin,
+        error: args.error,
+        triangles: args.triangles,
+        smooth: args.smooth,
+    })
 }
 
 fn view(args: &args::ViewArgs) -> Result<ExitCode, Failure> {

@@ -101,8 +101,6 @@ pub enum UsageError {
     OneSurface { path: PathBuf },
     #[error("{}: walls are moved by 0 to half a voxel; choose {SMOOTH} in between", shown(.path))]
     SmoothRange { path: PathBuf },
-    #[error("{}: {ERROR} is {} voxels of the finest spacing here; give at most 1 voxel", shown(.path), Short(*.voxels))]
-    ErrorRange { path: PathBuf, voxels: f64 },
     #[error("{}: has no label {label}; {INFO} lists those of a model", shown(.path))]
     NoLabel {
         path: PathBuf,

@@ -390,6 +390,12 @@ pub(super) fn smooth(text: &str) -> Result<f64, String> {
     voxels.ok_or_else(|| format!("'{text}' is not a distance from 0 to {MAX_SMOOTH} voxel"))
 }
 
+/// A number of triangles.
+pub(super) fn triangles(text: &str) -> Result<u64, String> {
+    let count = text.parse().ok().filter(|count| *count > 0);
+    count.ok_or_else(|| format!("'{text}' is not a number of triangles; give 1 or more"))
+}
+
 pub(super) fn export_forms() -> impl TypedValueParser<Value = ExportForm> {
     PossibleValuesParser::new(ExportForm::ALL.map(ExportForm::name))
         .try_map(|name| ExportForm::ALL.into_iter().find(|form| form.name() == name).ok_or("no such form"))

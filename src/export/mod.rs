@@ -17,7 +17,7 @@
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | where a patch lies in its cube, and its normal |
-//! | `decimate` | fewer triangles, within a bound |
+//! | `decimate` | fewer triangles: within a bound brick by brick, or to a number |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `labels` | the same for models of labels, a part for each label |
 //! | `mask` | NRRD and NIfTI |
@@ -61,7 +61,7 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
-use decimate::Decimator;
+use decimate::{Decimator, Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
@@ -174,13 +174,15 @@ impl ExportForm {
 }
 
 /// Counts of an export.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Exported {
     /// Corners of triangles, or points.
     pub(crate) vertices: u64,
     pub(crate) triangles: u64,
     /// Triangles before they were made fewer within a bound.
     pub(crate) fine_triangles: u64,
+    /// Greatest distance between the surfaces of both, in mm, where it was measured.
+    pub(crate) distance_mm: Option<f64>,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
     /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
@@ -210,6 +212,10 @@ impl From<io::Error> for ExportStop {
     }
 }
 
+/// Cells of a model up to which a whole surface begins within this part of a voxel of the fine one; larger ones within half a
+/// voxel.
+const FIRST: [(u64, f64); 2] = [(1 << 20, 0.0), (1 << 24, 0.1)];
+
 /// Slices after which the model's pages leave memory.
 const SLICES_KEPT: u32 = 4;
 
@@ -225,6 +231,8 @@ pub(crate) struct Exporter<'a> {
     pub(crate) skin_only: bool,
     /// Fewer triangles, so many mm from these at most.
     pub(crate) error_mm: Option<f64>,
+    /// Fewer triangles, about so many.
+    pub(crate) triangles: Option<u64>,
     /// Called now and then, where what was looked at of the model can leave memory.
     pub(crate) give_back: &'a dyn Fn(),
 }
@@ -272,22 +280,70 @@ impl Exporter<'_> {
                 return self.mask(out, mask, bounds, fates, progress);
             }
             let mut sink = sink(form, out, scratch, [normals, colors])?;
-            let Some(error_mm) = self.error_mm else {
-                let made = self.feed(bounds, sink.as_mut(), fates, progress)?;
+            let made = if self.triangles.is_some() || self.error_mm.is_some_and(|mm| mm > self.voxel_mm()) {
+                self.whole(bounds, sink.as_mut(), scratch, fates, progress)?
+            } else {
+                self.within(self.error_mm, bounds, sink.as_mut(), scratch, fates, progress)?
+            };
+            if made.is_some() {
                 sink.finish()?;
-                return Ok(made);
-            };
-            let to_samples = self.to_mm(bounds).inverse().ok_or(ExportStop::Damaged)?;
-            let least = self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
-            let waiting = scratch::unnamed(scratch)?;
-            let mut decimator = Decimator::new(sink.as_mut(), to_samples, error_mm, least, waiting);
-            let Some(fine) = self.feed(bounds, &mut decimator, fates, progress)? else {
-                return Ok(None);
-            };
-            let (vertices, triangles) = decimator.finish()?;
-            sink.finish()?;
-            Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, ..fine }))
+            }
+            Ok(made)
         })
+    }
+
+    /// The least distance of two samples, in mm.
+    fn voxel_mm(&self) -> f64 {
+        self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
+    }
+
+    /// All triangles, or fewer within a distance.
+    fn within(
+        &self,
+        error_mm: Option<f64>,
+        bounds: Bounds,
+        sink: &mut dyn Sink,
+        scratch: &Path,
+        fates: Option<(u64, Fates)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Exported>, ExportStop> {
+        let Some(error_mm) = error_mm else { return self.feed(bounds, sink, fates, progress) };
+        let to_samples = self.to_mm(bounds).inverse().ok_or(ExportStop::Damaged)?;
+        let waiting = scratch::unnamed(scratch)?;
+        let mut decimator = Decimator::new(sink, to_samples, error_mm, self.voxel_mm(), waiting);
+        let Some(fine) = self.feed(bounds, &mut decimator, fates, progress)? else { return Ok(None) };
+        let (vertices, triangles) = decimator.finish()?;
+        Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, ..fine }))
+    }
+
+    /// Fewer triangles, made of all of them in memory, or of those that a small distance leaves of a large surface.
+    fn whole(
+        &self,
+        bounds: Bounds,
+        sink: &mut dyn Sink,
+        scratch: &Path,
+        fates: Option<(u64, Fates)>,
+        progress: &dyn Progress,
+    ) -> Result<Option<Exported>, ExportStop> {
+        let (mut whole, voxel_mm) = (Whole::default(), self.voxel_mm());
+        let part = FIRST
+            .into_iter()
+            .find(|(cells, _)| self.view.voxel_count() <= *cells)
+            .map_or(0.5, |found| found.1);
+        let first_mm = self.error_mm.map_or(part * voxel_mm, |mm| (part * voxel_mm).min(mm / 2.0));
+        let first = Some(first_mm).filter(|mm| *mm > 0.0);
+        let Some(made) = self.within(first, bounds, &mut whole, scratch, fates, progress)? else {
+            return Ok(None);
+        };
+        if progress.stopped() {
+            return Err(ExportStop::Stopped);
+        }
+        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm.map(|mm| mm - first_mm) };
+        let distance = whole.reduce(goal, voxel_mm);
+        let (vertices, triangles) = whole.hand_on(sink)?;
+        let fine_triangles = if first.is_some() { made.fine_triangles } else { made.triangles };
+        let distance_mm = Some(distance + first_mm);
+        Ok(Some(Exported { vertices, triangles, fine_triangles, distance_mm, ..made }))
     }
 
     /// All triangles into a sink.

@@ -38,6 +38,8 @@ pub struct ExportRequest {
     /// Corners are left out while the surface stays so close to the one that has them all, as far as is measured: in
     /// corners and middles of its triangles, and half a voxel apart on the new ones.
     pub error: Option<Tolerance>,
+    /// Corners are left out, and moved, until there are about so many triangles; with `error` until either is reached.
+    pub triangles: Option<u64>,
     /// Of labels: most voxels along each axis that walls are moved from the voxels' sides to be smooth, 0 to
     /// [`MAX_SMOOTH`], which is the default. At 0 they are the voxels' sides, and volumes are exact.
     pub smooth: Option<f64>,
@@ -46,7 +48,7 @@ pub struct ExportRequest {
 impl ExportRequest {
     /// All of a form.
     pub(super) fn of(form: ExportForm) -> Self {
-        Self { form, skin_only: false, error: None, smooth: None }
+        Self { form, skin_only: false, error: None, triangles: None, smooth: None }
     }
 
     /// Does it depend on what is inside, not on the skin alone?
@@ -72,6 +74,10 @@ pub struct ExportReport {
     /// Triangles before they were made fewer within an error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fine_triangles: Option<u64>,
+    /// Greatest distance in mm between the surface and that of the fine triangles, where it was measured: for a number of
+    /// triangles, and errors above one voxel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub distance_mm: Option<f64>,
     /// Voxels set in a mask; 0 for other forms.
     pub inside_voxels: u64,
     /// Enclosed voxels that may be inside or outside by the normals; written as the likelier, inside without normals.
@@ -101,8 +107,11 @@ pub struct ExportReport {
 /// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples. Larger
 /// leaves are taken apart into cells: it lies on their planes, as far from the surface as these do.
 ///
-/// Within an error, edges are collapsed by meshoptimizer, brick by brick of 32^3 voxels, whose borders stay: memory some
-/// MiB for each of up to four threads, temporary disk 68 bytes a corner of 32 layers, cost some microseconds a triangle.
+/// Within an error of at most a voxel, edges are collapsed by meshoptimizer, brick by brick of 32^3 voxels, whose borders
+/// stay: memory some MiB for each of up to four threads, temporary disk 68 bytes a corner of 32 layers, cost some
+/// microseconds a triangle. To a number of triangles, or within a larger error, the whole surface is in memory, some 300
+/// bytes a triangle; of more than a million cells the triangles that a tenth of a voxel leaves, of more than 16 million
+/// those that half a voxel leaves.
 ///
 /// A model of labels becomes a closed part for each label, with its name and colour where the format has them; where two
 /// labels touch, both have the same triangles. As a mask it becomes the map of its labels again.
@@ -134,7 +143,6 @@ pub fn export(
     }
     let model = open_model(input)?;
     refuse_part(&model, input, request)?;
-    refuse_wide(&model, input, request)?;
     if (request.form.has_triangles() || request.form.is_mask()) && !model.frame().labels.is_empty() {
         return labels::export_labels(input, output, &model, request, progress);
     }
@@ -151,7 +159,21 @@ pub fn export(
         .map_err(|stop| failed(stop, &model, input, output))?;
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
-    Ok(report([input, output], request.form, &model, (made, bytes, Vec::new()), start))
+    let mut report = report([input, output], request.form, &model, (made, bytes, Vec::new()), start);
+    report.warnings.extend(request.triangles.and_then(|wanted| not_reached(wanted, request, &made)));
+    Ok(report)
+}
+
+/// Why there are fewer triangles than were asked for, or more.
+fn not_reached(wanted: u64, request: ExportRequest, made: &Exported) -> Option<String> {
+    let Exported { triangles, fine_triangles, .. } = made;
+    if wanted >= *fine_triangles {
+        return Some(format!(
+            "the surface has {fine_triangles} triangles, no more than asked for; none was left out"
+        ));
+    }
+    (request.error.is_none() && *triangles > wanted)
+        .then(|| format!("fewer than {triangles} triangles would not be a closed surface"))
 }
 
 /// Gives what was written its name, unless the job is stopped; its size.
@@ -183,6 +205,7 @@ fn report(
         vertices: made.vertices,
         triangles: made.triangles,
         fine_triangles: Some(made.fine_triangles).filter(|count| *count > 0),
+        distance_mm: made.distance_mm,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
         surfaces,
@@ -201,16 +224,6 @@ fn refuse_part(model: &Model, input: &Path, request: ExportRequest) -> Result<()
         (true, Some(seen_from)) => {
             let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
             Err(UsageError::KeepsPart { path, seen_from }.into())
-        }
-        _ => Ok(()),
-    }
-}
-
-/// Refuses a bound above a voxel, which bricks are too small for.
-fn refuse_wide(model: &Model, input: &Path, request: ExportRequest) -> Result<(), Error> {
-    match request.error.map(|error| error.voxels(model.affine().spacing_mm())) {
-        Some(voxels) if voxels > 1.0 => {
-            Err(UsageError::ErrorRange { path: input.to_path_buf(), voxels }.into())
         }
         _ => Ok(()),
     }
@@ -240,6 +253,7 @@ pub(super) fn exporter_of<'a>(
         space,
         skin_only: request.skin_only,
         error_mm: request.error.map(|error| error.mm(model.affine().spacing_mm())).filter(|mm| *mm > 0.0),
+        triangles: request.triangles,
         give_back,
     }
 }
@@ -353,6 +367,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progres
         space: &space,
         skin_only: false,
         error_mm: None,
+        triangles: None,
         give_back: &|| {},
     };
     let fault = |stop| match stop {
@@ -420,7 +435,8 @@ impl ExportReport {
         let mut text =
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
         if let Some(fine) = self.fine_triangles {
-            text += &format!("  of {fine} fine triangles\n");
+            let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
+            text += &format!("  of {fine} fine triangles{}\n", apart.unwrap_or_default());
         }
         if let Some(apart) = self.apart_voxels {
             text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));

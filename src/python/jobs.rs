@@ -311,7 +311,7 @@ pub(super) fn export(
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
-    let request = ExportRequest { form, skin_only: false, error, smooth };
+    let request = ExportRequest { form, skin_only: false, error, triangles: None, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

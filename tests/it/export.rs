@@ -46,7 +46,7 @@ impl Case {
 
     fn request(name: &str, error: Option<Tolerance>) -> ExportRequest {
         let form = ExportForm::of(Path::new(name)).unwrap();
-        ExportRequest { form, skin_only: false, error, smooth: None }
+        ExportRequest { form, skin_only: false, error, triangles: None, smooth: None }
     }
 
     fn within(&self, name: &str, error: Tolerance) -> (ExportReport, Mesh) {
@@ -423,7 +423,13 @@ fn the_surface_lies_where_the_model_lies() {
             assert!(((least + most) / 2.0 - middle[axis]).abs() < 0.02, "{axis}");
         }
         // Points lie on the skin, or on the surface of cells.
-        let request = ExportRequest { form: ExportForm::Points, skin_only: false, error: None, smooth: None };
+        let request = ExportRequest {
+            form: ExportForm::Points,
+            skin_only: false,
+            error: None,
+            triangles: None,
+            smooth: None,
+        };
         export(&case.path("m.oct"), &case.path("p.ply"), request, &Silent).unwrap();
         let points = Mesh::read(&case.path("p.ply"));
         let back = affine.inverse().unwrap();

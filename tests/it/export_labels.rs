@@ -217,8 +217,13 @@ impl Surfaces {
 
 fn exported(model: &Path, name: &str, smooth: Option<f64>) -> (PathBuf, ExportReport) {
     let path = model.with_file_name(name);
-    let request =
-        ExportRequest { form: ExportForm::of(&path).unwrap(), skin_only: false, error: None, smooth };
+    let request = ExportRequest {
+        form: ExportForm::of(&path).unwrap(),
+        skin_only: false,
+        error: None,
+        triangles: None,
+        smooth,
+    };
     let report = export(model, &path, request, &Silent).unwrap();
     (path, report)
 }
@@ -362,7 +367,8 @@ fn every_format_has_a_part_a_label_with_its_name_and_colour() {
     let of = |range: &str| nodes(&text(&input), &["--range", range]);
     exported(&model, "m.3mf", None);
     assert!(nodes(&at("m.3mf"), &grid) == of("1..300"));
-    let request = ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, smooth: None };
+    let request =
+        ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, triangles: None, smooth: None };
     let report = export_each(&model, &folder.path().join("each"), request, &Silent).unwrap();
     let files: Vec<_> = report.surfaces.iter().map(|part| part.output.clone().unwrap()).collect();
     let expected = ["liver", "left__rib____more", "Liver_7", "label_9", "label_300"];
@@ -391,7 +397,13 @@ fn a_mask_of_labels_is_the_map_that_was_built() {
     for map in &maps {
         map.build(&model);
         let path = folder.path().join("m.nii");
-        let request = ExportRequest { form: ExportForm::Nifti, skin_only: false, error: None, smooth: None };
+        let request = ExportRequest {
+            form: ExportForm::Nifti,
+            skin_only: false,
+            error: None,
+            triangles: None,
+            smooth: None,
+        };
         let report = export(&model, &path, request, &Silent).unwrap();
         let bytes = fs::read(path).unwrap();
         assert_eq!((bytes[70], bytes[71], bytes[72]), (0, 2, 16));
@@ -433,7 +445,13 @@ fn a_part_is_asked_for_of_labels_only_and_distances_make_sense() {
     oct(&["export", &m, "-o", &at("m.stl"), "--error", "0.1"]).refused(2, &["cannot be simplified"]);
     oct(&["export", &m, "--each", &at("each"), "--as", "nrrd"]).refused(2, &["--each is for triangles"]);
     oct(&["export", &m]).refused(2, &["--output"]);
-    let nan = ExportRequest { form: ExportForm::Stl, skin_only: false, error: None, smooth: Some(f64::NAN) };
+    let nan = ExportRequest {
+        form: ExportForm::Stl,
+        skin_only: false,
+        error: None,
+        triangles: None,
+        smooth: Some(f64::NAN),
+    };
     let refused = export(Path::new(&m), Path::new(&at("m.stl")), nan, &Silent).unwrap_err();
     assert!(refused.to_string().contains("0 to half a voxel"), "{refused}");
     // What is kept in part has no inside, of labels neither.

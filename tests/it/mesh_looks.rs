@@ -491,7 +491,8 @@ fn colours_come_back_from_what_was_exported() {
         for (name, form) in
             [("m.ply", ExportForm::Ply), ("m.glb", ExportForm::Glb), ("points.ply", ExportForm::Points)]
         {
-            let request = ExportRequest { form, skin_only: false, error: None, smooth: None };
+            let request =
+                ExportRequest { form, skin_only: false, error: None, triangles: None, smooth: None };
             export(&at("a.oct"), &at(name), request, &infobyte::progress::Silent).unwrap();
             if form == ExportForm::Points {
                 continue;

@@ -14,6 +14,10 @@
 mod near;
 mod patch;
 mod spool;
+mod tree;
+mod whole;
+
+pub(super) use whole::{Goal, Whole};
 
 use std::collections::HashMap;
 use std::fs::File;

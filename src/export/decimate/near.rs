@@ -6,7 +6,7 @@ use crate::geom::{Nearest, add_scaled, cross, dot, nearest_on_triangle};
 const CELLS: usize = 12;
 
 /// A triangle made ready for many points.
-struct Facet {
+pub(super) struct Facet {
     a: [f64; 3],
     ab: [f64; 3],
     ac: [f64; 3],
@@ -28,13 +28,13 @@ impl Item {
 }
 
 impl Facet {
-    fn new([a, b, c]: [[f64; 3]; 3]) -> Self {
+    pub(super) fn new([a, b, c]: [[f64; 3]; 3]) -> Self {
         let (ab, ac) = (add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
         Self { a, ab, ac, products: [dot(ab, ab), dot(ab, ac), dot(ac, ac)] }
     }
 
     /// The box around it.
-    fn span(&self) -> [[f64; 3]; 2] {
+    pub(super) fn span(&self) -> [[f64; 3]; 2] {
         let corners = [self.a, add_scaled(self.a, 1.0, self.ab), add_scaled(self.a, 1.0, self.ac)];
         let of = |fold: fn(f64, f64) -> f64| {
             std::array::from_fn(|a| corners.map(|p| p[a]).into_iter().reduce(fold).unwrap_or(0.0))
@@ -49,16 +49,16 @@ impl Facet {
         normal.map(|c| c / length)
     }
 
-    /// Does the point lie within so many mm?
+    /// Squared distance of a point.
     #[inline]
-    fn is_near(&self, p: [f64; 3], within: f64) -> bool {
+    pub(super) fn square(&self, p: [f64; 3]) -> f64 {
         let ap = add_scaled(p, -1.0, self.a);
         let [v, w] = match nearest_on_triangle([dot(self.ab, ap), dot(self.ac, ap)], self.products) {
             Nearest::Border(weights) => weights,
             Nearest::Face([va, vb, vc]) => [vb, vc].map(|area| area / (va + vb + vc)),
         };
         let away = add_scaled(add_scaled(ap, -v, self.ab), -w, self.ac);
-        dot(away, away) <= within * within
+        dot(away, away)
     }
 }
 
@@ -152,7 +152,7 @@ impl Near {
 
     /// Does the point lie as near to the triangles as was asked?
     pub(super) fn holds(&mut self, p: [f64; 3]) -> bool {
-        let is_near = |number: usize| self.facets[number].is_near(p, self.within);
+        let is_near = |number: usize| self.facets[number].square(p) <= self.within * self.within;
         if self.last < self.facets.len() && is_near(self.last) {
             return true;
         }

@@ -52,7 +52,7 @@ fn edge(a: u32, b: u32) -> Edge {
 }
 
 /// All edges in order.
-fn edges(faces: &[[u32; 3]]) -> Vec<Edge> {
+pub(super) fn edges(faces: &[[u32; 3]]) -> Vec<Edge> {
     let mut edges = Vec::with_capacity(3 * faces.len());
     for [a, b, c] in faces {
         edges.extend([edge(*a, *b), edge(*b, *c), edge(*c, *a)]);
@@ -167,7 +167,7 @@ impl Patch {
 
 /// Do all points of a triangle hold, in rows `step` mm apart or less, and as far from each other?
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
-fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
+pub(super) fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
     let ways = [0, 1, 2].map(|k| add_scaled(corners[(k + 1) % 3], -1.0, corners[k]));
     let squares = ways.map(|way| dot(way, way));
     let longest = (0..3).max_by(|i, j| squares[*i].total_cmp(&squares[*j])).unwrap_or(0);

@@ -134,7 +134,7 @@ fn mesh(
     request: ExportRequest,
     progress: &dyn Progress,
 ) -> Result<LabelMesh, Error> {
-    if request.error.is_some() {
+    if request.error.is_some() || request.triangles.is_some() {
         let (path, doing) = (input.to_path_buf(), "simplified");
         return Err(UsageError::Labels { path, doing }.into());
     }

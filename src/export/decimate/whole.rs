@@ -1,0 +1,208 @@
+//! Fewer triangles of a whole surface in memory: to a number, or within any distance.
+//!
+//! Edges are collapsed by meshoptimizer (quadric error metrics, Garland and Heckbert 1997), which moves the corners that
+//! stay to where its metric is least; no borders of bricks are left. The metric is no distance. That is measured afterwards:
+//! from corners and middles of the triangles before to those after, and from points of these, half a voxel apart, back.
+//! Where the surface would touch itself, or triangles lose their area, the fine triangles around are kept.
+
+use std::collections::HashMap;
+use std::io;
+
+use meshopt::{SimplifyOptions, SimplifyVertex};
+use rayon::prelude::*;
+
+use super::patch::{edges, lattice};
+use super::tree::Tree;
+use crate::export::write::{Sink, Vertex};
+use crate::geom::{add_scaled, cross, dot};
+
+/// What is asked of the metric, as parts of the distance, one after the other.
+const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
+
+/// How often fine corners may be kept around what went wrong, each time of a place twice as large.
+const ROUNDS: u32 = 6;
+
+/// Triangles that a thread measures at a time.
+const CHUNK: usize = 1024;
+
+/// What stops the reduction, whichever comes first.
+#[derive(Clone, Copy, Debug)]
+pub(in crate::export) struct Goal {
+    pub(in crate::export) triangles: Option<u64>,
+    pub(in crate::export) error_mm: Option<f64>,
+}
+
+/// A surface in memory.
+///
+/// Memory: some 300 bytes a triangle while it is reduced.
+#[derive(Debug, Default)]
+pub(in crate::export) struct Whole {
+    vertices: Vec<Vertex>,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Sink for Whole {
+    fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
+        self.vertices.push(*vertex);
+        Ok(())
+    }
+
+    fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
+        self.faces.push(corners);
+        Ok(())
+    }
+}
+
+/// A candidate: corners, relative to the first one, and triangles.
+struct Fewer {
+    at: Vec<[f32; 3]>,
+    faces: Vec<[u32; 3]>,
+}
+
+impl Whole {
+    /// Makes the triangles fewer; how far the surface is from the one before, in mm.
+    pub(in crate::export) fn reduce(&mut self, goal: Goal, voxel_mm: f64) -> f64 {
+        let wanted = goal.triangles.map_or(0, |count| usize::try_from(count).unwrap_or(usize::MAX));
+        let (Some(first), true) = (self.vertices.first().map(|vertex| vertex.at), wanted < self.faces.len())
+        else {
+            return 0.0;
+        };
+        // Near the origin, where 32 bits tell more places apart.
+        let at =
+            self.vertices.iter().map(|vertex| std::array::from_fn(|a| vertex.at[a] - first[a])).collect();
+        let fine = Fewer { at, faces: std::mem::take(&mut self.faces) };
+        let tree = Tree::new(fine.triangles());
+        for part in TRIES {
+            let limit = goal.error_mm.map_or(f64::INFINITY, |mm| part * mm);
+            let Some(fewer) = fine.collapsed(wanted, limit, voxel_mm) else { continue };
+            let distance = fewer.distance_mm(&fine, &tree, voxel_mm);
+            if goal.error_mm.is_none_or(|mm| distance <= mm) {
+                for (vertex, at) in self.vertices.iter_mut().zip(&fewer.at) {
+                    vertex.at = std::array::from_fn(|a| at[a] + first[a]);
+                }
+                self.faces = fewer.faces;
+                return distance;
+            }
+        }
+        self.faces = fine.faces;
+        0.0
+    }
+
+    /// Hands on the corners that triangles have, and the triangles; their numbers.
+    pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<(u64, u64)> {
+        let mut news = vec![u32::MAX; self.vertices.len()];
+        let mut count = 0;
+        for face in &self.faces {
+            for corner in face {
+                let new = &mut news[*corner as usize];
+                if *new == u32::MAX {
+                    *new = count;
+                    count += 1;
+                    to.vertex(&self.vertices[*corner as usize])?;
+                }
+            }
+            let at = face.map(|corner| self.vertices[corner as usize].at);
+            to.triangle(face.map(|corner| news[corner as usize]), at)?;
+        }
+        Ok((count.into(), self.faces.len() as u64))
+    }
+}
+
+impl Fewer {
+    fn triangles(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
+        self.faces.iter().map(|face| self.corners(face))
+    }
+
+    fn corners(&self, face: &[u32; 3]) -> [[f64; 3]; 3] {
+        face.map(|corner| self.at[corner as usize].map(f64::from))
+    }
+
+    /// About so many triangles, or as many as keep the metric below a limit in mm. Where triangles without area would be left, or
+    /// edges of other than two triangles, the fine corners around stay as they are; `None` if that does not help.
+    fn collapsed(&self, wanted: usize, limit: f64, voxel_mm: f64) -> Option<Self> {
+        #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
+        let limit = limit.min(f64::from(f32::MAX)) as f32;
+        let mut locks = vec![SimplifyVertex::empty(); self.at.len()];
+        for round in 1..=ROUNDS {
+            let (mut at, mut numbers) = (self.at.clone(), self.faces.as_flattened().to_vec());
+            let (target, options) = (3 * wanted, SimplifyOptions::ErrorAbsolute);
+            let (indices, places) = (&mut numbers[..], &mut at[..]);
+            let count = meshopt::simplify_with_update(
+                indices,
+                places,
+                &mut [],
+                &[],
+                0,
+                Some(&locks),
+                target,
+                limit,
+                options,
+                None,
+            );
+            numbers.truncate(count);
+            let fewer = Self { at, faces: numbers.as_chunks().0.to_vec() };
+            let faults = fewer.faults();
+            if faults.is_empty() {
+                return Some(fewer);
+            }
+            let reach = f64::from(1 << round) * voxel_mm;
+            locks.par_iter_mut().zip(&self.at).for_each(|(lock, at)| {
+                let away = |fault: &[f32; 3]| add_scaled(at.map(f64::from), -1.0, fault.map(f64::from));
+                if faults.iter().map(away).any(|away| dot(away, away) <= reach * reach) {
+                    *lock = SimplifyVertex::Lock;
+                }
+            });
+        }
+        None
+    }
+
+    /// Corners of triangles without area, and of edges that have other than two triangles where corners at one place are one.
+    fn faults(&self) -> Vec<[f32; 3]> {
+        let mut firsts = HashMap::new();
+        // Zeros of both signs are one place.
+        let place = |at: [f32; 3]| at.map(|c| (c + 0.0).to_bits());
+        let merged: Vec<u32> =
+            (0..).zip(&self.at).map(|(number, at)| *firsts.entry(place(*at)).or_insert(number)).collect();
+        let faces: Vec<[u32; 3]> = self.faces.iter().map(|face| face.map(|c| merged[c as usize])).collect();
+        let edges = edges(&faces);
+        let is_twice = |pair: &[u64]| pair[0] == pair[1];
+        let twice = edges.windows(2).filter(|pair| is_twice(pair)).map(|pair| pair[0]);
+        let open = edges.iter().copied().filter(|edge| edges.binary_search(&edge.rotate_left(32)).is_err());
+        let ends = |edge: u64| [edge >> 32, edge & u64::from(u32::MAX)];
+        let of_edges = twice.chain(open).flat_map(ends).filter_map(|corner| usize::try_from(corner).ok());
+        let is_flat = |face: &&[u32; 3]| {
+            let [a, b, c] = self.corners(face);
+            let normal = cross(add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
+            dot(normal, normal) <= 0.0
+        };
+        let of_faces = self.faces.iter().filter(is_flat).flatten().map(|corner| *corner as usize);
+        of_edges.chain(of_faces).map(|corner| self.at[corner]).collect()
+    }
+
+    /// The greatest distance from another surface, and of that one from this.
+    fn distance_mm(&self, fine: &Self, fine_tree: &Tree, voxel_mm: f64) -> f64 {
+        let tree = Tree::new(self.triangles());
+        let worst =
+            |surface: &Self, to: &Tree, each: &(dyn Fn([[f64; 3]; 3], &mut dyn FnMut([f64; 3])) + Sync)| {
+                let chunks = surface.faces.par_chunks(CHUNK).map(|faces| {
+                    let (mut seed, mut worst) = (0, 0.0_f64);
+                    for face in faces {
+                        each(surface.corners(face), &mut |p| worst = worst.max(to.square(p, &mut seed)));
+                    }
+                    worst
+                });
+                chunks.reduce(|| 0.0, f64::max)
+            };
+        let there = worst(fine, &tree, &|corners, point| {
+            corners.into_iter().for_each(&mut *point);
+            point(std::array::from_fn(|k| (corners[0][k] + corners[1][k] + corners[2][k]) / 3.0));
+        });
+        let back = worst(self, fine_tree, &|corners, point| {
+            lattice(corners, 0.5 * voxel_mm, |p| {
+                point(p);
+                true
+            });
+        });
+        there.max(back).sqrt()
+    }
+}
