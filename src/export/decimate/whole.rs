@@ -22,8 +22,12 @@ const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
 /// How often fine corners may be kept around what went wrong, each time of a place twice as large.
 const ROUNDS: u32 = 6;
 
+/// How often fine corners are kept around the places that are farthest away, and what part of the greatest distance these have.
+const REFINEMENTS: u32 = 3;
+const WORST: f64 = 0.75;
+
 /// Triangles that a thread measures at a time.
-const CHUNK: usize = 1024;
+const CHUNK: usize = 64;
 
 /// What stops the reduction, whichever comes first.
 #[derive(Clone, Copy, Debug)]
@@ -72,20 +76,37 @@ impl Whole {
             self.vertices.iter().map(|vertex| std::array::from_fn(|a| vertex.at[a] - first[a])).collect();
         let fine = Fewer { at, faces: std::mem::take(&mut self.faces) };
         let tree = Tree::new(fine.triangles());
-        for part in TRIES {
-            let limit = goal.error_mm.map_or(f64::INFINITY, |mm| part * mm);
-            let Some(fewer) = fine.collapsed(wanted, limit, voxel_mm) else { continue };
-            let distance = fewer.distance_mm(&fine, &tree, voxel_mm);
-            if goal.error_mm.is_none_or(|mm| distance <= mm) {
-                for (vertex, at) in self.vertices.iter_mut().zip(&fewer.at) {
-                    vertex.at = std::array::from_fn(|a| at[a] + first[a]);
+        let reduced = |limit: f64, locks: &mut Locks| {
+            let fewer = fine.collapsed(wanted, limit, locks)?;
+            let (distance, worst) = fewer.apart(&fine, &tree, voxel_mm);
+            Some((distance, worst, fewer))
+        };
+        let none = || Locks { all: vec![SimplifyVertex::empty(); fine.at.len()], voxel_mm };
+        let found = match goal.error_mm {
+            Some(mm) => TRIES
+                .into_iter()
+                .find_map(|part| reduced(part * mm, &mut none()).filter(|(distance, ..)| *distance <= mm)),
+            None => {
+                let mut locks = none();
+                let mut best = reduced(f64::INFINITY, &mut locks);
+                for _ in 0..REFINEMENTS {
+                    let Some((distance, worst, _)) = &best else { break };
+                    locks.add(&fine, worst, 1.0);
+                    let next = reduced(f64::INFINITY, &mut locks).filter(|next| next.0 < *distance);
+                    best = next.or(best);
                 }
-                self.faces = fewer.faces;
-                return distance;
+                best
             }
+        };
+        let Some((distance, _, fewer)) = found else {
+            self.faces = fine.faces;
+            return 0.0;
+        };
+        for (vertex, at) in self.vertices.iter_mut().zip(&fewer.at) {
+            vertex.at = std::array::from_fn(|a| at[a] + first[a]);
         }
-        self.faces = fine.faces;
-        0.0
+        self.faces = fewer.faces;
+        distance
     }
 
     /// Hands on the corners that triangles have, and the triangles; their numbers.
@@ -119,10 +140,9 @@ impl Fewer {
 
     /// About so many triangles, or as many as keep the metric below a limit in mm. Where triangles without area would be left, or
     /// edges of other than two triangles, the fine corners around stay as they are; `None` if that does not help.
-    fn collapsed(&self, wanted: usize, limit: f64, voxel_mm: f64) -> Option<Self> {
+    fn collapsed(&self, wanted: usize, limit: f64, locks: &mut Locks) -> Option<Self> {
         #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
         let limit = limit.min(f64::from(f32::MAX)) as f32;
-        let mut locks = vec![SimplifyVertex::empty(); self.at.len()];
         for round in 1..=ROUNDS {
             let (mut at, mut numbers) = (self.at.clone(), self.faces.as_flattened().to_vec());
             let (target, options) = (3 * wanted, SimplifyOptions::ErrorAbsolute);
@@ -133,7 +153,7 @@ impl Fewer {
                 &mut [],
                 &[],
                 0,
-                Some(&locks),
+                Some(&locks.all),
                 target,
                 limit,
                 options,
@@ -145,13 +165,7 @@ impl Fewer {
             if faults.is_empty() {
                 return Some(fewer);
             }
-            let reach = f64::from(1 << round) * voxel_mm;
-            locks.par_iter_mut().zip(&self.at).for_each(|(lock, at)| {
-                let away = |fault: &[f32; 3]| add_scaled(at.map(f64::from), -1.0, fault.map(f64::from));
-                if faults.iter().map(away).any(|away| dot(away, away) <= reach * reach) {
-                    *lock = SimplifyVertex::Lock;
-                }
-            });
+            locks.add(self, &faults, f64::from(1 << round));
         }
         None
     }
@@ -179,30 +193,61 @@ impl Fewer {
         of_edges.chain(of_faces).map(|corner| self.at[corner]).collect()
     }
 
-    /// The greatest distance from another surface, and of that one from this.
-    fn distance_mm(&self, fine: &Self, fine_tree: &Tree, voxel_mm: f64) -> f64 {
+    /// The greatest distance from another surface, or of that one from this, and points near which it is not much smaller.
+    fn apart(&self, fine: &Self, fine_tree: &Tree, voxel_mm: f64) -> (f64, Vec<[f32; 3]>) {
         let tree = Tree::new(self.triangles());
-        let worst =
-            |surface: &Self, to: &Tree, each: &(dyn Fn([[f64; 3]; 3], &mut dyn FnMut([f64; 3])) + Sync)| {
-                let chunks = surface.faces.par_chunks(CHUNK).map(|faces| {
-                    let (mut seed, mut worst) = (0, 0.0_f64);
-                    for face in faces {
-                        each(surface.corners(face), &mut |p| worst = worst.max(to.square(p, &mut seed)));
-                    }
-                    worst
-                });
-                chunks.reduce(|| 0.0, f64::max)
-            };
-        let there = worst(fine, &tree, &|corners, point| {
-            corners.into_iter().for_each(&mut *point);
-            point(std::array::from_fn(|k| (corners[0][k] + corners[1][k] + corners[2][k]) / 3.0));
+        let there = fine.farthest(&tree, &|[a, b, c], point| {
+            [a, b, c, std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)].into_iter().for_each(point);
         });
-        let back = worst(self, fine_tree, &|corners, point| {
+        let back = self.farthest(fine_tree, &|corners, point| {
             lattice(corners, 0.5 * voxel_mm, |p| {
                 point(p);
                 true
             });
         });
-        there.max(back).sqrt()
+        let all = || there.iter().chain(&back);
+        let most = all().fold(0.0, |most, (square, _)| square.max(most));
+        let worst = all().filter(|(square, _)| *square > WORST * WORST * most).map(|(_, at)| *at);
+        (most.sqrt(), worst.collect())
+    }
+
+    /// Of each so many triangles the point that is farthest from a surface: its squared distance, and where it is.
+    #[expect(clippy::cast_possible_truncation, reason = "back to single precision")]
+    fn farthest(&self, from: &Tree, points: &Points<'_>) -> Vec<(f64, [f32; 3])> {
+        let chunks = self.faces.par_chunks(CHUNK).map(|faces| {
+            let (mut seed, mut worst) = (0, (0.0, [0.0; 3]));
+            for face in faces {
+                points(self.corners(face), &mut |p| {
+                    let square = from.square(p, &mut seed);
+                    if square > worst.0 {
+                        worst = (square, p.map(|c| c as f32));
+                    }
+                });
+            }
+            worst
+        });
+        chunks.collect()
+    }
+}
+
+/// Hands over points of a triangle.
+type Points<'p> = dyn Fn([[f64; 3]; 3], &mut dyn FnMut([f64; 3])) + Sync + 'p;
+
+/// Fine corners that stay where they are.
+struct Locks {
+    all: Vec<SimplifyVertex>,
+    voxel_mm: f64,
+}
+
+impl Locks {
+    /// Adds those within so many voxels of some places.
+    fn add(&mut self, fine: &Fewer, places: &[[f32; 3]], voxels: f64) {
+        let square = (voxels * self.voxel_mm).powi(2);
+        self.all.par_iter_mut().zip(&fine.at).for_each(|(lock, at)| {
+            let away = |place: &[f32; 3]| add_scaled(at.map(f64::from), -1.0, place.map(f64::from));
+            if places.iter().map(away).any(|away| dot(away, away) <= square) {
+                *lock = SimplifyVertex::Lock;
+            }
+        });
     }
 }
