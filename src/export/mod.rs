@@ -693,6 +693,7 @@ mod tests {
             space: &space,
             skin_only: false,
             error_mm: None,
+            triangles: None,
             give_back: &|| {},
         };
         let bounds = extent(exporter.view).unwrap();

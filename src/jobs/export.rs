@@ -172,8 +172,11 @@ fn not_reached(wanted: u64, request: ExportRequest, made: &Exported) -> Option<S
             "the surface has {fine_triangles} triangles, no more than asked for; none was left out"
         ));
     }
-    (request.error.is_none() && *triangles > wanted)
-        .then(|| format!("fewer than {triangles} triangles would not be a closed surface"))
+    (request.error.is_none() && *triangles > wanted).then(|| {
+        format!(
+            "no closed surface of {wanted} triangles was found; {triangles} are the fewest that were tried"
+        )
+    })
 }
 
 /// Gives what was written its name, unless the job is stopped; its size.

@@ -338,13 +338,18 @@ impl Handle {
     fn triangles<'py>(
         &self,
         py: Python<'py>,
+        most: Option<u64>,
         progress: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let mesh = watched(py, progress, |progress| {
             check(&self.bytes.0, &self.path)?;
             let mesh = triangles(&self.model, progress);
             check(&self.bytes.0, &self.path)?;
-            mesh
+            let mut mesh = mesh?;
+            if let Some(most) = most {
+                mesh.reduce(most, self.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min));
+            }
+            Ok(mesh)
         })?;
         let arrays = PyDict::new(py);
         arrays.set_item("vertices", PyArray1::from_vec(py, mesh.vertices.into_flattened()))?;

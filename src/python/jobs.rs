@@ -297,11 +297,11 @@ pub(super) fn export(
     py: Python<'_>,
     files: (PathBuf, PathBuf),
     form: Option<&str>,
-    error: Option<&str>,
+    fewer: (Option<&str>, Option<u64>),
     smooth: Option<f64>,
     progress: Watcher<'_, '_>,
 ) -> PyResult<String> {
-    let (input, output) = files;
+    let ((input, output), (error, most)) = (files, fewer);
     let form = match form {
         Some(name) => ExportForm::ALL.into_iter().find(|form| form.name() == name),
         None => ExportForm::of(&output),
@@ -311,7 +311,7 @@ pub(super) fn export(
         usage(py, &format!("the name of the output does not say what it is; choose a form of {names}"))
     })?;
     let error = error.map(str::parse).transpose().map_err(|sentence: String| usage(py, &sentence))?;
-    let request = ExportRequest { form, skin_only: false, error, triangles: None, smooth };
+    let request = ExportRequest { form, skin_only: false, error, triangles: most, smooth };
     let report =
         watched(py, progress, |progress| crate::jobs::export::export(&input, &output, request, progress))?;
     json(py, &report)

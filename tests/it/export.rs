@@ -384,6 +384,63 @@ fn meshes_within_an_error_are_closed_smaller_and_near() {
     }
 }
 
+/// To a number, within more than a voxel, and both: closed where corners at one place are one, and as near as stated.
+#[test]
+fn meshes_of_a_number_of_triangles_are_closed_and_as_near_as_stated() {
+    let wavy = |p: [u32; 3]| {
+        let [x, y, z] = p.map(f64::from);
+        let wave = 3.0 * (x * 0.4).sin() * (y * 0.35).cos() * (z * 0.3).cos();
+        (18.0 - ((x - 24.0).powi(2) + (y - 22.0).powi(2) + (z - 26.0).powi(2)).sqrt() + wave) as f32
+    };
+    let affine = Affine { rows: [[0.5, 0.0, 0.0, -40.0], [0.0, -0.5, 0.0, 3.0], [0.0, 0.0, 1.0, 900.0]] };
+    for surface in [SurfaceKind::Cells, SurfaceKind::Skin] {
+        let case = Case::new([48, 46, 52], surface, affine, wavy);
+        let fine = case.mesh();
+        let old = Surface::of(fine.faces());
+        let reduced = |name: &str, triangles: Option<u64>, error: Option<f64>| {
+            let request = ExportRequest { triangles, ..Case::request(name, error.map(Tolerance::Mm)) };
+            export(&case.path("m.oct"), &case.path(name), request, &Silent).unwrap()
+        };
+        let mut wide = u64::MAX;
+        for (triangles, error) in [
+            (Some(5000), None),
+            (Some(500), None),
+            (None, Some(0.8)),
+            (None, Some(1.6)),
+            (Some(500), Some(0.6)),
+        ] {
+            let report = reduced("few.ply", triangles, error);
+            let mesh = Mesh::read(&case.path("few.ply"));
+            mesh.is_closed_manifold();
+            let places: HashSet<_> = mesh.corners.iter().map(|p| p.map(f32::to_bits)).collect();
+            assert_eq!(places.len(), mesh.corners.len());
+            assert_eq!(report.triangles, mesh.triangles.len() as u64);
+            let stated = report.distance_mm.unwrap();
+            assert!(error.is_none_or(|error| stated <= error), "{stated}");
+            match (triangles, error) {
+                (Some(wanted), None) => assert!((wanted * 99 / 100..=wanted).contains(&report.triangles)),
+                (Some(wanted), Some(_)) => assert!(report.triangles >= wanted * 99 / 100),
+                (None, _) => {
+                    assert!(report.triangles < wide, "{}", report.triangles);
+                    wide = report.triangles;
+                }
+            }
+            let middle = |t: &[[f64; 3]; 3]| [0, 1, 2].map(|k| (t[0][k] + t[1][k] + t[2][k]) / 3.0);
+            let new = Surface::of(mesh.faces());
+            let there = old.triangles.iter().map(|t| new.distance(t[0]).max(new.distance(middle(t))));
+            let back = new.triangles.iter().map(|t| old.distance(middle(t)));
+            let found = there.chain(back).fold(0.0, f64::max);
+            assert!(found <= stated + 1e-4 && stated <= 2.0 * found, "{stated} of {found}");
+        }
+        let all = reduced("all.ply", Some(1 << 40), None);
+        assert_eq!((all.triangles, all.distance_mm), (fine.triangles.len() as u64, Some(0.0)));
+        assert!(all.warnings[0].contains("no more than asked for"), "{:?}", all.warnings);
+        assert!(reduced("one.ply", Some(1), None).warnings[0].contains("no closed surface of 1"));
+    }
+    let none = oct(&["export", "m.oct", "-o", "m.stl", "--triangles", "0"]);
+    none.refused(2, &["'0' is not a number of triangles; give 1 or more"]);
+}
+
 #[test]
 fn noise_of_cells_is_closed_too() {
     for (seed, percent) in [(7, 20), (8, 50), (9, 80)] {
@@ -567,7 +624,6 @@ fn options_that_do_not_apply() {
     run(&stl, &["--skin"]).refused(2, &["--skin", "masks"]);
     run(&case.path("m.nrrd"), &["--error", "0.1"]).refused(2, &["--error", "triangles"]);
     run(&stl, &["--error", "-1"]).refused(2, &["--error", "-1"]);
-    run(&stl, &["--error", "1.01"]).refused(2, &["--error", "1.01 voxels", "at most 1"]);
     run(&stl, &["--error", "1e300mm"]).refused(2, &["--error", "at most 1"]);
     assert_eq!(fs::read(&stl).unwrap(), before);
     assert_eq!(run(&case.path("other.stl"), &["--as", "nrrd", "--force"]).code, 0);

@@ -17,7 +17,7 @@ mod spool;
 mod tree;
 mod whole;
 
-pub(super) use whole::{Goal, Whole};
+pub(super) use whole::{Goal, Whole, reduce};
 
 use std::collections::HashMap;
 use std::fs::File;

@@ -7,6 +7,7 @@
 
 use std::collections::HashMap;
 use std::io;
+use std::iter::successors;
 
 use meshopt::{SimplifyOptions, SimplifyVertex};
 use rayon::prelude::*;
@@ -19,8 +20,12 @@ use crate::geom::{add_scaled, cross, dot};
 /// What is asked of the metric, as parts of the distance, one after the other.
 const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
 
-/// How often fine corners may be kept around what went wrong, each time of a place twice as large.
-const ROUNDS: u32 = 6;
+/// Triangles of the smallest closed surface.
+const LEAST: usize = 4;
+
+/// How often fine corners may be kept around what went wrong, and how far from there, in voxels.
+const ROUNDS: u32 = 8;
+const FAULT_REACH: f64 = 2.0;
 
 /// How often fine corners are kept around the places that are farthest away, and what part of the greatest distance these have.
 const REFINEMENTS: u32 = 3;
@@ -63,49 +68,62 @@ struct Fewer {
     faces: Vec<[u32; 3]>,
 }
 
+/// Makes triangles fewer and moves their corners; how far the surface is from the one before, in mm.
+pub(in crate::export) fn reduce(
+    places: &mut [[f32; 3]],
+    triangles: &mut Vec<[u32; 3]>,
+    goal: Goal,
+    voxel_mm: f64,
+) -> f64 {
+    let wanted = goal.triangles.map_or(0, |count| usize::try_from(count).unwrap_or(usize::MAX)).max(LEAST);
+    let (Some(first), true) = (places.first().copied(), wanted < triangles.len()) else {
+        return 0.0;
+    };
+    // Near the origin, where 32 bits tell more places apart.
+    let at = places.iter().map(|at| std::array::from_fn(|a| at[a] - first[a])).collect();
+    let fine = Fewer { at, faces: std::mem::take(triangles) };
+    let tree = Tree::new(fine.triangles());
+    let reduced = |wanted: usize, limit: f64, locks: &mut Locks| {
+        let fewer = fine.collapsed(wanted, limit, locks)?;
+        let (distance, worst) = fewer.apart(&fine, &tree, voxel_mm);
+        Some((distance, worst, fewer))
+    };
+    let none = || Locks { all: vec![SimplifyVertex::empty(); fine.at.len()], voxel_mm };
+    let found = match goal.error_mm {
+        Some(mm) => TRIES.into_iter().find_map(|part| {
+            reduced(wanted, part * mm, &mut none()).filter(|(distance, ..)| *distance <= mm)
+        }),
+        // Where no sound surface of so many triangles is found, one of twice as many may be.
+        None => successors(Some(wanted), |count| count.checked_mul(2))
+            .take_while(|count| *count < fine.faces.len())
+            .find_map(|count| {
+                let mut locks = none();
+                let mut best = reduced(count, f64::INFINITY, &mut locks)?;
+                for _ in 0..REFINEMENTS {
+                    locks.add(&fine, &best.1, 1.0);
+                    let next = reduced(count, f64::INFINITY, &mut locks).filter(|next| next.0 < best.0);
+                    best = next.unwrap_or(best);
+                }
+                Some(best)
+            }),
+    };
+    let Some((distance, _, fewer)) = found else {
+        *triangles = fine.faces;
+        return 0.0;
+    };
+    for (place, at) in places.iter_mut().zip(&fewer.at) {
+        *place = std::array::from_fn(|a| at[a] + first[a]);
+    }
+    *triangles = fewer.faces;
+    distance
+}
+
 impl Whole {
     /// Makes the triangles fewer; how far the surface is from the one before, in mm.
     pub(in crate::export) fn reduce(&mut self, goal: Goal, voxel_mm: f64) -> f64 {
-        let wanted = goal.triangles.map_or(0, |count| usize::try_from(count).unwrap_or(usize::MAX));
-        let (Some(first), true) = (self.vertices.first().map(|vertex| vertex.at), wanted < self.faces.len())
-        else {
-            return 0.0;
-        };
-        // Near the origin, where 32 bits tell more places apart.
-        let at =
-            self.vertices.iter().map(|vertex| std::array::from_fn(|a| vertex.at[a] - first[a])).collect();
-        let fine = Fewer { at, faces: std::mem::take(&mut self.faces) };
-        let tree = Tree::new(fine.triangles());
-        let reduced = |limit: f64, locks: &mut Locks| {
-            let fewer = fine.collapsed(wanted, limit, locks)?;
-            let (distance, worst) = fewer.apart(&fine, &tree, voxel_mm);
-            Some((distance, worst, fewer))
-        };
-        let none = || Locks { all: vec![SimplifyVertex::empty(); fine.at.len()], voxel_mm };
-        let found = match goal.error_mm {
-            Some(mm) => TRIES
-                .into_iter()
-                .find_map(|part| reduced(part * mm, &mut none()).filter(|(distance, ..)| *distance <= mm)),
-            None => {
-                let mut locks = none();
-                let mut best = reduced(f64::INFINITY, &mut locks);
-                for _ in 0..REFINEMENTS {
-                    let Some((distance, worst, _)) = &best else { break };
-                    locks.add(&fine, worst, 1.0);
-                    let next = reduced(f64::INFINITY, &mut locks).filter(|next| next.0 < *distance);
-                    best = next.or(best);
-                }
-                best
-            }
-        };
-        let Some((distance, _, fewer)) = found else {
-            self.faces = fine.faces;
-            return 0.0;
-        };
-        for (vertex, at) in self.vertices.iter_mut().zip(&fewer.at) {
-            vertex.at = std::array::from_fn(|a| at[a] + first[a]);
-        }
-        self.faces = fewer.faces;
+        let mut places: Vec<[f32; 3]> = self.vertices.iter().map(|vertex| vertex.at).collect();
+        let distance = reduce(&mut places, &mut self.faces, goal, voxel_mm);
+        self.vertices.iter_mut().zip(places).for_each(|(vertex, at)| vertex.at = at);
         distance
     }
 
@@ -143,7 +161,7 @@ impl Fewer {
     fn collapsed(&self, wanted: usize, limit: f64, locks: &mut Locks) -> Option<Self> {
         #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
         let limit = limit.min(f64::from(f32::MAX)) as f32;
-        for round in 1..=ROUNDS {
+        for _ in 0..ROUNDS {
             let (mut at, mut numbers) = (self.at.clone(), self.faces.as_flattened().to_vec());
             let (target, options) = (3 * wanted, SimplifyOptions::ErrorAbsolute);
             let (indices, places) = (&mut numbers[..], &mut at[..]);
@@ -162,10 +180,10 @@ impl Fewer {
             numbers.truncate(count);
             let fewer = Self { at, faces: numbers.as_chunks().0.to_vec() };
             let faults = fewer.faults();
-            if faults.is_empty() {
+            if faults.is_empty() && !fewer.faces.is_empty() {
                 return Some(fewer);
             }
-            locks.add(self, &faults, f64::from(1 << round));
+            locks.add(self, &faults, FAULT_REACH);
         }
         None
     }

@@ -453,16 +453,17 @@ class Model:
             distance.reshape(shape), position.reshape(places), normal.reshape(places), side.reshape(shape), cell.reshape(shape)
         )
 
-    def to_mesh(self, *, progress: Progress = False) -> Mesh:
+    def to_mesh(self, *, triangles: int | None = None, progress: Progress = False) -> Mesh:
         """The surface as triangles: closed, no edge of more than two.
 
-        Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `progress` as
-        that of `build`.
+        Of cells it is true below the voxel; of skin voxels it runs half-way between samples. `triangles`: at most so many,
+        as `oct export --triangles`. `progress` as that of `build`.
 
         Raises `UsageError` for a model that keeps only what can be seen.
         """
+        _refuse_no_triangles(triangles)
         with bar(progress) as told:
-            arrays = self._handle.triangles(told)
+            arrays = self._handle.triangles(triangles, told)
         three = {name: array.reshape(-1, 3) for name, array in arrays.items()}
         optional = [three[name] if len(three[name]) else None for name in ("normals", "colors")]
         return Mesh(three["vertices"], three["faces"], *optional)
@@ -516,22 +517,29 @@ class Model:
         form: Form | None = None,
         *,
         error: float | str | None = None,
+        triangles: int | None = None,
         smooth: float | None = None,
         progress: Progress = False,
     ) -> dict[str, Any]:
         """Writes triangles, points, a mask or a page to a file, as `oct export`: `form` by the name of the file, or as given.
 
         `error`: leaves out corners of triangles while the surface stays so close to the full one, in voxels (`0.1`) or as
-        `'0.05mm'`. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`;
+        `'0.05mm'`; `triangles`: makes at most so many, with `error` whichever comes first. Of a model of labels triangles have a part for each label; `smooth` as `oct export --smooth`;
         `progress` as that of `build`.
         """
+        _refuse_no_triangles(triangles)
         within = None if error is None else str(error)
         with bar(progress) as told:
-            return loads(_infobyte.export((self.path, os.fspath(output)), form, within, smooth, told))
+            return loads(_infobyte.export((self.path, os.fspath(output)), form, (within, triangles), smooth, told))
 
     def verify(self) -> dict[str, Any]:
         """Checks every byte of the file; the keys of `oct verify`. Raises `InputError` with the first rule broken."""
         return loads(_infobyte.verify(self.path))
+
+
+def _refuse_no_triangles(count: int | None) -> None:
+    if count is not None and count < 1:
+        raise UsageError(f"triangles is {count}; give 1 or more")
 
 
 def loads(text: str) -> dict[str, Any]:

@@ -256,8 +256,13 @@ def test_triangles_are_closed(ball, surface):
     assert np.array_equal(faces["faces"], mesh.faces)
     within = model.export("b.ply", error="0.3mm")
     assert within["triangles"] < within["fine_triangles"] / 2 and within["fine_triangles"] == len(mesh.faces)
+    fewer = model.to_mesh(triangles=1000)
+    assert len(fewer.faces) == model.export("b.ply", triangles=1000)["triangles"] == 1000 and closed(fewer.faces)
+    assert fewer.faces.max() + 1 == len(fewer.vertices) == len(fewer.vertex_normals)
     with pytest.raises(infobyte.UsageError):
         model.export("b.ply", error="-1")
+    with pytest.raises(infobyte.UsageError, match="give 1 or more"):
+        model.to_mesh(triangles=0)
     with pytest.raises(ZeroDivisionError):
         infobyte.build(ball_of(256), "b.oct", iso=0, progress=False).to_mesh(progress=lambda *_: 1 / 0)
 

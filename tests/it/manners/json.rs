@@ -117,6 +117,7 @@ fn every_report_is_what_its_schema_says() {
         ("pack", oct(&["unpack", &at("p.oct"), "-o", &at("u.oct"), "--json"]).json()),
         ("intersect", oct(&["intersect", &model, &model, "--move", "3,0,0", "--json"]).json()),
         ("export", oct(&["export", &model, "-o", &at("m.stl"), "--error", "0.1", "--json"]).json()),
+        ("export", oct(&["export", &model, "-o", &at("m.stl"), "--triangles", "500", "--json"]).json()),
         ("render", oct(&["render", &model, "-o", &at("p.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["render", &scene, "-o", &at("q.png"), "--size", "30x20", "--json"]).json()),
         ("render", oct(&["thumbnail", &model, "-o", &at("t.png"), "--json"]).json()),
