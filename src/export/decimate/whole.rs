@@ -17,7 +17,7 @@ use super::tree::Tree;
 use crate::export::write::{Sink, Vertex};
 use crate::geom::{add_scaled, cross, dot};
 
-/// What is asked of the metric, as parts of the distance, one after the other.
+/// Limits of the metric, as parts of the distance, tried one after the other.
 const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
 
 /// Triangles of the smallest closed surface.
@@ -34,7 +34,7 @@ const WORST: f64 = 0.75;
 /// Triangles that a thread measures at a time.
 const CHUNK: usize = 64;
 
-/// What stops the reduction, whichever comes first.
+/// Limits of the reduction, whichever comes first.
 #[derive(Clone, Copy, Debug)]
 pub(in crate::export) struct Goal {
     pub(in crate::export) triangles: Option<u64>,
@@ -229,7 +229,7 @@ impl Fewer {
         (most.sqrt(), worst.collect())
     }
 
-    /// Of each so many triangles the point that is farthest from a surface: its squared distance, and where it is.
+    /// The point of each chunk of triangles that is farthest from a surface: its squared distance, and where it is.
     #[expect(clippy::cast_possible_truncation, reason = "back to single precision")]
     fn farthest(&self, from: &Tree, points: &Points<'_>) -> Vec<(f64, [f32; 3])> {
         let chunks = self.faces.par_chunks(CHUNK).map(|faces| {

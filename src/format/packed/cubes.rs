@@ -302,7 +302,7 @@ struct Node {
     class: usize,
     /// The boxes that an encoder has to code.
     given: u8,
-    /// Those that are coded.
+    /// Boxes that are coded.
     mask: u8,
 }
 

@@ -38,7 +38,7 @@ pub(super) struct Inputs(pub(super) [i32; 8]);
 #[repr(align(16))]
 pub(super) struct Quad(pub(super) [u32; 4]);
 
-/// What three keys find in their pairs of slots. A slot holds a number in its high half, a count and a key in its low bytes.
+/// The slots of three keys, one of each pair. A slot holds a number in its high half, a count and a key in its low bytes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Found {
     /// The slot of each pair that has the key, else the one of the lower count, made new.

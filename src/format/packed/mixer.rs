@@ -76,8 +76,8 @@ static LOGITS: [i16; 4096] = {
     logits
 };
 
-/// What follows from how often a slot was seen: 65536 / (n + 3/2), rounded down, in the low half; how often it will have been
-/// in the next byte; a class (0; 1 and 2; 3 to 7; more) in the highest. Counts of damaged slots are held to the most.
+/// The step of a slot that was seen n times, 65536 / (n + 3/2), rounded down, in the low half; its next count in the next
+/// byte; a class of n (0; 1 and 2; 3 to 7; more) in the highest. Counts of damaged slots are held to the most.
 static COUNTS: [u32; 256] = {
     let mut counts = [0; 256];
     let mut i = 0;
