@@ -15,6 +15,7 @@ use infobyte::clean::Preset;
 use infobyte::text::shown;
 
 use crate::args::Cli;
+use crate::streams::write_to_stdout;
 
 /// The values of an option that has few, where the command line parses them by a rule of its own.
 fn values(option: &str) -> Option<Vec<&'static str>> {
@@ -56,13 +57,7 @@ pub(crate) fn completions(shell: Shell) -> Result<ExitCode, Error> {
     // Written to memory first: the generator does not bear a reader that goes away.
     let mut script = Vec::new();
     generate(shell, &mut completed(Cli::command()), "oct", &mut script);
-    let mut stdout = io::stdout().lock();
-    match stdout.write_all(&script).and_then(|()| stdout.flush()) {
-        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::Output { path: "standard output".into(), cause })
-        }
-        _ => Ok(ExitCode::SUCCESS),
-    }
+    write_to_stdout(&script)
 }
 
 /// Writes `oct.1` and a page for each command, such as `oct-build.1`, and prints their names.

@@ -52,7 +52,7 @@ use args::{Cli, Command, Switch, cores};
 use bars::{Bars, BatchBars};
 use failure::{Dash, Failure, Refusal, Written, one_line, tell};
 use pictures::print_picture;
-use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash};
+use streams::{Input, Output, check_suffixes, copy_to_stdout, is_dash, refuse_dash, write_to_stdout};
 
 fn main() -> ExitCode {
     jobs::map_large_buffers();
@@ -657,11 +657,5 @@ pub(crate) fn print<T: Serialize>(
 
 /// Prints a text. A reader that has gone away (`oct info x | head -1`) is not an error.
 fn put(text: &str) -> Result<ExitCode, Error> {
-    let mut stdout = io::stdout().lock();
-    match stdout.write_all(plain(text, true).as_bytes()).and_then(|()| stdout.flush()) {
-        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::Output { path: "standard output".into(), cause })
-        }
-        _ => Ok(ExitCode::SUCCESS),
-    }
+    write_to_stdout(plain(text, true).as_bytes())
 }

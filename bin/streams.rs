@@ -1,7 +1,7 @@
 //! `-` for standard input and output, and names that say what kind of file they are.
 
 use std::fs::File;
-use std::io::{self, IsTerminal};
+use std::io::{self, IsTerminal, Write};
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
@@ -10,7 +10,7 @@ use infobyte::text::call;
 use tempfile::TempDir;
 
 use crate::failure::{Dash, Failure, Refusal, Written};
-use crate::platform::hidden_file;
+use crate::platform::{hidden_file, is_reader_gone};
 
 /// Standard input or output, where the name of a file is expected.
 pub(crate) fn is_dash(path: &Path) -> bool {
@@ -95,10 +95,18 @@ impl Output {
 /// Copies a file to standard output. A reader that has gone away is not an error.
 pub(crate) fn copy_to_stdout(path: &Path) -> Result<ExitCode, Error> {
     let copied = File::open(path).and_then(|mut file| io::copy(&mut file, &mut io::stdout().lock()));
-    match copied {
-        Err(cause) if cause.kind() != io::ErrorKind::BrokenPipe => {
-            Err(Error::Output { path: "standard output".into(), cause })
-        }
+    put(copied.map(drop))
+}
+
+/// Writes all to standard output, as [`copy_to_stdout`] does.
+pub(crate) fn write_to_stdout(bytes: &[u8]) -> Result<ExitCode, Error> {
+    let mut stdout = io::stdout().lock();
+    put(stdout.write_all(bytes).and_then(|()| stdout.flush()))
+}
+
+fn put(written: io::Result<()>) -> Result<ExitCode, Error> {
+    match written {
+        Err(cause) if !is_reader_gone(&cause) => Err(Error::Output { path: "standard output".into(), cause }),
         _ => Ok(ExitCode::SUCCESS),
     }
 }

@@ -6,6 +6,7 @@
 #   scripts/windows.sh --build    builds the release program
 #   scripts/windows.sh            builds both release programs and compares; some fifteen minutes on two cores
 #   scripts/windows.sh OCT OCT_EXE    compares these two
+#   scripts/windows.sh --tests    compiles the integration tests and runs all that tests/windows.txt does not exclude
 #
 # Needs mingw and, to compare, Wine: installed with apt where they are missing and that can be done. INFOBYTE_DATA names a
 # folder of real data for more cases. Wine is no Windows: what passes here was not run there.
@@ -34,8 +35,13 @@ fi
 if [ "${1:-}" = --build ]; then
     exec cargo build --locked --release --bin oct --target $target
 fi
+it=''
 if [ $# = 2 ]; then
     oct=$(realpath "$1") exe=$(realpath "$2")
+elif [ "${1:-}" = --tests ]; then
+    built=$(cargo test --locked --no-run --test it --target $target 2>&1) || { echo "$built" && exit 1; }
+    it=$(realpath "$(sed -n 's/.*Executable tests.*(\(.*\))$/\1/p' <<<"$built")")
+    exe=$(dirname "$it")/../oct.exe
 else
     cargo build --locked --release
     cargo build --locked --release --bin oct --target $target
@@ -59,6 +65,35 @@ RANDOM_NUMBERS
     x86_64-w64-mingw32-gcc -O1 -shared -o "$work/bcryptprimitives.dll" "$work/random.c" -ladvapi32
 fi
 wine "$work/oct.exe" --version
+
+if [ "$it" ]; then
+    # Of each module what is not excluded, within a time limit.
+    cp "$it" "$work/it.exe"
+    export OCT_BINARY=$work/oct.exe
+    wine "$work/it.exe" --list 2>/dev/null </dev/null | tr -d '\r' | sed -n 's/: test$//p' | sort >"$work/all"
+    sed -n 's/^\([a-z_0-9:]*\) .*/\1/p' tests/windows.txt | sort >"$work/excluded"
+    if ! diff <(comm -23 "$work/excluded" "$work/all") /dev/null; then
+        echo "windows: tests/windows.txt excludes tests that do not exist" && exit 1
+    fi
+    comm -23 "$work/all" "$work/excluded" >"$work/due"
+    for module in $(cut -d: -f1 "$work/due" | uniq); do
+        # shellcheck disable=SC2046  # words
+        timeout -k 5 "${INFOBYTE_MODULE_S:-900}" wine "$work/it.exe" --exact $(grep "^$module::" "$work/due") </dev/null >"$work/said" 2>&1 || true
+        tr -d '\r' <"$work/said" >>"$work/log"
+        printf '\r%-70s' "$module, $(grep -c '^test .* ok$' "$work/log") of $(wc -l <"$work/due")" >&2
+    done
+    echo >&2
+    sed -n 's/^test \(.*\) \.\.\. ok$/\1/p' "$work/log" | sort >"$work/passed"
+    passed=$(wc -l <"$work/passed")
+    if ! diff "$work/due" "$work/passed" >"$work/failed"; then
+        grep -A 3 "panicked at" "$work/log" || true
+        sed -n 's/^< /windows: failed, or not over in time: /p' "$work/failed"
+        exit 1
+    fi
+    [ "$passed" -ge 600 ] || { echo "windows: only $passed tests passed" && exit 1; }
+    echo "windows: $passed integration tests passed under Wine, $(wc -l <"$work/excluded") are excluded with reasons"
+    exit 0
+fi
 
 fixtures=$(realpath fixtures)
 data=${INFOBYTE_DATA:-}

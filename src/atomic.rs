@@ -78,6 +78,7 @@ impl AtomicFile {
         if target.file_name().is_none() {
             return Err(TargetFault::NoFileName.into());
         }
+        let target = platform::of_any_length(target);
         let folder = match target.parent() {
             Some(parent) if !parent.as_os_str().is_empty() => parent.to_path_buf(),
             _ => PathBuf::from("."),
@@ -86,7 +87,7 @@ impl AtomicFile {
             Ok(file) => Storage::Unnamed(file),
             // A clear refusal; anything else may be a file system without unnamed files.
             Err(cause) if is_final(&cause) => return Err(cause),
-            Err(_) => Storage::Named(named(&folder)?),
+            Err(_) => Storage::Named(named(&folder).map_err(|cause| not_made(cause, &folder))?),
         };
         Ok(Self { target, folder, storage })
     }
@@ -155,6 +156,16 @@ fn is_final(cause: &io::Error) -> bool {
             | Kind::NotADirectory
             | Kind::StorageFull
     )
+}
+
+/// The cause why no file was made in a folder: some systems say of a file where a folder is needed that it is missing.
+fn not_made(cause: io::Error, folder: &Path) -> io::Error {
+    let is_file = || folder.ancestors().any(Path::is_file);
+    if cause.kind() == io::ErrorKind::NotFound && is_file() {
+        io::ErrorKind::NotADirectory.into()
+    } else {
+        cause
+    }
 }
 
 /// A file with a name that [`sweep`] knows. Here a process that is killed does leave its file: the first one that comes

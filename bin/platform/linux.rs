@@ -70,6 +70,11 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
     let _ = unsafe { low_level::register(SIGBUS, tell) };
 }
 
+/// True if nobody reads what is written.
+pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
+    cause.kind() == io::ErrorKind::BrokenPipe
+}
+
 /// Shows an address in the user's browser, where there is a desktop; whether that works is not waited for.
 pub(crate) fn open_browser(address: &str) {
     if ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some()) {

@@ -15,6 +15,13 @@ pub(crate) fn hidden_file(path: &Path, _: &Path) -> io::Result<File> {
     File::create_new(path)
 }
 
+/// True if nobody reads what is written.
+pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
+    /// The system's number for a pipe whose other end was closed.
+    const PIPE_NOT_CONNECTED: i32 = 233;
+    cause.kind() == io::ErrorKind::BrokenPipe || cause.raw_os_error() == Some(PIPE_NOT_CONNECTED)
+}
+
 /// Shows an address in the user's browser; whether that works is not waited for.
 pub(crate) fn open_browser(address: &str) {
     let quiet = std::process::Stdio::null;

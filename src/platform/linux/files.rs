@@ -41,6 +41,11 @@ pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
     folder.join(name)
 }
 
+/// The path itself: none is too long in one form and not in another.
+pub(crate) fn of_any_length(path: PathBuf) -> PathBuf {
+    path
+}
+
 /// Nothing by its name: devices have places of their own.
 pub(crate) fn is_device(_: &Path) -> bool {
     false

@@ -135,6 +135,17 @@ pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
     path.into()
 }
 
+/// A path in the form that may have any length, where it comes near the 260 characters that others may have.
+pub(crate) fn of_any_length(path: PathBuf) -> PathBuf {
+    /// Room for the name of a temporary file beside it is left.
+    const NEAR: usize = 200;
+    let is_long = std::path::absolute(&path).is_ok_and(|whole| whole.as_os_str().len() > NEAR);
+    let folder =
+        path.parent().map(|folder| if folder.as_os_str().is_empty() { Path::new(".") } else { folder });
+    let whole = || Some(std::fs::canonicalize(folder?).ok()?.join(path.file_name()?));
+    if is_long { whole().unwrap_or(path) } else { path }
+}
+
 /// True for a path that leads to a device, whatever its folder and suffix are.
 pub(crate) fn is_device(path: &Path) -> bool {
     path.file_name().is_some_and(|name| super::super::is_device_name(&name.to_string_lossy()))

@@ -1,6 +1,6 @@
 //! Runs the `oct` command as a user would, and reads what it says.
 
-use std::ffi::OsStr;
+use std::ffi::{OsStr, OsString};
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -57,6 +57,19 @@ impl Run {
     }
 }
 
+/// Arguments with the caps that this system needs: on Windows its libraries count, some 20 MiB under Wine. Caps below 4 MiB are
+/// too small everywhere.
+fn with_caps<S: AsRef<OsStr>>(args: &[S]) -> Vec<OsString> {
+    let mut args: Vec<OsString> = args.iter().map(|arg| arg.as_ref().to_owned()).collect();
+    for at in (1..args.len()).filter(|_| cfg!(windows)) {
+        let mib = args[at].to_str().and_then(|cap| cap.strip_suffix("MiB")?.parse::<f64>().ok());
+        if let Some(mib) = mib.filter(|mib| args[at - 1] == "--memory" && (4.0..20.0).contains(mib)) {
+            args[at] = format!("{}MiB", mib + 20.0).into();
+        }
+    }
+    args
+}
+
 /// Runs `oct` with arguments. Builds without `--surface` or `--labels` are of skin voxels, since most tests count voxels;
 /// [`shell`] runs builds of the default surface.
 pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
@@ -67,6 +80,7 @@ pub(crate) fn oct<S: AsRef<OsStr>>(args: &[S]) -> Run {
         .any(|arg| ["--surface", "--labels", "--help", "-h"].iter().any(|name| arg.as_ref() == *name));
     let skin: &[&str] = if is_build && !says { &["--surface", "skin"] } else { &[] };
     // Before what may follow two dashes.
+    let args = with_caps(args);
     let (first, rest) = args.split_at(args.len().min(1));
     Run::of(&Command::new(binary()).args(first).args(skin).args(rest).stdin(Stdio::null()).output().unwrap())
 }
@@ -85,9 +99,10 @@ pub(crate) fn shell<S: AsRef<OsStr>>(script: &str, args: &[S]) -> Run {
     Run::of(&command.output().unwrap())
 }
 
-/// Path as text.
+/// Path as text, with `/` on every system.
 pub(crate) fn text(path: &Path) -> String {
-    path.to_str().unwrap().to_owned()
+    let text = path.to_str().unwrap();
+    if cfg!(windows) { text.replace('\\', "/") } else { text.to_owned() }
 }
 
 /// Names in a folder, hidden ones too, sorted.
@@ -126,7 +141,7 @@ pub(crate) fn measured_build(input: &Path, output: &Path, extra: &[&str]) -> (Va
     };
     let args = ["build", &text(input), "-o", &text(output), "--json"];
     let skin: &[&str] = if extra.contains(&"--surface") { &[] } else { &["--surface", "skin"] };
-    let done = command.args(args).args(skin).args(extra).stdin(Stdio::null()).output().unwrap();
+    let done = command.args(args).args(skin).args(with_caps(extra)).stdin(Stdio::null()).output().unwrap();
     let stderr = String::from_utf8_lossy(&done.stderr);
     assert!(done.status.success(), "{input:?} {extra:?}: {stderr}");
     let peak = fs::read_to_string(&peak_file).ok().map(|kib| kib.trim().parse::<u64>().unwrap() * 1024);
