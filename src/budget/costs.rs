@@ -33,10 +33,6 @@
 /// touch covers that, as `tests/it/memory.rs` and `scripts/memory.py` show.
 pub(crate) const CODE_BYTES: u64 = if cfg!(debug_assertions) { 6 << 20 } else { 4 << 20 };
 
-/// By how much [`super::MemoryCap::held`] differs between two runs of the same job: largest less smallest
-/// `RssAnon` at the same place. Added where the smallest cap is stated, so that it does work.
-pub(crate) const HELD_SPREAD: u64 = 192 << 10;
-
 /// By how much the peak differs between two runs that open the same input, code included: which pages are mapped
 /// with those that run depends on where the program lies in memory.
 pub(crate) const OPENING_SPREAD: u64 = 384 << 10;
@@ -44,7 +40,7 @@ pub(crate) const OPENING_SPREAD: u64 = 384 << 10;
 /// The smallest cap is stated in steps of this: less than the spread, and a number that people can read.
 pub const STATED_STEP: u64 = 64 << 10;
 
-pub(crate) use crate::platform::MAPPED_FROM;
+pub(crate) use crate::platform::{HELD_SPREAD, MAPPED_FROM};
 
 // ---- Workers.
 

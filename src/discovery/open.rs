@@ -11,7 +11,7 @@ use crate::budget::Budget;
 use crate::discovery::NotVolume;
 use crate::fault::{Fault, FaultKind, bad, unfit, usage};
 use crate::mesh;
-use crate::platform::open_file;
+use crate::platform::{Placed, open_file};
 use crate::progress::Silent;
 use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
 use crate::source::{
@@ -548,7 +548,7 @@ fn refuse_file(path: &Path) -> SourceError {
 fn head_of(file: &File) -> Vec<u8> {
     let mut head = Vec::new();
     // What cannot be read is not known.
-    let _ = file.take(HEAD_BYTES as u64).read_to_end(&mut head);
+    let _ = Placed::new(file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head);
     head
 }
 

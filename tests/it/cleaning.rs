@@ -240,7 +240,10 @@ fn noise_at_the_percolation_density_stays_within_the_cap() {
         // GNU time where there is one; the program's own figure everywhere.
         let (inside, outside) = (number(&report, "peak_rss_bytes"), outside.unwrap_or(0));
         println!("{extra:?}: {inside} and {outside} of {}, {}", cap << 20, report["cleaning"]);
-        assert!(inside > 0 && inside.max(outside) <= cap << 20, "{extra:?}: {inside} {outside}");
+        assert!(
+            inside > 0 && inside.max(outside) <= (cap + SYSTEM_MIB) << 20,
+            "{extra:?}: {inside} {outside}"
+        );
         if extra.contains(&"6") {
             assert!(number(&report["cleaning"], "components") > 500_000, "{report}");
         }

@@ -175,9 +175,10 @@ fn bytes_do_not_depend_on_memory_or_threads_and_a_bound_of_nothing_changes_none(
         "{}",
         run.stdout
     );
-    let read =
-        std::process::Command::new("python3").arg("scripts/read_oct.py").arg(at("m")).output().unwrap();
-    assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    if cfg!(unix) {
+        let read = Command::new("python3").arg("scripts/read_oct.py").arg(at("m")).output().unwrap();
+        assert!(read.status.success(), "{}", String::from_utf8_lossy(&read.stderr));
+    }
 }
 
 /// I19, and what of I1, I4, I5, I7, I10 and I14 is about larger leaves.

@@ -3,7 +3,7 @@
 pub(crate) use crate::common::assembled::{AssembledVoxel, OptionalSections, assemble};
 pub(crate) use crate::common::bodies::Scan;
 pub(crate) use crate::common::command::{
-    Run, binary, measured_build, names, oct, shell, smallest_budget, text,
+    Run, SYSTEM_MIB, binary, measured_build, names, oct, shell, smallest_budget, text,
 };
 pub(crate) use crate::common::containers::{archive, glb};
 pub(crate) use crate::common::counting::{Taken, measured};

@@ -11,6 +11,10 @@ use std::fs;
 /// keep what is freed; stages whose memory the next one needs read through such small ones.
 pub(crate) const MAPPED_FROM: usize = 128 << 10;
 
+/// By how much [`own_rss_bytes`](super::own_rss_bytes) differs between two runs of the same job: largest less smallest
+/// `RssAnon` at the same place. Added where the smallest cap is stated, so that it does work.
+pub(crate) const HELD_SPREAD: u64 = 192 << 10;
+
 /// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
 ///
 /// Left alone, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers

@@ -57,14 +57,16 @@ impl Run {
     }
 }
 
-/// Arguments with the caps that this system needs: on Windows its libraries count, some 20 MiB under Wine. Caps below 4 MiB are
-/// too small everywhere.
+/// By how much caps are larger than on Linux: on Windows the system's libraries count, some 20 MiB under Wine.
+pub(crate) const SYSTEM_MIB: u64 = if cfg!(windows) { 20 } else { 0 };
+
+/// Arguments with the caps that this system needs. Caps below 4 MiB are too small everywhere.
 fn with_caps<S: AsRef<OsStr>>(args: &[S]) -> Vec<OsString> {
     let mut args: Vec<OsString> = args.iter().map(|arg| arg.as_ref().to_owned()).collect();
     for at in (1..args.len()).filter(|_| cfg!(windows)) {
         let mib = args[at].to_str().and_then(|cap| cap.strip_suffix("MiB")?.parse::<f64>().ok());
         if let Some(mib) = mib.filter(|mib| args[at - 1] == "--memory" && (4.0..20.0).contains(mib)) {
-            args[at] = format!("{}MiB", mib + 20.0).into();
+            args[at] = format!("{}MiB", mib + SYSTEM_MIB as f64).into();
         }
     }
     args

@@ -58,7 +58,9 @@ fn models_come_from_standard_input_and_go_to_standard_output() {
     assert_eq!(names(here), ["ball.oct", "ball.raw", "p.png"]);
     // A reader that goes away is not a failure.
     let gone = r#"cd "$1"; "$OCT" render ball.oct -o - --size 900x900 | head -c 10 > /dev/null; echo $?"#;
-    assert_eq!(shell(gone, &[text(here)]).stderr, "");
+    if cfg!(unix) {
+        assert_eq!(shell(gone, &[text(here)]).stderr, "");
+    }
 }
 
 #[test]
