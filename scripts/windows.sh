@@ -53,7 +53,7 @@ needs wine wine wine64
 work=$(mktemp -d)
 export WINEPREFIX=$work/prefix WINEDEBUG=-all
 # Its server is that of this prefix alone.
-trap 'wineserver -k 2>/dev/null || true; wineserver -w 2>/dev/null || true; rm -rf "$work"' EXIT
+trap 'umount "$work/killed/full" 2>/dev/null || true; wineserver -k 2>/dev/null || true; wineserver -w 2>/dev/null || true; rm -rf "$work"' EXIT
 cp "$exe" "$work/oct.exe"
 if ! wine "$work/oct.exe" --version >/dev/null 2>&1; then
     # Wine before 9 lacks the library from which the standard library takes random numbers.
@@ -149,6 +149,21 @@ both plan synthetic:head@64 --parts 2 --out job --iso 400
 both part job/plan.json 0
 both part job/plan.json 1
 both merge job/plan.json -o merged.oct
+both build synthetic:gyroid@48 -o 'größe 中.oct' --quiet
+# Paths of more than 260 characters.
+long=$(printf 'long%.0s' {1..30})
+mkdir -p "$work"/{linux,wine}/"$long/$long/$long" "$work"/{linux,wine}/{job,odd}
+both build synthetic:gyroid@48 -o "$long/$long/$long/m.oct" --quiet
+both verify "$long/$long/$long/m.oct"
+# Standard input and output are bytes.
+(cd "$work/linux" && "$oct" pack - -o - <cells.oct >piped.oct)
+(cd "$work/wine" && wine "$work/oct.exe" pack - -o - <cells.oct >piped.oct)
+(cd "$work/wine" && wine "$work/oct.exe" render - -o - --size 400 <cells.oct | head -c 9 >/dev/null)
+# A name that is no Unicode.
+cp "$work/linux/skin.nrrd" "$work/linux/odd/$(printf 'caf\351').nrrd"
+cp "$work/linux/odd"/* "$work/wine/odd"
+both batch odd --out job/odd --quiet
+cmp "$work"/{linux,wine}/job/odd/*.oct
 ends_with 3 verify absent.oct
 ends_with 3 build absent.nrrd -o never.oct
 ends_with 3 verify "$fixtures/x_cut.oct"
@@ -183,10 +198,23 @@ fi
 at() { (cd "$work/killed" && exec wine "$work/oct.exe" "$@"); }
 no_output() {
     local code=0
-    at build synthetic:head@32 -o "$1" --quiet --force 2>"$work/said.wine" || code=$?
-    [ "$code" = 5 ] || { echo "windows: exit code $code for the output $1, where 5 is due" && exit 1; }
+    at build synthetic:head@96 -o "$@" --quiet --force 2>"$work/said.wine" || code=$?
+    if [ "$code" != 5 ] || [ "$(grep -c '^oct: ' "$work/said.wine")" != 1 ]; then
+        echo "windows: exit code $code for the output $*, where 5 is due, with one sentence" && exit 1
+    fi
 }
-mkdir "$work/killed"
+mkdir -p "$work/killed/full"
+# A full disk.
+if mount -t tmpfs -o size=64k none "$work/killed/full" 2>/dev/null; then
+    no_output full/m.oct
+    no_output full/m.oct --scratch .
+    no_output m.oct --scratch full
+    left=$(find "$work/killed" -type f)
+    umount "$work/killed/full"
+    [ -z "$left" ] || { echo "windows: a full disk left $left" && exit 1; }
+else
+    echo "windows: skipped: no disk can be mounted that is full"
+fi
 for name in con.oct lpt1.oct 'a<b.oct' "$(printf 'a%.0s' {1..300}).oct"; do no_output "$name"; done
 at build synthetic:gyroid@48 -o old.oct --quiet
 at build synthetic:gyroid@96 -o new.oct --quiet
@@ -197,16 +225,20 @@ no_output old.oct
 kill -9 $viewer
 wait $viewer 2>/dev/null || true
 
-# Whenever a build is killed, the old model is there, or the new one.
+# On a console there are bars.
+(cd "$work/killed" && timeout 120 script -qec "wine '$work/oct.exe' build synthetic:gyroid@160 -o bars.oct" /dev/null </dev/null) >"$work/console"
+grep -q '█.*%' "$work/console" || { echo "windows: no bar on a console" && exit 1; }
+
+# Whenever a build is killed, or ended by Ctrl-C, the old model is there, or the new one.
 begun=${EPOCHREALTIME/./}
 at build synthetic:gyroid@96 -o killed.oct --quiet
 usual=$((${EPOCHREALTIME/./} - begun))
-for _ in {1..100}; do
+for number in {1..100}; do
     cp "$work/killed/old.oct" "$work/killed/killed.oct"
     at build synthetic:gyroid@96 -o killed.oct --quiet --force 2>/dev/null &
     building=$!
     sleep "$(printf '0.%06d' $((usual * RANDOM / 32768 % 1000000)))"
-    kill -9 $building 2>/dev/null || true
+    kill -$((number % 4 ? 9 : 2)) $building 2>/dev/null || true
     wait $building 2>/dev/null || true
     if ! cmp -s "$work/killed/killed.oct" "$work/killed/old.oct" && ! cmp -s "$work/killed/killed.oct" "$work/killed/new.oct"; then
         echo "windows: a build that was killed left a damaged model" && exit 1

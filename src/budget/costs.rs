@@ -49,7 +49,7 @@ pub(crate) const WORKER_STACK: usize = 512 << 10;
 
 /// A worker's stack as far as it is touched, its allocator arena and small change: anonymous memory of a build
 /// with two threads, less that with one, less the buffers of one worker.
-pub(crate) const WORKER_OVERHEAD: u64 = 192 << 10;
+pub(crate) const WORKER_OVERHEAD: u64 = (192 << 10) + crate::platform::THREAD_BYTES;
 
 /// Memory that a job holds outside its workers, and that the allocator wastes, in a process that does other things too:
 /// the census, the output's buffer, the walk over the bricks, and the rounding of some twenty buffers.

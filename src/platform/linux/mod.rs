@@ -10,6 +10,6 @@ pub(crate) use files::*;
 pub(crate) use machine::*;
 pub use memory::*;
 pub(crate) use resident::give_back_pages;
-pub(crate) use resident::{HELD_SPREAD, MAPPED_FROM};
+pub(crate) use resident::{HELD_SPREAD, MAPPED_FROM, THREAD_BYTES};
 pub use resident::{give_back, map_large_buffers};
 pub(crate) use torn::Watched;

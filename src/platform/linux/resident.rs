@@ -15,6 +15,9 @@ pub(crate) const MAPPED_FROM: usize = 128 << 10;
 /// `RssAnon` at the same place. Added where the smallest cap is stated, so that it does work.
 pub(crate) const HELD_SPREAD: u64 = 192 << 10;
 
+/// Bytes of a thread that the budget's own figures do not count: none.
+pub(crate) const THREAD_BYTES: u64 = 0;
+
 /// Fixes the size from which buffers are mapped, for programs that promise their resident memory.
 ///
 /// Left alone, glibc raises that size whenever a larger buffer is freed, up to 32 MiB; from then on buffers

@@ -60,12 +60,12 @@ impl Run {
 /// By how much caps are larger than on Linux: on Windows the system's libraries count, some 20 MiB under Wine.
 pub(crate) const SYSTEM_MIB: u64 = if cfg!(windows) { 20 } else { 0 };
 
-/// Arguments with the caps that this system needs. Caps below 4 MiB are too small everywhere.
+/// Arguments with the caps that this system needs. Caps below 6 MiB are too small everywhere.
 fn with_caps<S: AsRef<OsStr>>(args: &[S]) -> Vec<OsString> {
     let mut args: Vec<OsString> = args.iter().map(|arg| arg.as_ref().to_owned()).collect();
     for at in (1..args.len()).filter(|_| cfg!(windows)) {
         let mib = args[at].to_str().and_then(|cap| cap.strip_suffix("MiB")?.parse::<f64>().ok());
-        if let Some(mib) = mib.filter(|mib| args[at - 1] == "--memory" && (4.0..20.0).contains(mib)) {
+        if let Some(mib) = mib.filter(|mib| args[at - 1] == "--memory" && (6.0..=24.0).contains(mib)) {
             args[at] = format!("{}MiB", mib + SYSTEM_MIB as f64).into();
         }
     }
