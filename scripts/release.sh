@@ -48,6 +48,11 @@ if [ $quick = no ]; then
     mkdir "$work/$windows"
     cp -r "$folder"/{LICENSE-APACHE,LICENSE-MIT,README.md,CHANGELOG.md} "$work/$windows"
     cp "${CARGO_TARGET_DIR:-target}/x86_64-pc-windows-gnu/release/oct.exe" "$work/$windows"
+    # Windows has no library of the compiler's.
+    if x86_64-w64-mingw32-objdump -p "$work/$windows/oct.exe" | grep 'DLL Name: .*\(lib\|pthread\)'; then
+        echo "release: oct.exe needs libraries of mingw" >&2
+        exit 1
+    fi
     "$oct" completions powershell >"$work/$windows/oct.ps1"
     rm -f "dist/$windows.zip"
     (cd "$work" && python3 -m zipfile -c "$OLDPWD/dist/$windows.zip" "$windows")
