@@ -225,6 +225,21 @@ no_output old.oct
 kill -9 $viewer
 wait $viewer 2>/dev/null || true
 
+# Two threads keep to the cap, or one is used; a refusal names a cap that works.
+for mib in 1 20 21 22 22 23 23 24 24 24; do
+    capped() { at build synthetic:head@256 -o capped.oct --quiet --force --threads 2 --memory "$1KiB" --json 2>/dev/null; }
+    kib=$((mib << 10)) code=0
+    said=$(capped $kib) || code=$?
+    if [ $code = 4 ]; then
+        kib=$(sed -n 's/.*--memory \([0-9]*\)KiB works.*/\1/p' <<<"$said")
+        said=$(capped "$kib")
+    fi
+    peak=$(sed -n 's/.*"peak_rss_bytes":\([0-9]*\).*/\1/p' <<<"$said")
+    if [ "$((peak >> 10))" -gt "$kib" ]; then
+        echo "windows: a peak of $((peak >> 10)) KiB above the cap of $kib" && exit 1
+    fi
+done
+
 # On a console there are bars.
 (cd "$work/killed" && timeout 120 script -qec "wine '$work/oct.exe' build synthetic:gyroid@160 -o bars.oct" /dev/null </dev/null) >"$work/console"
 grep -q '█.*%' "$work/console" || { echo "windows: no bar on a console" && exit 1; }
