@@ -422,6 +422,8 @@ fn what_is_missing_is_left_out_and_what_is_damaged_is_refused() {
         voxels(&build(std::slice::from_ref(&obj), asked, 1, 8).unwrap()).iter().all(|v| v.color.is_none())
     );
     assert_eq!(notes(&obj), ["a.obj takes colours from looks.mtl, which is not there"]);
+    put(folder.path(), "looks.mtl", b"newmtl another\nKd 1 0 0\n");
+    assert_eq!(notes(&obj), ["a.obj uses the material the look, which its libraries do not define"]);
     put(folder.path(), "looks.mtl", b"newmtl the look\nKd 1 0 0\nmap_Kd none.png\n");
     assert_eq!(notes(&obj), ["a.obj takes colours from none.png, which is not there"]);
     let red = build(std::slice::from_ref(&obj), asked, 1, 8).unwrap();

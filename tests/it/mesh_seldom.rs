@@ -225,6 +225,11 @@ fn supports_are_left_out_with_a_note() {
         ("a support", both("type=\"support\"", items), None),
         ("a solid support", both("type=\"solidsupport\"", items), None),
         ("not printed", both("", "<item objectid=\"1\"/><item objectid=\"2\" printable=\"0\"/>"), None),
+        (
+            "not printed either",
+            both("", "<item objectid=\"1\"/><item objectid=\"2\" printable=\"false\"/>"),
+            None,
+        ),
         ("a blocker", joined.clone(), Some(("Metadata/Slic3r_PE_model.config", prusa("SupportBlocker")))),
         ("a modifier", joined, Some(("Metadata/Slic3r_PE_model.config", prusa("ParameterModifier")))),
         ("a component", components, Some(("Metadata/model_settings.config", bambu.to_owned()))),

@@ -489,6 +489,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
             ("space", "LPS"),
             ("space directions", "(1,0,0) (0,1,0) (0,0,1)"),
             ("space origin", "(0,0,0)"),
+            ("centers", "cell node ???"),
         ];
         fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
         let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name}: {value}\n")).collect();
@@ -548,6 +549,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("space directions", "(1,0,0) (0,a,0) (0,0,1)"),
                 ("space origin", "(0,0,0,0)"),
                 ("space origin", "0 0 0"),
+                ("centers", "cell nod cell"),
             ],
         ),
         (

@@ -8,6 +8,9 @@ use crate::volume::Note;
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
 
+/// Where samples are in the cells of an axis; the last two do not say it.
+const CENTERS: [&str; 4] = ["cell", "node", "???", "none"];
+
 /// One axis.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Axis {
@@ -47,7 +50,12 @@ impl Geometry {
             "spacings" => self.spacings = numbers(field, value)?,
             "axis mins" | "axismins" => self.mins = numbers(field, value)?,
             "axis maxs" | "axismaxs" => self.maxs = numbers(field, value)?,
-            "centers" | "centerings" => self.centers = words(),
+            "centers" | "centerings" => {
+                self.centers = words();
+                if self.centers.iter().any(|word| !CENTERS.contains(&word.as_str())) {
+                    return Err(bad!("its field `{field}: {}` makes no sense", value.escape_debug()));
+                }
+            }
             "kinds" => self.kinds = words(),
             _ => {}
         }

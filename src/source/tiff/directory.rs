@@ -168,11 +168,19 @@ impl<'a> Tiff<'a> {
 
     /// A ratio; `None` where the field is missing or says nothing.
     pub(super) fn ratio(&self, directory: &Directory, tag: u16) -> io::Result<Option<f64>> {
-        let Some(entry) = directory.get(tag).filter(|e| e.kind == 5) else { return Ok(None) };
-        let (bytes, _) = self.bytes(entry, 0)?;
+        let Some(entry) = directory.get(tag) else { return Ok(None) };
+        let (bytes, width) = self.bytes(entry, 0)?;
         let (over, under) = bytes.split_at(4);
         let part = |bytes: &[u8]| u32::try_from(self.number(bytes)).map_or(0.0, f64::from);
-        let ratio = part(over) / part(under);
+        let bits = self.number(&bytes[..width]);
+        let ratio = match entry.kind {
+            // Some writers have numbers without a divisor.
+            3 | 4 => part(&bytes[..width]),
+            5 => part(over) / part(under),
+            11 => u32::try_from(bits).map_or(0.0, |bits| f32::from_bits(bits).into()),
+            12 => f64::from_bits(bits),
+            kind => return Err(damaged(bad!("its resolution is of the type {kind}, which is not a ratio"))),
+        };
         Ok((ratio.is_finite() && ratio > 0.0).then_some(ratio))
     }
 

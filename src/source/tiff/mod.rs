@@ -192,6 +192,8 @@ struct Stack {
     contiguous: bool,
     /// True if only the distance of slices is not stated.
     lacks_depth: bool,
+    /// A unit of length that is stated and not known.
+    unknown_unit: Option<String>,
     /// The pages of each volume, where one file holds several.
     several: Option<Vec<Vec<usize>>>,
 }
@@ -235,6 +237,7 @@ impl Stack {
         let notes = notes.ok_or_else(|| damaged(bad!("it has no page")))?;
         self.spacing_mm = self.spacing_mm.or(notes.spacing_mm);
         self.lacks_depth |= notes.lacks_depth;
+        self.unknown_unit = self.unknown_unit.take().or(notes.unknown_unit.clone());
         self.contiguous(&tiff, notes.images)?;
         // One page of several files says nothing of the others.
         if self.pages.len() > 1 {
@@ -325,6 +328,7 @@ impl Stack {
         self.inverted |= other.inverted;
         self.thumbnails += other.thumbnails;
         self.lacks_depth |= other.lacks_depth;
+        self.unknown_unit = self.unknown_unit.take().or(other.unknown_unit);
         Ok(())
     }
 
@@ -360,7 +364,13 @@ impl Stack {
         }
         let spacing_mm = self.spacing_mm.unwrap_or([1.0; 3]);
         let mut notes = Vec::new();
-        if self.spacing_mm.is_none() {
+        if let Some(unit) = self.unknown_unit.as_ref().filter(|_| self.spacing_mm.is_none()) {
+            let unit = unit.chars().take(40).collect::<String>();
+            notes.push(Note::spacing(format!(
+                "the description states distances in the unit `{}`, which is not known; 1 mm is assumed",
+                unit.escape_debug()
+            )));
+        } else if self.spacing_mm.is_none() {
             notes.push(Note::no_spacing("this TIFF"));
         } else if self.lacks_depth {
             notes.push(Note::spacing(format!(

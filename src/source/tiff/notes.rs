@@ -17,6 +17,8 @@ pub(super) struct Notes {
     pub(super) spacing_mm: Option<[f64; 3]>,
     /// True if only the distance of slices is not stated.
     pub(super) lacks_depth: bool,
+    /// A unit of length that is stated and not known, so that the spacing is not either.
+    pub(super) unknown_unit: Option<String>,
     /// Name and length of each axis that pages follow each other along, the slowest first; empty where pages are slices.
     pub(super) axes: Vec<(char, u64)>,
     /// True if more pages may follow, of other images.
@@ -36,11 +38,18 @@ impl Notes {
         if description.starts_with("ImageJ=") {
             return Self::image_j(description, resolution);
         }
-        if description.starts_with('{')
-            && let Ok(shaped) = serde_json::from_str::<Value>(description)
-            && let Some(shape) = shaped.get("shape")
-        {
-            return Self::shaped(shape, &shaped, size);
+        if description.starts_with('{') {
+            match serde_json::from_str::<Value>(description) {
+                Ok(shaped) if shaped.get("shape").is_some() => {
+                    return Self::shaped(&shaped["shape"], &shaped, size);
+                }
+                Err(_) if description.contains("\"shape\"") => {
+                    return Err(bad!(
+                        "its description states a shape, and cannot be parsed as JSON; save it again"
+                    ));
+                }
+                _ => {}
+            }
         }
         match description.split_once("<Pixels").and_then(|(_, rest)| rest.split_once('>')) {
             Some((pixels, rest)) if description.contains("<OME") => Self::ome(pixels, rest),
@@ -75,9 +84,11 @@ impl Notes {
             let down = resolution[1].unwrap_or(across);
             sound([mm / across, mm / down, mm * depth.map_or(1.0, f64::abs)])
         };
-        let spacing_mm = value("unit").and_then(unit_mm).and_then(spacing);
+        let unit = value("unit").filter(|unit| !matches!(*unit, "" | "pixel" | "pixels"));
+        let spacing_mm = unit.and_then(unit_mm).and_then(spacing);
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
-        Ok(Self { images, spacing_mm, lacks_depth, axes, more_images: false })
+        let unknown_unit = unit.filter(|unit| unit_mm(unit).is_none()).map(str::to_owned);
+        Ok(Self { images, spacing_mm, lacks_depth, unknown_unit, axes, more_images: false })
     }
 
     /// The shape of an array, as tifffile and napari write it: the last two sides are those of a page.
@@ -118,8 +129,13 @@ impl Notes {
         let mut axes = Vec::new();
         if c.saturating_mul(t) > 1 || more_images {
             let order = value("DimensionOrder").unwrap_or("XYZCT");
-            let faster = order.strip_prefix("XY").unwrap_or("ZCT").chars().rev();
+            let faster = order.strip_prefix("XY").filter(|rest| is_order(rest));
+            let faster = faster.ok_or_else(|| {
+                bad!("its description states the DimensionOrder `{}`, which is none", order.escape_debug())
+            })?;
             axes = faster
+                .chars()
+                .rev()
                 .map(|name| {
                     (
                         name,
@@ -142,19 +158,22 @@ impl Notes {
                 ));
             }
         }
-        let length = |axis: &str| {
+        let mut unknown_unit = None;
+        let mut length = |axis: &str| {
             let key = format!("PhysicalSize{axis}");
             let Some(size) = value(&key).map(|v| number::<f64>(&key, v)).transpose()? else {
                 return Ok(None);
             };
             let unit = value(&format!("PhysicalSize{axis}Unit"));
             // The schema's own default is the micrometre.
-            Ok::<_, Fault>(unit.map_or(Some(1e-3), unit_mm).map(|mm| size * mm))
+            let mm = unit.map_or(Some(1e-3), unit_mm);
+            unknown_unit = unit.filter(|_| mm.is_none()).map(str::to_owned).or(unknown_unit.take());
+            Ok::<_, Fault>(mm.map(|mm| size * mm))
         };
         let (x, y, depth) = (length("X")?, length("Y")?, length("Z")?);
         let spacing_mm = x.zip(y).and_then(|(x, y)| sound([x, y, depth.unwrap_or(x)]));
         let lacks_depth = spacing_mm.is_some() && depth.is_none();
-        Ok(Self { images: 1, spacing_mm, lacks_depth, axes, more_images })
+        Ok(Self { images: 1, spacing_mm, lacks_depth, unknown_unit, axes, more_images })
     }
 
     /// The pages of each volume, of so many pages in the file; `None` where all of them are the slices of one.
@@ -211,10 +230,20 @@ impl Notes {
     }
 }
 
-/// The value of an attribute of XML.
+/// True for the letters of the three axes behind X and Y, each once.
+fn is_order(axes: &str) -> bool {
+    axes.len() == 3 && ['Z', 'C', 'T'].iter().all(|axis| axes.contains(*axis))
+}
+
+/// The value of an attribute of XML, in either kind of quotes.
 fn attribute<'a>(element: &'a str, key: &str) -> Option<&'a str> {
-    let (_, rest) = element.split_once(&format!(" {key}=\""))?;
-    rest.split_once('"').map(|(value, _)| value)
+    element.match_indices(key).find_map(|(at, _)| {
+        let (before, behind) = (&element[..at], &element[at + key.len()..]);
+        let value = behind.trim_start().strip_prefix('=')?.trim_start();
+        let quote =
+            value.chars().next().filter(|c| before.ends_with(char::is_whitespace) && "\"'".contains(*c))?;
+        value[1..].split_once(quote).map(|(value, _)| value)
+    })
 }
 
 /// True if the elements `TiffData` give pages in the order of the axes, as far as they give places.
@@ -258,10 +287,15 @@ mod tests {
         assert!(read("ImageJ=1\nunit=micron\n", [Some(2.0); 2]).lacks_depth);
         assert_eq!(read("ImageJ=1\nunit=pixel\n", [Some(1.0); 2]).spacing_mm, None);
         assert_eq!(read("ImageJ=1\nunit=mm\n", [None; 2]).spacing_mm, None);
+        let unknown = ["pixel", "furlong"].map(|unit| read(&format!("ImageJ=1\nunit={unit}\n"), [None; 2]));
+        assert_eq!(unknown.map(|notes| notes.unknown_unit), [None, Some("furlong".to_owned())]);
         for (text, words) in [
             ("ImageJ=1\nimages=6\nframes=6\n", "hyperstack"),
             ("ImageJ=1\nunit=mm\nspacing=2,5\n", "`2,5` for spacing"),
             ("ImageJ=1\nimages=6\nchannels=two\n", "`two` for channels"),
+            ("{\"shape\": [5, 6, 8], ", "cannot be parsed as JSON"),
+            ("<OME><Pixels SizeC=\"2\" SizeZ=\"3\" DimensionOrder=\"ZYXCT\">", "`ZYXCT`"),
+            ("<OME><Pixels SizeC=\"2\" SizeZ=\"3\" DimensionOrder=\"XYZ\">", "`XYZ`"),
         ] {
             let refused = Notes::read(text, [None; 2], [8, 6]).unwrap_err();
             assert!(refused.text.contains(words), "{refused}");
@@ -273,6 +307,12 @@ mod tests {
         let text = "<?xml?><OME><Image><Pixels BigEndian=\"false\" PhysicalSizeX=\"0.5\" PhysicalSizeY=\"0.25\" PhysicalSizeYUnit=\"mm\" PhysicalSizeZ=\"3\" SizeC=\"1\" SizeZ=\"9\"><TiffData/></Pixels></Image></OME>";
         assert_eq!(read(text, [None; 2]).spacing_mm, Some([0.0005, 0.25, 0.003]));
         assert!(read(&text.replace("PhysicalSizeZ", "x"), [None; 2]).lacks_depth);
+        // As XML may be written, too.
+        for (from, to) in [(" PhysicalSizeX=", "\n\tPhysicalSizeX = "), ("\"0.25\"", "'0.25'")] {
+            assert_eq!(read(&text.replace(from, to), [None; 2]), read(text, [None; 2]), "{to}");
+        }
+        let furlongs = read(&text.replace("\"mm\"", "\"furlong\""), [None; 2]);
+        assert_eq!((furlongs.spacing_mm, furlongs.unknown_unit.as_deref()), (None, Some("furlong")));
         for (from, to, field) in
             [("\"0.25\"", "\"0,25\"", "PhysicalSizeY"), ("SizeC=\"1\"", "SizeC=\"one\"", "SizeC")]
         {

@@ -84,6 +84,16 @@ fn text<'a>(of: &'a Value, key: &str) -> Option<&'a str> {
     of.get(key).and_then(Value::as_str)
 }
 
+/// The one of these words that a field has; the first where it is missing or null.
+///
+/// # Errors
+/// It has another value.
+fn word(value: Option<&Value>, field: &'static str, known: &[&'static str]) -> Read<&'static str> {
+    let stated = value.filter(|value| !value.is_null());
+    let found = known.iter().find(|word| stated.is_none_or(|value| value == *word));
+    found.copied().ok_or_else(|| missing(field))
+}
+
 fn sides(list: Option<&Value>, field: &'static str) -> Read<Vec<u64>> {
     let list = list.and_then(Value::as_array).and_then(|list| list.iter().map(Value::as_u64).collect());
     list.filter(|sides: &Vec<u64>| !sides.contains(&0)).ok_or_else(|| missing(field))
@@ -114,7 +124,11 @@ impl Array {
     fn version_2(folder: &Path, what: &Value) -> Read<Self> {
         let dtype = text(what, "dtype").ok_or_else(|| unread("records, or another type of elements"))?;
         let (order, kind) = dtype.split_at_checked(1).ok_or_else(|| missing("dtype"))?;
-        let endian = if order == ">" { Endian::Big } else { Endian::Little };
+        let endian = match order {
+            ">" => Endian::Big,
+            "<" | "|" => Endian::Little,
+            _ => return Err(missing("dtype")),
+        };
         let samples = match kind.split_at_checked(1) {
             Some(("b", "1")) => Some(Samples::Plain(ScalarType::U8)),
             Some((class @ ("u" | "i" | "f"), bytes)) => {
@@ -124,11 +138,16 @@ impl Array {
             _ => None,
         };
         let samples = samples.ok_or_else(|| unread(format!("elements of the type `{dtype}`")))?;
-        if text(what, "order").unwrap_or("C") != "C" {
+        if word(what.get("order"), "order", &["C", "F"])? == "F" {
             return Err(unread("chunks in Fortran order"));
         }
-        if let Some(filter) = what.get("filters").and_then(|filters| filters.get(0)) {
-            return Err(unread(format!("the filter `{}`", text(filter, "id").unwrap_or("?"))));
+        match what.get("filters") {
+            None | Some(Value::Null) => {}
+            Some(Value::Array(filters)) if filters.is_empty() => {}
+            Some(filters) => {
+                let name = filters.get(0).and_then(|filter| text(filter, "id")).unwrap_or("?");
+                return Err(unread(format!("the filter `{name}`")));
+            }
         }
         let packing = match what.get("compressor").filter(|codec| !codec.is_null()) {
             None => Packing::default(),
@@ -136,12 +155,11 @@ impl Array {
                 Packing::default().then(text(codec, "id").ok_or_else(|| missing("compressor"))?)?
             }
         };
-        let separator = match text(what, "dimension_separator") {
+        let separator = match word(what.get("dimension_separator"), "dimension_separator", &["", ".", "/"])? {
+            "/" => '/',
             // Some writers nest chunks and do not say so.
-            None if are_nested(folder) => '/',
-            None | Some(".") => '.',
-            Some("/") => '/',
-            Some(_) => return Err(missing("dimension_separator")),
+            "" if are_nested(folder) => '/',
+            _ => '.',
         };
         let keys = Keys { prefix: false, separator };
         let (shape, chunk) = (sides(what.get("shape"), "shape")?, sides(what.get("chunks"), "chunks")?);
@@ -174,10 +192,9 @@ impl Array {
             _ => return Err(missing("chunk_key_encoding")),
         };
         let separator = configured(encoding, "separator");
-        let separator = match separator.as_ref().and_then(Value::as_str).unwrap_or(usual) {
-            "." => '.',
+        let separator = match word(separator.as_ref(), "chunk_key_encoding", &[usual, ".", "/"])? {
             "/" => '/',
-            _ => return Err(missing("chunk_key_encoding")),
+            _ => '.',
         };
         let keys = Keys { prefix, separator };
         let fill = fill(samples, what.get("fill_value"))?;
@@ -208,7 +225,7 @@ impl Array {
         let location = configured(sharding, "index_location");
         let shard = Shard {
             counts: outer.iter().zip(&inner).map(|(outer, inner)| outer / inner).collect(),
-            at_end: location.as_ref().and_then(Value::as_str) != Some("start"),
+            at_end: word(location.as_ref(), "index_location", &["end", "start"])? == "end",
             checked: of_index.is_checked(),
         };
         Self::new(folder, (&shape, &inner, Some(shard)), (samples, endian), packing, fill, keys)
@@ -423,8 +440,9 @@ fn chain(codecs: &[Value], axes: usize) -> Read<(Endian, Packing)> {
                 }
             }
             ("bytes" | "endian", None) => {
-                let order = settings.and_then(|all| text(all, "endian")).unwrap_or("little");
-                endian = Some(if order == "big" { Endian::Big } else { Endian::Little });
+                let order = settings.and_then(|all| all.get("endian"));
+                let is_big = word(order, "endian", &["little", "big"])? == "big";
+                endian = Some(if is_big { Endian::Big } else { Endian::Little });
             }
             (_, None) => return Err(unread(format!("the codec `{name}`"))),
             (packed, Some(_)) => packing = packing.then(packed)?,

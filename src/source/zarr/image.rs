@@ -51,13 +51,16 @@ impl Image {
             return Err(missing("path"));
         }
         // Names alone in 0.3; names with types and units since.
-        let axes: Vec<(String, Option<String>)> = match image.get("axes").and_then(Value::as_array) {
-            Some(axes) => axes.iter().map(axis).collect::<Option<_>>().ok_or_else(|| missing("axes"))?,
+        let axes: Vec<(String, Option<String>)> = match image.get("axes") {
+            Some(axes) => {
+                let axes = axes.as_array().and_then(|axes| axes.iter().map(axis).collect());
+                axes.ok_or_else(|| missing("axes"))?
+            }
             None => ["t", "c", "z", "y", "x"].map(|name| (name.to_owned(), None)).to_vec(),
         };
         let (mut scale, mut shift) = (vec![1.0; axes.len()], vec![0.0; axes.len()]);
         // First those of the level, then those of the whole image.
-        for step in transformations(set).chain(transformations(image)) {
+        for step in transformations(set)?.iter().chain(transformations(image)?) {
             let numbers = |key| numbers(step.get(key), axes.len());
             match step.get("type").and_then(Value::as_str) {
                 Some("scale") => {
@@ -140,12 +143,18 @@ fn length_mm(unit: &str) -> Option<f64> {
 
 fn axis(axis: &Value) -> Option<(String, Option<String>)> {
     let name = axis.as_str().or_else(|| axis.get("name").and_then(Value::as_str))?;
-    let unit = axis.get("unit").and_then(Value::as_str);
-    Some((name.to_owned(), unit.map(str::to_owned)))
+    let unit = match axis.get("unit") {
+        None | Some(Value::Null) => None,
+        Some(unit) => Some(unit.as_str()?.to_owned()),
+    };
+    Some((name.to_owned(), unit))
 }
 
-fn transformations(of: &Value) -> impl Iterator<Item = &Value> {
-    of.get("coordinateTransformations").and_then(Value::as_array).into_iter().flatten()
+fn transformations(of: &Value) -> Read<&[Value]> {
+    match of.get("coordinateTransformations") {
+        None => Ok(&[]),
+        Some(list) => list.as_array().map(Vec::as_slice).ok_or_else(|| missing("coordinateTransformations")),
+    }
 }
 
 fn numbers(list: Option<&Value>, count: usize) -> Read<Vec<f64>> {

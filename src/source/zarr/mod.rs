@@ -189,7 +189,13 @@ fn of_level(folder: &Path) -> Result<Option<Image>> {
             let read = Image::read(&what, Some(level));
             read.map(|(image, _)| Some(image)).map_err(|fault| unusable(head, fault))
         }
-        _ => Ok(None),
+        Some(_) => Ok(None),
+        None => Err(unusable(
+            head,
+            bad!(
+                "lies above a Zarr array, whose spacing it may state, and cannot be parsed as JSON; repair or remove it"
+            ),
+        )),
     }
 }
 

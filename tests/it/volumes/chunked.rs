@@ -357,12 +357,34 @@ fn damaged_arrays_are_refused_with_the_file_and_the_reason() {
         ("compressor", json!({"id": "bz2"}), ["`bz2`", "in Python"]),
         ("filters", json!([{"id": "delta"}]), ["`delta`", "in Python"]),
         ("zarr_format", json!(4), ["`zarr_format`", "damaged"]),
+        ("order", json!(7), ["`order`", "damaged"]),
+        ("dtype", json!("?u2"), ["`dtype`", "damaged"]),
+        ("filters", json!({"id": "delta"}), ["the filter", "in Python"]),
+        ("dimension_separator", json!(1), ["`dimension_separator`", "damaged"]),
     ] {
         let mut bad = good.clone();
         bad[key] = value;
         put_in(&at.join("m"), ".zarray", bad.to_string().as_bytes());
         refused(&at.join("m"), &words);
     }
+    // What states places and is not what belongs there is not taken for missing.
+    let image = |unit: Value, by: Value| {
+        let axes = ["z", "y", "x"].map(|name| json!({"name": name, "unit": unit}));
+        json!({"multiscales": [{"axes": axes, "datasets": [{"path": "0", "coordinateTransformations": by}]}]})
+    };
+    put_in(&at.join("i/0"), ".zarray", good.to_string().as_bytes());
+    for (attributes, words) in [
+        (image(json!(5), json!([])).to_string(), "`axes`"),
+        (image(json!("micrometer"), json!({"type": "scale"})).to_string(), "`coordinateTransformations`"),
+        ("{ \"multiscales\": ".to_owned(), "cannot be parsed as JSON"),
+    ] {
+        put_in(&at.join("i"), ".zattrs", attributes.as_bytes());
+        refused(&at.join("i/0"), &[".zattrs", words]);
+    }
+    let codecs = json!([{"name": "bytes", "configuration": {"endian": "middle"}}]);
+    let text = version_3(&object, [4; 3], &codecs).to_string();
+    put_in(&at.join("v"), "zarr.json", text.as_bytes());
+    refused(&at.join("v"), &["`endian`", "damaged"]);
     let mut many = good;
     (many["shape"], many["chunks"]) = (json!([60_000, 60_000, 60_000]), json!([1, 1, 1]));
     put_in(&at.join("m"), ".zarray", many.to_string().as_bytes());

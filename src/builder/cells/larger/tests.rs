@@ -81,7 +81,7 @@ impl Cells {
     }
 }
 
-/// Crossings of a cell by plain division, in cells of the brick.
+/// Crossings of a cell, and the other corners of its polygon, by plain division, in cells of the brick.
 fn crossings(cells: &Cells, cell: usize) -> Vec<[f64; 3]> {
     let offset = cells.offsets[cell].cast_signed();
     let code = u16::from_le_bytes(cells.codes[cell]);
@@ -101,10 +101,12 @@ fn crossings(cells: &Cells, cell: usize) -> Vec<[f64; 3]> {
     let mut found = Vec::new();
     for (p, q) in EDGES {
         let (p_in, q_in) = (cells.sides[cell] >> p & 1 == 1, cells.sides[cell] >> q & 1 == 1);
-        if p_in == q_in {
+        let u = |c: usize| -> [f64; 3] { std::array::from_fn(|a| if c >> a & 1 == 1 { 1.0 } else { -1.0 }) };
+        // The plane of a cell may lie between two outside corners.
+        if p_in == q_in && (value(u(p)) <= 0.0) == (value(u(q)) <= 0.0) {
             continue;
         }
-        let u = |c: usize| -> [f64; 3] { std::array::from_fn(|a| if c >> a & 1 == 1 { 1.0 } else { -1.0 }) };
+        let p_in = p_in && !q_in || p_in == q_in && value(u(p)) <= 0.0;
         let (from, to) = if p_in { (u(p), u(q)) } else { (u(q), u(p)) };
         let (a, b) = (value(from), value(to));
         let t = if b > 0.0 { -a / (b - a) } else { 1.0 };

@@ -51,9 +51,24 @@ impl<'a> Materials<'a> {
         Ok(())
     }
 
-    /// The number of a material; [`NONE`] for an unknown one.
+    /// The number of a material; [`NONE`] for an unknown one, of which a note is kept where a library was read.
     pub(super) fn number(&mut self, name: &str) -> Result<u32, Stop> {
-        Ok(self.numbers.get(name).copied().unwrap_or(NONE))
+        let number = self.numbers.get(name).copied();
+        if number.is_none() && !self.all.is_empty() {
+            let name = shown(name);
+            self.lack(format!(
+                "uses the material {name}, which its libraries do not define; those faces have no colour"
+            ))?;
+        }
+        Ok(number.unwrap_or(NONE))
+    }
+
+    fn lack(&mut self, lack: String) -> Result<(), Stop> {
+        if !self.lacks.contains(&lack) && self.lacks.len() < MAX_MISSING {
+            self.hold(lack.len())?;
+            self.lacks.push(lack);
+        }
+        Ok(())
     }
 
     /// All of them, and the files of the mesh.
@@ -71,14 +86,10 @@ impl<'a> Materials<'a> {
                 Ok(Some((file, bytes)))
             }
             Err(Stop::Mesh(fault)) if fault.kind == FaultKind::Absent => {
-                let lack = format!(
+                self.lack(format!(
                     "takes colours from {}, which is not there; the model lacks them: put the file beside it and build again",
                     shown(&name)
-                );
-                if !self.lacks.contains(&lack) && self.lacks.len() < MAX_MISSING {
-                    self.hold(lack.len())?;
-                    self.lacks.push(lack);
-                }
+                ))?;
                 Ok(None)
             }
             Err(stop) => Err(stop),

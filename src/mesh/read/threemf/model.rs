@@ -32,6 +32,9 @@ const KNOWN: [&[u8]; 6] = [
 const OBJECT_BYTES: u64 = 160;
 const PLACED_BYTES: u64 = 128;
 
+const MIXED: &str =
+    "has colours in several layers or mixtures, which are not read; those triangles have no colour";
+
 /// A group of values that triangles name.
 #[derive(Clone, Copy, Debug)]
 struct Group {
@@ -210,7 +213,9 @@ impl<'a> Reader<'a> {
                         _ => return Err(xml.wrong()),
                     }
                 }
-                b"item" if number == 0 && xml.raw(b"printable") == Some(b"0") => self.unprinted += 1,
+                b"item" if number == 0 && matches!(xml.raw(b"printable"), Some(b"0" | b"false")) => {
+                    self.unprinted += 1;
+                }
                 b"item" if number == 0 => {
                     let placed = self.placed(&xml, number, unit)?;
                     self.items.push(placed);
@@ -238,10 +243,9 @@ impl<'a> Reader<'a> {
                 let id = xml.whole(b"id")?.ok_or_else(|| xml.wrong())?;
                 let kind = match xml.whole(b"texid")? {
                     None => COLORED,
-                    Some(texture) => *self
-                        .texture_of
-                        .get(&(number, texture))
-                        .ok_or_else(|| bad_reference("a texture"))?,
+                    Some(texture) => {
+                        *self.texture_of.get(&(number, texture)).ok_or_else(|| bad_reference("a texture"))?
+                    }
                 };
                 let first = u32::try_from(self.values.count).map_err(|_| xml.wrong())?;
                 self.hold(OBJECT_BYTES)?;
@@ -274,7 +278,7 @@ impl<'a> Reader<'a> {
                 self.texture_of.insert((number, id), at);
                 self.textures.push(TextureResource { path, wraps });
             }
-            b"multiproperties" | b"compositematerials" => self.lack("has colours in several layers or mixtures, which are not read; those triangles have no colour".to_owned()),
+            b"multiproperties" | b"compositematerials" => self.lack(MIXED.to_owned()),
             _ => {}
         }
         Ok(())
@@ -315,7 +319,14 @@ impl<'a> Reader<'a> {
         }
         let id = xml.whole(b"pid")?.or(own.group);
         let first = xml.whole(b"p1")?;
-        let group = id.and_then(|id| self.groups.get(&(text, id)));
+        let group = id.and_then(|id| self.groups.get(&(text, id))).copied();
+        // Layers and mixtures have a note of their own.
+        if id.is_some() && group.is_none() && !self.lacks.iter().any(|lack| lack == MIXED) {
+            self.lack(
+                "gives triangles a group of colours that it does not hold; those triangles have no colour"
+                    .to_owned(),
+            );
+        }
         let (mut values, mut kind) = ([0; 3], PLAIN);
         if let Some(group) = group {
             let one = first.unwrap_or(own.value);

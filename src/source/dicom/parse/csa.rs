@@ -158,7 +158,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         Ok(found.is_some_and(|bytes| matches!(u32::from_le_bytes(bytes), 77 | 205)))
     }
 
-    /// Steps over the items of a tag; the first `N` of them, if they are there and are numbers.
+    /// Steps over the items of a tag; the first `N` of them, if they are there. One that is not a number is a fault.
     fn values<T: FromStr + Copy + Default, const N: usize>(
         &mut self,
         items: u32,
@@ -166,7 +166,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
         length: &dyn Fn(&[u32; 4]) -> Option<u32>,
     ) -> Result<Option<[T; N]>, CsaFault> {
         let mut values = [T::default(); N];
-        let mut legible = 0;
+        let mut stated = 0;
         for k in 0..items as usize {
             let item = [self.number()?, self.number()?, self.number()?, self.number()?];
             let fits = |n: &u64| *n <= self.end - self.at;
@@ -179,10 +179,12 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
             if let Some(slot) = values.get_mut(k) {
                 let most = usize::try_from(bytes.min(TEXT_BYTES)).unwrap_or(0);
                 let text = self.window.upto(self.at, most)?;
-                let text = std::str::from_utf8(until_zero(text)).unwrap_or_default();
-                if let Ok(value) = text.trim().parse() {
-                    *slot = value;
-                    legible += 1;
+                let text = String::from_utf8_lossy(until_zero(text));
+                let text = text.trim();
+                if !text.is_empty() {
+                    let wrong = |_| CsaFault::new(format!("it states `{}` as a number", text.escape_debug()));
+                    *slot = text.parse().map_err(wrong)?;
+                    stated += 1;
                 }
             }
             // The last item of all may lack what fills it up.
@@ -192,7 +194,7 @@ impl<R: ReadAt + ?Sized> Reader<'_, '_, R> {
                 self.at += 4;
             }
         }
-        Ok((legible == N).then_some(values))
+        Ok((stated == N).then_some(values))
     }
 }
 
@@ -285,11 +287,15 @@ mod tests {
     }
 
     #[test]
-    fn what_is_no_number_is_missing() {
+    fn what_is_no_number_is_named_and_no_text_is_missing() {
         for newer in [true, false] {
-            let bad: [Tag<'_>; 2] =
-                [("NumberOfImagesInMosaic", &["", "48"]), ("SliceNormalVector", &["0", "east", "1"])];
-            assert_eq!(parse(&write(newer, &bad)).unwrap(), Csa::default());
+            for bad in [("NumberOfImagesInMosaic", &["4,8"][..]), ("SliceNormalVector", &["0", "4,8", "1"])] {
+                let fault = parse(&write(newer, &[bad])).unwrap_err();
+                assert_eq!(fault, CsaFault::new("it states `4,8` as a number"));
+            }
+            let none: [Tag<'_>; 2] =
+                [("NumberOfImagesInMosaic", &["", "48"]), ("SliceNormalVector", &["0", "", "1"])];
+            assert_eq!(parse(&write(newer, &none)).unwrap(), Csa::default());
             let short: [Tag<'_>; 1] = [("SliceNormalVector", &["0", "1"])];
             assert_eq!(parse(&write(newer, &short)).unwrap().normal, None);
         }
