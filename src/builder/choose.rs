@@ -152,7 +152,9 @@ impl Chooser<'_> {
     ) -> Result<(Selection, Option<BuildNote>), BuildError> {
         let bins = Bins::new(self.source.info().scalar, extremes);
         let seen = extremes.or_else(|| tally.ends(bins));
-        let Some(split) = tally.split(bins) else { return Err(self.nothing(Criterion::Split, seen)) };
+        let Some(split) = tally.split(bins, self.source) else {
+            return Err(self.nothing(Criterion::Split, seen));
+        };
         Ok(self.of_split(split))
     }
 

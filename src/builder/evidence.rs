@@ -450,6 +450,36 @@ impl Evidence {
     }
 }
 
+/// Hounsfield units below all that a CT measures, and those of air; parts of all samples that are padding, and of the
+/// others that are air, at least.
+const BELOW_AIR: f64 = -1100.0;
+const AIR: Range<f64> = BELOW_AIR..-850.0;
+const PADS: f64 = 0.01;
+const HAS_AIR: f64 = 0.1;
+
+/// The bin of a value that is below all that a CT measures, in a volume that holds air, too: it pads what the scanner did
+/// not see, wherever that is. A body that was cut out of its picture has no air around it. `hu` is the physical value.
+pub(super) fn below_air(
+    counts: &[u64],
+    hu: &dyn Fn(usize) -> f64,
+    source: &dyn VolumeSource,
+) -> Option<usize> {
+    let first = counts.iter().position(|n| *n > 0)?;
+    let padding = hu(first);
+    if padding >= BELOW_AIR || source.modality().is_some_and(|modality| modality != "CT") {
+        return None;
+    }
+    let all: u64 = counts.iter().sum();
+    let others = all - counts[first];
+    let within = |range: Range<f64>| {
+        let bins = counts.iter().enumerate().skip(first + 1).filter(|(bin, _)| range.contains(&hu(*bin)));
+        bins.map(|(_, n)| n).sum::<u64>()
+    };
+    let is_apart = within(padding..f64::midpoint(padding, AIR.end)) <= others / STRAY;
+    let pads = part(counts[first], all) >= PADS && part(within(AIR), others) >= HAS_AIR;
+    (is_apart && pads).then_some(first)
+}
+
 /// One number as a part of another.
 pub(super) fn part(of: u64, all: u64) -> f64 {
     of as f64 / (all.max(1) as f64)

@@ -9,7 +9,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::BuildError;
 use super::evidence::{
-    EVIDENCE_WORDS, Evidence, MAX_LABELS, MAX_PAIRS, Pair, Part, may_be_map, outside_samples, part,
+    EVIDENCE_WORDS, Evidence, MAX_LABELS, MAX_PAIRS, Pair, Part, below_air, may_be_map, outside_samples, part,
 };
 use super::parallel::{Blocks, Share, run_workers};
 use super::range::Ordered;
@@ -146,7 +146,7 @@ pub(super) fn otsu(
         false => None,
     };
     let bins = Bins::new(scalar, seen);
-    Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins))
+    Ok(Tally::take(source, Share::ALL, bins, threads, progress)?.split(bins, source))
 }
 
 /// Slices by which a map of labels is recognised, at most.
@@ -265,8 +265,8 @@ impl Tally {
         Some((at(self.counts.iter().position(is_there)?), at(self.counts.iter().rposition(is_there)?)))
     }
 
-    /// The threshold of all that was counted in these bins.
-    pub(super) fn split(mut self, bins: Bins) -> Option<Split> {
+    /// The threshold of all that was counted of a volume in these bins.
+    pub(super) fn split(mut self, bins: Bins, source: &dyn VolumeSource) -> Option<Split> {
         let (low, width) = match bins {
             Bins::From { low, width } => (low, width),
             Bins::TooClose { max } => return Some(Split { at: max, kind: Kind::Values }),
@@ -277,7 +277,11 @@ impl Tally {
         let values = self.counts.iter().filter(|n| **n > 0).count();
         if let Some(count) = self.evidence.labels(values) {
             kind = Kind::Labels { count, first: self.evidence.first };
-        } else if let Some(bin) = self.evidence.padding(&self.counts, &value) {
+        } else if let Some(bin) = self
+            .evidence
+            .padding(&self.counts, &value)
+            .or_else(|| below_air(&self.counts, &|bin| source.info().rescale.apply(value(bin)), source))
+        {
             kind = Kind::Padded { value: value(bin) };
             self.counts[bin] = 0;
         }

@@ -54,7 +54,7 @@ pub enum BuildNote {
         /// How many there are, 0 apart.
         count: usize,
     },
-    /// A value outside the circle that slices have room for was left out when a threshold was looked for.
+    /// A value that pads what was not scanned was left out when a threshold was looked for.
     Padding {
         /// The value.
         value: f64,
@@ -109,7 +109,7 @@ impl fmt::Display for BuildNote {
             }
             Self::Padding { value } => write!(
                 f,
-                "{} lies outside the circle that its slices have room for, and hardly anywhere else: taken for padding, and left out when the threshold was looked for",
+                "{} is far from all other values, and outside what was scanned: taken for padding, and left out when the threshold was looked for",
                 Short(*value)
             ),
             Self::NotNumbers => f.write_str("some samples are not numbers (NaN); these voxels are outside"),

@@ -105,6 +105,50 @@ fn thin_labels_keep_their_volume() {
     }
 }
 
+/// A line that is not along an axis keeps most of its volume, too.
+#[test]
+fn thin_oblique_labels_keep_their_volume() {
+    let away = |p: [u32; 3], from: [f64; 3], way: [f64; 3]| {
+        let q: [f64; 3] = std::array::from_fn(|a| f64::from(p[a]) - from[a]);
+        let length = way.iter().map(|c| c * c).sum::<f64>().sqrt();
+        let along = (0..3).map(|a| q[a] * way[a]).sum::<f64>() / length;
+        let square = q.iter().map(|c| c * c).sum::<f64>() - along * along;
+        if (0.0..36.0).contains(&along) { square.max(0.0).sqrt() } else { f64::INFINITY }
+    };
+    let lines = [([5.0; 3], [1.0, 0.3, 0.2], 0.87), ([5.0, 15.0, 5.0], [1.0, 1.0, 0.4], 1.2)];
+    let map = Map::new([48; 3], |p| {
+        lines
+            .iter()
+            .position(|(from, way, radius)| away(p, *from, *way) <= *radius)
+            .map_or(0, |at| at as u16 + 1)
+    });
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.oct");
+    map.build(&model);
+    for smooth in [None, Some(0.2), Some(0.0)] {
+        for (label, volume) in Surfaces::read(&exported(&model, "m.ply", smooth).0).volumes() {
+            let part = volume / map.voxels()[&label] as f64;
+            assert!((0.9..1.1).contains(&part), "{label} {smooth:?}: {part}");
+        }
+    }
+}
+
+/// Parts are described one after the other: thousands of labels cost a GLB no more than a PLY but for what is kept of each.
+#[test]
+fn a_glb_of_many_labels_takes_little_more_memory_than_a_ply() {
+    let folder = tempfile::tempdir().unwrap();
+    let model = folder.path().join("m.oct");
+    let map = Map::new([40; 3], |p| {
+        let [x, y, z] = p.map(|c| c / 2);
+        if (x + y + z) % 2 == 0 { ((z * 20 + y) * 20 + x + 2) as u16 / 2 } else { 0 }
+    });
+    map.build(&model);
+    let peak = |name: &str| measured(|| exported(&model, name, None)).1.peak;
+    let (ply, glb) = (peak("m.ply"), peak("m.glb"));
+    let labels = map.voxels().len();
+    assert!(labels == 4000 && glb < ply + 1024 * labels, "{labels}: {glb} and {ply}");
+}
+
 /// A PLY of labels.
 struct Surfaces {
     corners: Vec<[f32; 3]>,

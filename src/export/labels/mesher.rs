@@ -114,7 +114,8 @@ impl Stored<'_> {
             }
             // Parts of a stored normal are of half voxels.
             let square = n.iter().map(|n| n * n).sum::<i32>();
-            f64::from(ahead * ahead) < 4.0 * NEAR * NEAR * f64::from(square) && thin(corner, across, 2)
+            let is_near = |most: f64| f64::from(ahead * ahead) < 4.0 * most * most * f64::from(square);
+            is_near(NEAR) && thin(corner, across, 2) || is_near(NEARER) && thin(corner, across, 3)
         };
         let mut own = (0..CORNERS).filter(|corner| corners[*corner] != 0);
         own.any(|corner| walls.planes().iter().any(|plane| of_plane(corner, plane)))
@@ -158,10 +159,11 @@ impl Stored<'_> {
 }
 
 /// A wall touches a corner of its cell if it is so near, in parts of its stored normal: where labels are up to three voxels
-/// thin across it, or at the edge of up to two, the samples around outweigh them. Those of up to two voxels across it also
-/// lose most where it is this near to the corner, in voxels.
+/// thin across it, or at the edge of up to two, the samples around outweigh them. Those of up to two voxels across it, and
+/// of three, also lose most where it is this near to the corner, in voxels.
 const TOUCHING: i32 = 2;
-const NEAR: f64 = 0.3;
+const NEAR: f64 = 0.5;
+const NEARER: f64 = 0.25;
 
 /// A knot: the axis across its face, the cell above that, and the corner of that cell that it goes around.
 type Knot = (usize, [u32; 3], usize);

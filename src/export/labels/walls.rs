@@ -15,7 +15,7 @@ const WITHIN: f64 = 0.49;
 const STAY: f64 = 0.05;
 /// How far a knot lies from the middle of its face towards a sample, in parts of the way; where no corner is moved,
 /// it only keeps pairs of polygons apart.
-const KNOT: f64 = 0.5;
+const KNOT: f64 = 0.25;
 const SLIGHT: f64 = 1.0 / 32.0;
 
 /// A corner within its cell, in voxels from the middle, and the normals of the cell's labels in mm.

@@ -194,6 +194,12 @@ impl Geometry {
         if missing {
             notes.push(Note::no_spacing("the header"));
         }
+        let unused =
+            [("space origin", !self.origin.is_empty()), ("space units", !self.space_units.is_empty())];
+        for (field, _) in unused.into_iter().filter(|(_, is_stated)| *is_stated) {
+            let note = format!("the {field} of the header is not used, as it states no space directions");
+            notes.push(Note::new(note));
+        }
         notes.push(Note::no_directions("the header"));
     }
 }

@@ -261,6 +261,15 @@ fn padding_is_left_out() {
             "{notes:?}"
         );
     }
+    // Wherever it is, where a CT cannot measure so little and has air besides.
+    let elsewhere: [&dyn Fn([u32; 3]) -> bool; 3] =
+        [&|p| away(p) > 0.85, &|p| p[0] < dims().nx() / 8, &|p| p[2] < dims().nz() / 6];
+    for (at, is_padded) in elsewhere.into_iter().enumerate() {
+        let volume = Voxels::from_fn(dims(), |p| if is_padded(p) { -2059.0 } else { head(p, 60.0) });
+        let lo = chosen(&volume).lo;
+        assert!((lo - want).abs() < 60.0, "{at}: {lo} {want}");
+        assert!(matches!(report(&volume).notes[..], [BuildNote::Padding { value: -2059.0 }]), "{at}");
+    }
     // What is as air does no harm, and a body that was cut out of its picture stays as it is.
     let cut = Voxels::from_fn(dims(), |p| if away(p) < 0.65 { head(p, 60.0) } else { -3024.0 });
     assert!(report(&of(Some(-1024))).notes.is_empty() && report(&cut).notes.is_empty());
