@@ -182,7 +182,7 @@ def main():
     args.add_argument("--sides", default="512,1024")
     args.add_argument("--volume", nargs=2, metavar=("N", "FILE"), action="append", default=[])
     args.add_argument("--rows", default=",".join(ROWS[:-1]))
-    args.add_argument("--form", help="PORTABLE, AVX2 or AVX-512")
+    args.add_argument("--form", help="portable, AVX2 or AVX-512 VBMI2")
     args.add_argument("--oct", help="program to time (default: the release build)")
     args.add_argument("--threads", type=int, default=2, help="of builds")
     args.add_argument("--rounds", type=int, default=9)

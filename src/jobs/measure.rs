@@ -47,8 +47,8 @@ fn are_uneven(affine: &Affine) -> bool {
 pub struct Measures {
     /// First voxel of the skin along each axis, and the one after the last.
     pub voxels: [[u32; 3]; 2],
-    /// Least and greatest coordinate (LPS) of the skin's voxels; over 2048 voxels a side to within 1/2048 of the grid, and
-    /// never too tight.
+    /// Least and greatest coordinate (LPS) of the surface: of the skin's voxels, of the part of cells that is inside, of the
+    /// cells between labels. Over 2048 voxels a side of boxes 1/2048 of the grid wide, so never too tight.
     pub box_mm: [[f64; 3]; 2],
     /// Area of the skin, walls of enclosed cavities included, with its error; a sheet one voxel thick counts
     /// once. `None` without normals, and of voxels that are too uneven.
@@ -146,7 +146,7 @@ fn bounds(view: &ModelView<'_>, space: &GridSpace) -> Option<Bounds> {
     let reach = |axis: usize, sign: f64| {
         let mut direction = [0.0; 3];
         direction[axis] = sign;
-        sign * space.support(view, direction)
+        sign * space.support_of_inside(view, direction)
     };
     let box_mm = [-1.0, 1.0].map(|sign| std::array::from_fn(|axis| reach(axis, sign)));
     Some(Bounds { voxels: extent(view)?, box_mm })

@@ -6,9 +6,11 @@ use std::path::Path;
 
 use super::pack::{Stop, unpack_to};
 use crate::error::Error;
+use crate::fault::unfit;
 use crate::format::Encoding;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
 use crate::platform::open_file;
+use crate::text::names::ERROR;
 
 /// Opens a model. A packed one is unpacked into an unnamed temporary file next to it (or, where that folder is
 /// read-only, in the system's) for as long as it is open: that takes as much disk as the mapped file, and the time
@@ -25,6 +27,19 @@ pub fn open_model(path: &Path) -> Result<Model, Error> {
     let scratch = unpacked(&file, path)?;
     let model = Model::from_bytes(Mapping::of(&scratch).map_err(unreadable)?);
     Ok(model.map_err(|cause| Fault::Format(cause).at(path))?)
+}
+
+/// Refuses a model with larger leaves where something is of single cells, as `what` says: a subject and its verb.
+///
+/// # Errors
+/// It has them.
+pub(super) fn refuse_larger_leaves(model: &Model, path: &Path, what: &str) -> Result<(), Error> {
+    if model.header().leaves {
+        return Err(unfit!("has larger leaves, and {what} of single cells; build it without {ERROR}")
+            .at(path)
+            .into());
+    }
+    Ok(())
 }
 
 /// The mapped form of a packed file in an unnamed one.

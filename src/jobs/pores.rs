@@ -14,14 +14,14 @@ use serde::Serialize;
 
 use super::export::{ExportRequest, commit, exporter_of, failed, refuse_input, unknown_inside};
 use super::measure::wall_areas;
-use super::opened::{open_model, scratch_beside};
+use super::opened::{open_model, refuse_larger_leaves, scratch_beside};
 use super::verify::verify_unless_packed;
 use super::within::Within;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
 use crate::error::{Error, UsageError};
 use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
-use crate::fault::{unfit, usage};
+use crate::fault::usage;
 use crate::geom::Affine;
 use crate::load::{Model, ModelView, NodeView};
 use crate::measure::nearest::Surface;
@@ -235,11 +235,7 @@ pub fn pores(
 
 /// The surface that gaps are measured to.
 fn surface_of<'a>(model: &Model, view: &'a ModelView<'a>, input: &Path) -> Result<Surface<'a>, Error> {
-    if model.header().leaves {
-        let fault =
-            unfit!("has larger leaves, and gaps are of single cells; build it without them (a bound of 0)");
-        return Err(fault.at(input).into());
-    }
+    refuse_larger_leaves(model, input, "gaps are")?;
     Ok(Surface::open(view, &model.affine(), model.dims()).map_err(|fault| fault.at(input))?)
 }
 

@@ -44,6 +44,13 @@ const SIDES: [[&str; 2]; 3] = [["L", "R"], ["P", "A"], ["S", "I"]];
 /// Cosine between a face of the cube and the line of sight from which on its letter is written.
 const FACING: f64 = 0.35;
 
+/// Cosine between a face and the line of sight up to which its letter stands beside the cube.
+const EDGE_ON: f64 = 0.1;
+
+/// Ems of such a letter, and from the cube to its middle.
+const BESIDE_EMS: f64 = 0.8;
+const BESIDE_GAP_EMS: f64 = 0.55;
+
 const DARK: [u8; 3] = [32; 3];
 const LIGHT: [u8; 3] = [240; 3];
 
@@ -282,6 +289,10 @@ impl Sheet {
                 let mut normal = [0.0; 3];
                 normal[axis] = sign;
                 let facing = -dot(normal, forward);
+                if facing.abs() <= EDGE_ON {
+                    let away = 1.0 + BESIDE_GAP_EMS * self.style.em / half;
+                    self.letter(letter, BESIDE_EMS * self.style.em, place(normal.map(|c| c * away)));
+                }
                 if facing <= 0.01 {
                     continue;
                 }
@@ -301,6 +312,14 @@ impl Sheet {
                     });
                 }
             }
+        }
+    }
+
+    /// A letter around a place.
+    fn letter(&mut self, letter: &str, em: f64, [x, y]: [f64; 2]) {
+        if let Some(letters) = Letters::new(em) {
+            let at = [x - letters.width(letter) / 2.0, y + CAPITAL * em / 2.0];
+            self.text(&letters, letter, at, self.style.ink);
         }
     }
 

@@ -1,14 +1,17 @@
 //! Between the world (LPS millimetres) and the grid: rays in, normals and extents out.
 
 use crate::cpu::{Form, Kernel, Lanes};
-use crate::format::cell::Plane;
+use crate::format::cell::{CORNERS, Plane};
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, Octant, dot};
-use crate::load::{ModelView, NodeView};
+use crate::load::{CellItems, CellShape, ModelView, NodeView};
 use crate::render::RenderFault;
 
 use super::RenderError;
 use super::ray::{BadRay, Ray};
 use super::tile::RAYS;
+
+/// Levels below the root down to which extents are looked for.
+const FINEST_DEPTH: u32 = 11;
 
 /// A model's place in the world.
 #[derive(Clone, Debug)]
@@ -139,8 +142,24 @@ impl GridSpace {
 
     /// [`GridSpace::support`] of boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, view: &ModelView<'_>, direction: [f64; 3], finest: u32) -> f64 {
+        self.support_within(view, direction, finest, None)
+    }
+
+    /// [`GridSpace::support`] of what is inside, in cells the part behind the surface; of labels of their cells.
+    pub(crate) fn support_of_inside(&self, view: &ModelView<'_>, direction: [f64; 3]) -> f64 {
+        let cells = view.cells().filter(|cells| !cells.has_walls() && self.dims.depth() <= FINEST_DEPTH);
+        self.support_within(view, direction, 0, cells.as_ref())
+    }
+
+    fn support_within(
+        &self,
+        view: &ModelView<'_>,
+        direction: [f64; 3],
+        finest: u32,
+        cells: Option<&CellItems<'_>>,
+    ) -> f64 {
         let depth = self.dims.depth();
-        let finest = depth.saturating_sub(11).max(finest);
+        let finest = depth.saturating_sub(FINEST_DEPTH).max(finest);
         let weight: [f64; 3] = std::array::from_fn(|a| dot(direction, self.grid_to_world.column(a)));
         let constant = dot(direction, self.grid_to_world.origin());
         if view.is_empty() || (depth > 0 && view.infobyte(NodeIndex::ROOT) == 0) {
@@ -174,12 +193,18 @@ impl GridSpace {
                     continue;
                 }
                 if level - 1 == finest {
-                    best = best.max(way.bound(at, half));
+                    best = best.max(
+                        match cells.map(|cells| cells.shape(child.voxel(view.node_count()).get())) {
+                            Some(CellShape::Plane(plane)) => way.bound_of_leaf(&plane, at, half),
+                            Some(CellShape::Corners(corners)) => way.bound_of_corners(corners, at),
+                            None => way.bound(at, half),
+                        },
+                    );
                     continue;
                 }
                 // No farther than the farthest of its own children.
                 let most = way.bound_of_node(child, at, level - 1);
-                if most > best && level - 2 == finest {
+                if most > best && level - 2 == finest && cells.is_none() {
                     best = most;
                 } else if most > best {
                     waiting.push((most, child, at, level - 1));
@@ -255,6 +280,27 @@ impl Way<'_> {
             most -= self.weight[a].abs() * part * f64::from(edge);
         }
         if in_front > 1e-9 { f64::NEG_INFINITY } else { most }
+    }
+
+    /// Greatest value on the edges of a finest cell with corners, where they are inside.
+    fn bound_of_corners(&self, corners: [i8; CORNERS], low: [u32; 3]) -> f64 {
+        let at = |corner: usize| {
+            self.bound_at(std::array::from_fn(|a| f64::from(low[a]) + (corner >> a & 1) as f64))
+        };
+        let depth = |corner: usize| f64::from(corners[corner]);
+        let mut most = f64::NEG_INFINITY;
+        for from in (0..CORNERS).filter(|corner| corners[*corner] > 0) {
+            most = most.max(at(from));
+            for to in (0..3).map(|axis| from ^ 1 << axis).filter(|corner| corners[*corner] <= 0) {
+                let along = depth(from) / (depth(from) - depth(to));
+                most = most.max(at(from) + along * (at(to) - at(from)));
+            }
+        }
+        most
+    }
+
+    fn bound_at(&self, at: [f64; 3]) -> f64 {
+        (0..3).fold(self.constant, |sum, a| sum + self.weight[a] * at[a])
     }
 
     /// Greatest value within a node's children.

@@ -5,6 +5,7 @@ use std::io;
 
 use crate::atomic::TargetFault;
 use crate::platform::{is_not_regular, is_open_elsewhere, is_too_many_open};
+use crate::text::names::SCAN;
 
 /// The cure where a file cannot be read; `usual` where the reason says no more.
 pub(crate) fn reading<T: fmt::Display>(cause: &io::Error, usual: T) -> Cure<T> {
@@ -32,7 +33,7 @@ impl<T: fmt::Display> fmt::Display for Cure<T> {
         match self {
             Self::RaiseLimit => f.write_str(RAISE_LIMIT),
             Self::CloseIt => f.write_str(CLOSE_IT),
-            Self::NameFile => f.write_str("give a file"),
+            Self::NameFile => write!(f, "name a file; `{SCAN}` lists what is in a folder"),
             Self::Usual(cure) => cure.fmt(f),
         }
     }

@@ -9,12 +9,13 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use super::export::refuse_input;
+use super::opened::refuse_larger_leaves;
 use super::pass::{Pass, Records, relieve};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::enclosed::extent;
 use crate::error::Error;
-use crate::fault::{unfit, usage};
+use crate::fault::usage;
 use crate::format::{ColorMap, Quantity};
 use crate::geom::{Affine, dot};
 use crate::load::{Model, ModelView};
@@ -123,13 +124,7 @@ pub fn compare(
     let one = Input::open(actual, None, request, folder, progress)?;
     let finest = one.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
     let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;
-    if one.model.header().leaves {
-        return Err(unfit!(
-            "has larger leaves, and deviations are of single cells; build it without them (a bound of 0)"
-        )
-        .at(actual)
-        .into());
-    }
+    refuse_larger_leaves(&one.model, actual, "deviations are")?;
     if let Some(seen_from) = other.model.metadata().seen_from() {
         let (path, seen_from) = (nominal.to_path_buf(), seen_from.to_owned());
         return Err(crate::error::UsageError::KeepsPart { path, seen_from }.into());

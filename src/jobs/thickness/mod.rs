@@ -13,12 +13,12 @@ use serde::{Deserialize, Serialize};
 
 use super::compare::Area;
 use super::export::refuse_input;
-use super::opened::open_model;
+use super::opened::{open_model, refuse_larger_leaves};
 use super::pass::{Pass, Records};
 use super::verify::verify_unless_packed;
 use crate::budget::peak_rss_bytes;
 use crate::error::Error;
-use crate::fault::{unfit, usage};
+use crate::fault::usage;
 use crate::format::{ColorMap, Quantity};
 use crate::load::Model;
 use crate::measure::nearest::{Sample, Search, Surface};
@@ -130,13 +130,7 @@ pub fn thickness(
     outputs.model.into_iter().chain(outputs.csv).try_for_each(|output| refuse_input(path, output))?;
     verify_unless_packed(path)?;
     let model = open_model(path)?;
-    if model.header().leaves {
-        return Err(unfit!(
-            "has larger leaves, and thickness is of single cells; build it without them (a bound of 0)"
-        )
-        .at(path)
-        .into());
-    }
+    refuse_larger_leaves(&model, path, "thickness is")?;
     if let Some(seen_from) = model.metadata().seen_from() {
         let (path, seen_from) = (path.to_path_buf(), seen_from.to_owned());
         return Err(crate::error::UsageError::KeepsPart { path, seen_from }.into());

@@ -62,7 +62,7 @@ fn a_surface_of_cells_has_the_same_measures() {
     close(&report, "surface_area_mm2", "surface_area_error_mm2", 4.0 * pi * 12.0 * 12.0);
     for (side, truth) in [(0, 3.75), (1, 27.75)] {
         let got = report["bounding_box_mm"][side][2].as_f64().unwrap();
-        assert!((got - truth).abs() <= 0.6, "{report}");
+        assert!((got - truth).abs() <= 0.05, "{report}");
     }
 }
 
