@@ -61,7 +61,7 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
-use decimate::{Decimator, Goal, Whole};
+use decimate::{Apart, Decimator, Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
@@ -183,6 +183,10 @@ pub(crate) struct Exported {
     pub(crate) fine_triangles: u64,
     /// Greatest distance between the surfaces of both, in mm, where it was measured.
     pub(crate) distance_mm: Option<f64>,
+    /// Bound of it, where it was not.
+    pub(crate) within_mm: Option<f64>,
+    /// Separate parts of the surface that were left out.
+    pub(crate) parts_gone: u64,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
     /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
@@ -313,7 +317,8 @@ impl Exporter<'_> {
         let mut decimator = Decimator::new(sink, to_samples, error_mm, self.voxel_mm(), waiting);
         let Some(fine) = self.feed(bounds, &mut decimator, fates, progress)? else { return Ok(None) };
         let (vertices, triangles) = decimator.finish()?;
-        Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, ..fine }))
+        let within_mm = Some(error_mm);
+        Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, within_mm, ..fine }))
     }
 
     /// Fewer triangles, made of all of them in memory, or of those that a small distance leaves of a large surface.
@@ -335,15 +340,17 @@ impl Exporter<'_> {
         let Some(made) = self.within(first, bounds, &mut whole, scratch, fates, progress)? else {
             return Ok(None);
         };
-        if progress.stopped() {
-            return Err(ExportStop::Stopped);
-        }
         let goal = Goal { triangles: self.triangles, error_mm: self.error_mm.map(|mm| mm - first_mm) };
-        let distance = whole.reduce(goal, voxel_mm);
+        let apart = whole.reduce(goal, voxel_mm, progress)?;
         let (vertices, triangles) = whole.hand_on(sink)?;
-        let fine_triangles = if first.is_some() { made.fine_triangles } else { made.triangles };
-        let distance_mm = Some(distance + first_mm);
-        Ok(Some(Exported { vertices, triangles, fine_triangles, distance_mm, ..made }))
+        let (Apart { distance_mm, parts_gone }, counts) = (apart, Exported { vertices, triangles, ..made });
+        Ok(Some(match first {
+            Some(mm) => Exported { within_mm: Some(distance_mm + mm), parts_gone, ..counts },
+            None => {
+                let (fine_triangles, distance_mm) = (made.triangles, Some(distance_mm));
+                Exported { fine_triangles, distance_mm, parts_gone, ..counts }
+            }
+        }))
     }
 
     /// All triangles into a sink.

@@ -75,9 +75,15 @@ pub struct ExportReport {
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fine_triangles: Option<u64>,
     /// Greatest distance in mm between the surface and that of the fine triangles, where it was measured: for a number of
-    /// triangles, and errors above one voxel.
+    /// triangles, and errors above one voxel, of models of up to a million cells.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
+    /// Bound of that distance where it was not measured.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub within_mm: Option<f64>,
+    /// Separate parts of the surface that were left out for a number of triangles, the smallest ones.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub parts_gone: Option<u64>,
     /// Voxels set in a mask; 0 for other forms.
     pub inside_voxels: u64,
     /// Enclosed voxels that may be inside or outside by the normals; written as the likelier, inside without normals.
@@ -109,7 +115,7 @@ pub struct ExportReport {
 ///
 /// Within an error of at most a voxel, edges are collapsed by meshoptimizer, brick by brick of 32^3 voxels, whose borders
 /// stay: memory some MiB for each of up to four threads, temporary disk 68 bytes a corner of 32 layers, cost some
-/// microseconds a triangle. To a number of triangles, or within a larger error, the whole surface is in memory, some 300
+/// microseconds a triangle. To a number of triangles, or within a larger error, the whole surface is in memory, some 220
 /// bytes a triangle; of more than a million cells the triangles that a tenth of a voxel leaves, of more than 16 million
 /// those that half a voxel leaves.
 ///
@@ -160,23 +166,32 @@ pub fn export(
     model.check_unchanged(input)?;
     let bytes = commit(out, output, progress)?;
     let mut report = report([input, output], request.form, &model, (made, bytes, Vec::new()), start);
-    report.warnings.extend(request.triangles.and_then(|wanted| not_reached(wanted, request, &made)));
+    report.warnings.extend(shortfalls(request, &made));
     Ok(report)
 }
 
-/// Why there are fewer triangles than were asked for, or more.
-fn not_reached(wanted: u64, request: ExportRequest, made: &Exported) -> Option<String> {
-    let Exported { triangles, fine_triangles, .. } = made;
-    if wanted >= *fine_triangles {
-        return Some(format!(
+/// Notes on triangles that are fewer than were asked for, or more, and on parts that were left out.
+fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
+    let Exported { triangles, fine_triangles, parts_gone, .. } = *made;
+    let mut notes = Vec::new();
+    match request.triangles {
+        Some(wanted) if wanted >= fine_triangles => notes.push(format!(
             "the surface has {fine_triangles} triangles, no more than asked for; none was left out"
+        )),
+        Some(wanted) if request.error.is_none() && triangles > wanted => notes.push(format!(
+            "no closed surface of {wanted} triangles was found; {triangles} are the fewest that were tried"
+        )),
+        _ if request.error.is_some() && triangles == fine_triangles => notes.push(
+            "no closed surface of fewer triangles was found within --error; none was left out".to_owned(),
+        ),
+        _ => {}
+    }
+    if parts_gone > 0 {
+        notes.push(format!(
+            "{parts_gone} separate part(s) of the surface were left out, smallest first, to keep to so few triangles"
         ));
     }
-    (request.error.is_none() && *triangles > wanted).then(|| {
-        format!(
-            "no closed surface of {wanted} triangles was found; {triangles} are the fewest that were tried"
-        )
-    })
+    notes
 }
 
 /// Gives what was written its name, unless the job is stopped; its size.
@@ -209,6 +224,8 @@ fn report(
         triangles: made.triangles,
         fine_triangles: Some(made.fine_triangles).filter(|count| *count > 0),
         distance_mm: made.distance_mm,
+        within_mm: made.within_mm,
+        parts_gone: Some(made.parts_gone).filter(|count| *count > 0),
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
         surfaces,
@@ -439,7 +456,8 @@ impl ExportReport {
             format!("{}: {what}, {}, {:.2} s\n", shown(&self.output), Bytes(self.bytes), self.wall_s);
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
-            text += &format!("  of {fine} fine triangles{}\n", apart.unwrap_or_default());
+            let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));
+            text += &format!("  of {fine} fine triangles{}\n", apart.or_else(within).unwrap_or_default());
         }
         if let Some(apart) = self.apart_voxels {
             text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));

@@ -347,7 +347,8 @@ impl Handle {
             check(&self.bytes.0, &self.path)?;
             let mut mesh = mesh?;
             if let Some(most) = most {
-                mesh.reduce(most, self.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min));
+                let voxel_mm = self.model.affine().spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+                mesh.reduced(most, voxel_mm, progress).map_err(|_| Error::Stopped)?;
             }
             Ok(mesh)
         })?;

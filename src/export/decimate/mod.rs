@@ -13,11 +13,13 @@
 
 mod near;
 mod patch;
+mod sheets;
 mod spool;
 mod tree;
 mod whole;
 
-pub(super) use whole::{Goal, Whole, reduce};
+pub(super) use sheets::Surface;
+pub(super) use whole::{Apart, Goal, Whole, reduce};
 
 use std::collections::HashMap;
 use std::fs::File;

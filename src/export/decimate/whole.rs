@@ -3,19 +3,19 @@
 //! Edges are collapsed by meshoptimizer (quadric error metrics, Garland and Heckbert 1997), which moves the corners that
 //! stay to where its metric is least; no borders of bricks are left. The metric is no distance. That is measured afterwards:
 //! from corners and middles of the triangles before to those after, and from points of these, half a voxel apart, back.
-//! Where the surface would touch itself, or triangles lose their area, the fine triangles around are kept.
+//! Where the surface came to touch itself, it is taken apart (sheets).
 
-use std::collections::HashMap;
 use std::io;
-use std::iter::successors;
+use std::sync::atomic::{AtomicU64, Ordering};
 
 use meshopt::{SimplifyOptions, SimplifyVertex};
 use rayon::prelude::*;
 
-use super::patch::{edges, lattice};
+use super::patch::lattice;
+use super::sheets::Surface;
 use super::tree::Tree;
 use crate::export::write::{Sink, Vertex};
-use crate::geom::{add_scaled, cross, dot};
+use crate::progress::{Progress, Stopped};
 
 /// Limits of the metric, as parts of the distance, tried one after the other.
 const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
@@ -23,15 +23,20 @@ const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
 /// Triangles of the smallest closed surface.
 const LEAST: usize = 4;
 
-/// How often fine corners may be kept around what went wrong, and how far from there, in voxels.
+/// Triangles that are left for each part of a surface; where there are fewer, the smallest parts are left out.
+const OF_PART: usize = 2 * LEAST;
+
+/// How often triangles are made fewer before it is said that they cannot.
 const ROUNDS: u32 = 8;
-const FAULT_REACH: f64 = 2.0;
+
+/// Voxels by which corners at one place are moved apart, and units of their last bit at least.
+const APART: (f64, f32) = (0.01, 4.0 * f32::EPSILON);
 
 /// How often fine corners are kept around the places that are farthest away, and what part of the greatest distance these have.
 const REFINEMENTS: u32 = 3;
 const WORST: f64 = 0.75;
 
-/// Triangles that a thread measures at a time.
+/// Points or triangles that a thread measures at a time.
 const CHUNK: usize = 64;
 
 /// Limits of the reduction, whichever comes first.
@@ -41,9 +46,14 @@ pub(in crate::export) struct Goal {
     pub(in crate::export) error_mm: Option<f64>,
 }
 
+/// How far a surface is from the one before, in mm, and how many of its parts were left out.
+#[derive(Clone, Copy, Debug, Default)]
+pub(in crate::export) struct Apart {
+    pub(in crate::export) distance_mm: f64,
+    pub(in crate::export) parts_gone: u64,
+}
+
 /// A surface in memory.
-///
-/// Memory: some 300 bytes a triangle while it is reduced.
 #[derive(Debug, Default)]
 pub(in crate::export) struct Whole {
     vertices: Vec<Vertex>,
@@ -62,210 +72,251 @@ impl Sink for Whole {
     }
 }
 
-/// A candidate: corners, relative to the first one, and triangles.
-struct Fewer {
-    at: Vec<[f32; 3]>,
-    faces: Vec<[u32; 3]>,
+impl Whole {
+    /// Makes the triangles fewer.
+    pub(in crate::export) fn reduce(
+        &mut self,
+        goal: Goal,
+        voxel_mm: f64,
+        progress: &dyn Progress,
+    ) -> Result<Apart, Stopped> {
+        let places = self.vertices.iter().map(|vertex| vertex.at).collect();
+        let fine = Surface::new(places, std::mem::take(&mut self.faces));
+        let (few, apart) = reduce(fine, goal, voxel_mm, progress)?;
+        let vertex = |(old, at): (&u32, &[f32; 3])| Vertex { at: *at, ..self.vertices[*old as usize] };
+        self.vertices = few.olds.iter().zip(&few.at).map(vertex).collect();
+        self.faces = few.faces;
+        Ok(apart)
+    }
+
+    /// Hands on corners and triangles; their numbers.
+    pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<(u64, u64)> {
+        for vertex in &self.vertices {
+            to.vertex(vertex)?;
+        }
+        for face in &self.faces {
+            to.triangle(*face, face.map(|corner| self.vertices[corner as usize].at))?;
+        }
+        Ok((self.vertices.len() as u64, self.faces.len() as u64))
+    }
 }
 
-/// Makes triangles fewer and moves their corners; how far the surface is from the one before, in mm.
+/// Makes triangles fewer and moves their corners.
+///
+/// Memory: some 220 bytes a fine triangle.
 pub(in crate::export) fn reduce(
-    places: &mut [[f32; 3]],
-    triangles: &mut Vec<[u32; 3]>,
+    fine: Surface,
     goal: Goal,
     voxel_mm: f64,
-) -> f64 {
+    progress: &dyn Progress,
+) -> Result<(Surface, Apart), Stopped> {
     let wanted = goal.triangles.map_or(0, |count| usize::try_from(count).unwrap_or(usize::MAX)).max(LEAST);
-    let (Some(first), true) = (places.first().copied(), wanted < triangles.len()) else {
-        return 0.0;
-    };
-    // Near the origin, where 32 bits tell more places apart.
-    let at = places.iter().map(|at| std::array::from_fn(|a| at[a] - first[a])).collect();
-    let fine = Fewer { at, faces: std::mem::take(triangles) };
-    let tree = Tree::new(fine.triangles());
-    let reduced = |wanted: usize, limit: f64, locks: &mut Locks| {
-        let fewer = fine.collapsed(wanted, limit, locks)?;
-        let (distance, worst) = fewer.apart(&fine, &tree, voxel_mm);
-        Some((distance, worst, fewer))
-    };
-    let none = || Locks { all: vec![SimplifyVertex::empty(); fine.at.len()], voxel_mm };
+    if wanted >= fine.faces.len() {
+        return Ok((fine, Apart::default()));
+    }
+    let (parts, count) = fine.parts();
+    let mut spans: Vec<_> = (0_u32..).zip(fine.spans(&parts, count)).collect();
+    spans.sort_by(|(_, (a, _)), (_, (b, _))| b.total_cmp(a));
+    // Within a distance no part is left out.
+    spans.truncate(if goal.error_mm.is_some() { count } else { (wanted / OF_PART).max(1) });
+    let mut anchors = vec![None; count];
+    let mut locks = vec![SimplifyVertex::empty(); fine.at.len()];
+    for (part, (_, corners)) in spans {
+        anchors[part as usize] = Some(corners);
+        corners.iter().for_each(|corner| locks[*corner as usize] = SimplifyVertex::Lock);
+    }
+    let tree = Tree::new(fine.triangles().collect());
+    let reducer = Reducer { fine, tree, parts, anchors, wanted, voxel_mm, progress };
     let found = match goal.error_mm {
-        Some(mm) => TRIES.into_iter().find_map(|part| {
-            reduced(wanted, part * mm, &mut none()).filter(|(distance, ..)| *distance <= mm)
-        }),
-        // Where no sound surface of so many triangles is found, one of twice as many may be.
-        None => successors(Some(wanted), |count| count.checked_mul(2))
-            .take_while(|count| *count < fine.faces.len())
-            .find_map(|count| {
-                let mut locks = none();
-                let mut best = reduced(count, f64::INFINITY, &mut locks)?;
-                for _ in 0..REFINEMENTS {
-                    locks.add(&fine, &best.1, 1.0);
-                    let next = reduced(count, f64::INFINITY, &mut locks).filter(|next| next.0 < best.0);
-                    best = next.unwrap_or(best);
-                }
-                Some(best)
-            }),
+        Some(mm) => reducer.within(mm, &locks)?,
+        None => reducer.refined(&mut locks)?,
     };
-    let Some((distance, _, fewer)) = found else {
-        *triangles = fine.faces;
-        return 0.0;
+    let Some(Fewer { mut surface, distance_mm, .. }) = found else {
+        return Ok((reducer.fine, Apart::default()));
     };
-    for (place, at) in places.iter_mut().zip(&fewer.at) {
-        *place = std::array::from_fn(|a| at[a] + first[a]);
-    }
-    *triangles = fewer.faces;
-    distance
+    let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
+    surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
+    Ok((surface, Apart { distance_mm, parts_gone }))
 }
 
-impl Whole {
-    /// Makes the triangles fewer; how far the surface is from the one before, in mm.
-    pub(in crate::export) fn reduce(&mut self, goal: Goal, voxel_mm: f64) -> f64 {
-        let mut places: Vec<[f32; 3]> = self.vertices.iter().map(|vertex| vertex.at).collect();
-        let distance = reduce(&mut places, &mut self.faces, goal, voxel_mm);
-        self.vertices.iter_mut().zip(places).for_each(|(vertex, at)| vertex.at = at);
-        distance
-    }
-
-    /// Hands on the corners that triangles have, and the triangles; their numbers.
-    pub(in crate::export) fn hand_on(&self, to: &mut dyn Sink) -> io::Result<(u64, u64)> {
-        let mut news = vec![u32::MAX; self.vertices.len()];
-        let mut count = 0;
-        for face in &self.faces {
-            for corner in face {
-                let new = &mut news[*corner as usize];
-                if *new == u32::MAX {
-                    *new = count;
-                    count += 1;
-                    to.vertex(&self.vertices[*corner as usize])?;
-                }
-            }
-            let at = face.map(|corner| self.vertices[corner as usize].at);
-            to.triangle(face.map(|corner| news[corner as usize]), at)?;
-        }
-        Ok((count.into(), self.faces.len() as u64))
-    }
+/// A surface of fewer triangles.
+struct Fewer {
+    surface: Surface,
+    distance_mm: f64,
+    /// Points near which the distance is not much smaller.
+    worst: Vec<[f32; 3]>,
 }
 
-impl Fewer {
-    fn triangles(&self) -> impl Iterator<Item = [[f64; 3]; 3]> + '_ {
-        self.faces.iter().map(|face| self.corners(face))
-    }
+struct Reducer<'a> {
+    fine: Surface,
+    tree: Tree,
+    /// The part of each fine corner.
+    parts: Vec<u32>,
+    /// Corners of each part that stay; `None` if the part is left out.
+    anchors: Vec<Option<[u32; 4]>>,
+    wanted: usize,
+    voxel_mm: f64,
+    progress: &'a dyn Progress,
+}
 
-    fn corners(&self, face: &[u32; 3]) -> [[f64; 3]; 3] {
-        face.map(|corner| self.at[corner as usize].map(f64::from))
-    }
-
-    /// About so many triangles, or as many as keep the metric below a limit in mm. Where triangles without area would be left, or
-    /// edges of other than two triangles, the fine corners around stay as they are; `None` if that does not help.
-    fn collapsed(&self, wanted: usize, limit: f64, locks: &mut Locks) -> Option<Self> {
-        #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
-        let limit = limit.min(f64::from(f32::MAX)) as f32;
-        for _ in 0..ROUNDS {
-            let (mut at, mut numbers) = (self.at.clone(), self.faces.as_flattened().to_vec());
-            let (target, options) = (3 * wanted, SimplifyOptions::ErrorAbsolute);
-            let (indices, places) = (&mut numbers[..], &mut at[..]);
-            let count = meshopt::simplify_with_update(
-                indices,
-                places,
-                &mut [],
-                &[],
-                0,
-                Some(&locks.all),
-                target,
-                limit,
-                options,
-                None,
-            );
-            numbers.truncate(count);
-            let fewer = Self { at, faces: numbers.as_chunks().0.to_vec() };
-            let faults = fewer.faults();
-            if faults.is_empty() && !fewer.faces.is_empty() {
-                return Some(fewer);
+impl Reducer<'_> {
+    /// Within a distance; `None` if no such surface is found.
+    fn within(&self, mm: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
+        for part in TRIES {
+            if let Some(fewer) = self.reduced(part * mm, locks)?
+                && fewer.distance_mm <= mm
+            {
+                return Ok(Some(fewer));
             }
-            locks.add(self, &faults, FAULT_REACH);
         }
-        None
+        Ok(None)
     }
 
-    /// Corners of triangles without area, and of edges that have other than two triangles where corners at one place are one.
-    fn faults(&self) -> Vec<[f32; 3]> {
-        let mut firsts = HashMap::new();
-        // Zeros of both signs are one place.
-        let place = |at: [f32; 3]| at.map(|c| (c + 0.0).to_bits());
-        let merged: Vec<u32> =
-            (0..).zip(&self.at).map(|(number, at)| *firsts.entry(place(*at)).or_insert(number)).collect();
-        let faces: Vec<[u32; 3]> = self.faces.iter().map(|face| face.map(|c| merged[c as usize])).collect();
-        let edges = edges(&faces);
-        let is_twice = |pair: &[u64]| pair[0] == pair[1];
-        let twice = edges.windows(2).filter(|pair| is_twice(pair)).map(|pair| pair[0]);
-        let open = edges.iter().copied().filter(|edge| edges.binary_search(&edge.rotate_left(32)).is_err());
-        let ends = |edge: u64| [edge >> 32, edge & u64::from(u32::MAX)];
-        let of_edges = twice.chain(open).flat_map(ends).filter_map(|corner| usize::try_from(corner).ok());
-        let is_flat = |face: &&[u32; 3]| {
-            let [a, b, c] = self.corners(face);
-            let normal = cross(add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
-            dot(normal, normal) <= 0.0
-        };
-        let of_faces = self.faces.iter().filter(is_flat).flatten().map(|corner| *corner as usize);
-        of_edges.chain(of_faces).map(|corner| self.at[corner]).collect()
+    /// As many triangles as are wanted, with fine corners at the places that would be farthest away.
+    fn refined(&self, locks: &mut [SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
+        let Some(mut best) = self.reduced(f64::INFINITY, locks)? else { return Ok(None) };
+        for _ in 0..REFINEMENTS {
+            let places = Tree::new(best.worst.iter().map(|place| [*place; 3]).collect());
+            let square = self.voxel_mm * self.voxel_mm;
+            locks.par_iter_mut().zip(&self.fine.at).for_each(|(lock, at)| {
+                if places.square(at.map(f64::from), &mut 0, square) <= square {
+                    *lock = SimplifyVertex::Lock;
+                }
+            });
+            if let Some(next) = self.reduced(f64::INFINITY, locks)?
+                && next.distance_mm < best.distance_mm
+                && next.surface.faces.len() <= best.surface.faces.len().max(self.wanted)
+            {
+                best = next;
+            }
+        }
+        Ok(Some(best))
     }
 
-    /// The greatest distance from another surface, or of that one from this, and points near which it is not much smaller.
-    fn apart(&self, fine: &Self, fine_tree: &Tree, voxel_mm: f64) -> (f64, Vec<[f32; 3]>) {
-        let tree = Tree::new(self.triangles());
-        let there = fine.farthest(&tree, &|[a, b, c], point| {
-            [a, b, c, std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)].into_iter().for_each(point);
-        });
-        let back = self.farthest(fine_tree, &|corners, point| {
-            lattice(corners, 0.5 * voxel_mm, |p| {
+    fn reduced(&self, limit: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
+        self.progress.check()?;
+        let Some(surface) = self.collapsed(limit, locks)? else { return Ok(None) };
+        let (distance_mm, worst) = self.distance(&surface)?;
+        Ok(Some(Fewer { surface, distance_mm, worst }))
+    }
+
+    /// About so many triangles as are wanted, or as many as keep the metric below a limit in mm; `None` if none are left.
+    fn collapsed(&self, limit: f64, locks: &[SimplifyVertex]) -> Result<Option<Surface>, Stopped> {
+        let fine = &self.fine;
+        let is_kept = |face: &&[u32; 3]| self.anchors[self.parts[face[0] as usize] as usize].is_some();
+        let faces = fine.faces.iter().filter(is_kept).copied().collect();
+        let olds = (0..).take(fine.at.len()).collect();
+        let mut surface = Surface { at: fine.at.clone(), faces, olds };
+        let size = fine.at.as_flattened().iter().fold(0.0_f32, |most, c| most.max(c.abs()));
+        let step = (APART.0 * self.voxel_mm).max(f64::from(APART.1 * size));
+        for round in 0..ROUNDS {
+            let before = surface.faces.len();
+            // Where so few triangles are not reached otherwise, parts may go.
+            let is_last = round + 2 >= ROUNDS;
+            let lock = |old: &u32| if is_last { SimplifyVertex::empty() } else { locks[*old as usize] };
+            let locks: Vec<_> = surface.olds.iter().map(lock).collect();
+            surface.collapse(self.wanted, limit, &locks);
+            self.progress.check()?;
+            surface.cancel();
+            let gone =
+                self.is_gone(&surface).into_iter().zip(&self.anchors).filter(|(gone, _)| *gone && !is_last);
+            gone.filter_map(|(_, anchors)| *anchors).for_each(|corners| surface.add(fine, corners));
+            if !surface.repair(step) {
+                return Ok(None);
+            }
+            let count = surface.faces.len();
+            if count <= self.wanted || limit.is_finite() || is_last && count == before {
+                break;
+            }
+        }
+        Ok(Some(surface))
+    }
+
+    /// Which parts of the fine surface another one lacks.
+    fn is_gone(&self, surface: &Surface) -> Vec<bool> {
+        let mut is_gone = vec![true; self.anchors.len()];
+        for [corner, ..] in &surface.faces {
+            is_gone[self.parts[surface.olds[*corner as usize] as usize] as usize] = false;
+        }
+        is_gone
+    }
+
+    /// The greatest distance of a surface from the fine one, or of that one from it, and points near which it is not much
+    /// smaller.
+    fn distance(&self, few: &Surface) -> Result<(f64, Vec<[f32; 3]>), Stopped> {
+        let tree = Tree::new(few.triangles().collect());
+        let most = AtomicU64::new(0);
+        let mut all = self.farthest(&self.fine.at, &tree, &most, &|at, point| point(at.map(f64::from)));
+        all.extend(self.farthest(&self.fine.faces, &tree, &most, &|face, point| {
+            let [a, b, c] = self.fine.corners(face);
+            point(std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0));
+        }));
+        all.extend(self.farthest(&few.faces, &self.tree, &most, &|face, point| {
+            lattice(few.corners(face), 0.5 * self.voxel_mm, |p| {
                 point(p);
                 true
             });
-        });
-        let all = || there.iter().chain(&back);
-        let most = all().fold(0.0, |most, (square, _)| square.max(most));
-        let worst = all().filter(|(square, _)| *square > WORST * WORST * most).map(|(_, at)| *at);
-        (most.sqrt(), worst.collect())
+        }));
+        self.progress.check()?;
+        let most = f64::from_bits(most.into_inner());
+        all.retain(|(square, _)| *square > WORST * WORST * most);
+        Ok((most.sqrt(), all.into_iter().map(|(_, at)| at).collect()))
     }
 
-    /// The point of each chunk of triangles that is farthest from a surface: its squared distance, and where it is.
+    /// The point of each chunk of items that is farthest from a surface: its squared distance, and where it is. Raises `most`,
+    /// the bits of the greatest one; those that are much smaller are not exact.
     #[expect(clippy::cast_possible_truncation, reason = "back to single precision")]
-    fn farthest(&self, from: &Tree, points: &Points<'_>) -> Vec<(f64, [f32; 3])> {
-        let chunks = self.faces.par_chunks(CHUNK).map(|faces| {
+    fn farthest<T: Sync>(
+        &self,
+        items: &[T],
+        from: &Tree,
+        most: &AtomicU64,
+        points: &(dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync),
+    ) -> Vec<(f64, [f32; 3])> {
+        let chunks = items.par_chunks(CHUNK).map(|items| {
             let (mut seed, mut worst) = (0, (0.0, [0.0; 3]));
-            for face in faces {
-                points(self.corners(face), &mut |p| {
-                    let square = from.square(p, &mut seed);
+            if self.progress.stopped() {
+                return worst;
+            }
+            let enough = WORST * WORST * f64::from_bits(most.load(Ordering::Relaxed));
+            for item in items {
+                points(item, &mut |p| {
+                    let square = from.square(p, &mut seed, enough);
                     if square > worst.0 {
                         worst = (square, p.map(|c| c as f32));
                     }
                 });
             }
+            most.fetch_max(worst.0.to_bits(), Ordering::Relaxed);
             worst
         });
         chunks.collect()
     }
 }
 
-/// Hands over points of a triangle.
-type Points<'p> = dyn Fn([[f64; 3]; 3], &mut dyn FnMut([f64; 3])) + Sync + 'p;
+impl Surface {
+    fn triangles(&self) -> impl Iterator<Item = [[f32; 3]; 3]> + '_ {
+        self.faces.iter().map(|face| face.map(|corner| self.at[corner as usize]))
+    }
 
-/// Fine corners that stay where they are.
-struct Locks {
-    all: Vec<SimplifyVertex>,
-    voxel_mm: f64,
-}
-
-impl Locks {
-    /// Adds those within so many voxels of some places.
-    fn add(&mut self, fine: &Fewer, places: &[[f32; 3]], voxels: f64) {
-        let square = (voxels * self.voxel_mm).powi(2);
-        self.all.par_iter_mut().zip(&fine.at).for_each(|(lock, at)| {
-            let away = |place: &[f32; 3]| add_scaled(at.map(f64::from), -1.0, place.map(f64::from));
-            if places.iter().map(away).any(|away| dot(away, away) <= square) {
-                *lock = SimplifyVertex::Lock;
-            }
-        });
+    /// Collapses edges until so many triangles are left, or none below a limit of the metric in mm; sheets may touch then.
+    fn collapse(&mut self, wanted: usize, limit: f64, locks: &[SimplifyVertex]) {
+        #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
+        let limit = limit.min(f64::from(f32::MAX)) as f32;
+        let (target, options) = (3 * wanted.min(self.faces.len()), SimplifyOptions::ErrorAbsolute);
+        let (indices, places) = (self.faces.as_flattened_mut(), &mut self.at[..]);
+        let count = meshopt::simplify_with_update(
+            indices,
+            places,
+            &mut [],
+            &[],
+            0,
+            Some(locks),
+            target,
+            limit,
+            options,
+            None,
+        );
+        self.faces.truncate(count / 3);
     }
 }

@@ -1,0 +1,359 @@
+//! A surface in memory, and its repair after edges were collapsed.
+//!
+//! Where edges are collapsed, sheets come to touch: an edge has four triangles or more, or a corner several fans. Such
+//! triangles are paired anew, two for each edge, so that both of a pair bound the same piece of the solid; a corner then
+//! becomes one for each fan, and those at one place are moved apart, into the solid.
+
+use std::collections::{HashMap, HashSet};
+
+use crate::geom::{add_scaled, cross, dot};
+
+/// How often pairs are exchanged, or corners moved.
+const ROUNDS: u32 = 64;
+
+/// The partner of an edge that has none.
+const NONE: u32 = u32::MAX;
+
+/// Corners, and triangles by their numbers.
+pub(in crate::export) struct Surface {
+    pub(in crate::export) at: Vec<[f32; 3]>,
+    pub(in crate::export) faces: Vec<[u32; 3]>,
+    /// The number that each corner had at first.
+    pub(in crate::export) olds: Vec<u32>,
+}
+
+/// Numbers in sets, each named by its least number.
+struct Sets(Vec<u32>);
+
+impl Sets {
+    fn new(count: usize) -> Self {
+        Self((0..).take(count).collect())
+    }
+
+    fn root(&mut self, mut number: u32) -> u32 {
+        while self.0[number as usize] != number {
+            let above = self.0[self.0[number as usize] as usize];
+            self.0[number as usize] = above;
+            number = above;
+        }
+        number
+    }
+
+    fn join(&mut self, a: u32, b: u32) {
+        let (a, b) = (self.root(a), self.root(b));
+        self.0[a.max(b) as usize] = a.min(b);
+    }
+
+    /// The set of each number, from 0 on in the order of their names, and how many there are.
+    fn numbered(mut self) -> (Vec<u32>, usize) {
+        let mut count = 0;
+        for number in 0..self.0.len() {
+            // The name is less, and so has its number already.
+            let name = self.0[number] as usize;
+            self.0[number] = if name == number { count } else { self.0[name] };
+            count += u32::from(name == number);
+        }
+        (self.0, count as usize)
+    }
+}
+
+/// The edge of a triangle that follows one: the three of triangle `i` have the numbers from `3 * i` on.
+fn next(edge: u32) -> u32 {
+    if edge % 3 == 2 { edge - 2 } else { edge + 1 }
+}
+
+impl Surface {
+    /// The triangles, and the corners that they have, in the order in which they have them.
+    pub(in crate::export) fn new(at: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Self {
+        let olds = (0..).take(at.len()).collect();
+        let mut surface = Self { at, faces, olds };
+        surface.compact();
+        surface
+    }
+
+    fn compact(&mut self) {
+        let (mut news, mut kept) = (vec![None; self.at.len()], Vec::new());
+        for corner in self.faces.as_flattened_mut() {
+            let old = *corner;
+            *corner = *news[old as usize].get_or_insert_with(|| {
+                kept.push(old as usize);
+                u32::try_from(kept.len() - 1).unwrap_or(u32::MAX)
+            });
+        }
+        self.at = kept.iter().map(|old| self.at[*old]).collect();
+        self.olds = kept.iter().map(|old| self.olds[*old]).collect();
+    }
+
+    pub(super) fn corners(&self, face: &[u32; 3]) -> [[f64; 3]; 3] {
+        face.map(|corner| self.place(corner))
+    }
+
+    fn place(&self, corner: u32) -> [f64; 3] {
+        self.at[corner as usize].map(f64::from)
+    }
+
+    /// Twice the area of a triangle, as a vector out of the solid.
+    fn normal(&self, face: &[u32; 3]) -> [f64; 3] {
+        let [a, b, c] = self.corners(face);
+        cross(add_scaled(b, -1.0, a), add_scaled(c, -1.0, a))
+    }
+
+    /// The part of each corner, and how many parts there are.
+    pub(super) fn parts(&self) -> (Vec<u32>, usize) {
+        let mut sets = Sets::new(self.at.len());
+        for [a, b, c] in &self.faces {
+            sets.join(*a, *b);
+            sets.join(*b, *c);
+        }
+        sets.numbered()
+    }
+
+    /// Four corners of each part that lie far apart, and how far the first two do.
+    pub(super) fn spans(&self, parts: &[u32], count: usize) -> Vec<(f64, [u32; 4])> {
+        let mut spans = vec![(0.0, [0; 4]); count];
+        for pick in 0..4 {
+            let mut most = vec![f64::NEG_INFINITY; count];
+            for (corner, part) in (0..).zip(parts) {
+                let (longest, picked) = &mut spans[*part as usize];
+                let [a, b, c] = [0, 1, 2].map(|k| self.place(picked[k]));
+                let ways = [self.place(corner), b, c].map(|p| add_scaled(p, -1.0, a));
+                let apart = match pick {
+                    0 => self.place(corner)[0],
+                    1 => dot(ways[0], ways[0]).sqrt(),
+                    2 => dot(cross(ways[1], ways[0]), cross(ways[1], ways[0])),
+                    _ => dot(cross(ways[1], ways[2]), ways[0]).abs(),
+                };
+                if apart > most[*part as usize] {
+                    (most[*part as usize], picked[pick]) = (apart, corner);
+                    if pick == 1 {
+                        *longest = apart;
+                    }
+                }
+            }
+        }
+        spans
+    }
+
+    /// Gives each edge two triangles, each corner one fan and a place of its own, and each triangle an area; corners move
+    /// by some `step`s. True where that succeeds.
+    pub(super) fn repair(&mut self, step: f64) -> bool {
+        let is_paired = self.unzip();
+        self.compact();
+        is_paired && !self.faces.is_empty() && self.move_apart(step)
+    }
+
+    /// Adds a tetrahedron of four corners of another surface, unless they lie in a plane.
+    pub(super) fn add(&mut self, other: &Self, mut corners: [u32; 4]) {
+        let [a, b, c, d] = corners;
+        let up = add_scaled(other.place(d), -1.0, other.place(a));
+        let height = dot(other.normal(&[a, b, c]), up);
+        if height == 0.0 {
+            return;
+        }
+        if height > 0.0 {
+            corners.swap(0, 1);
+        }
+        let first = u32::try_from(self.at.len()).unwrap_or(NONE);
+        self.at.extend(corners.map(|corner| other.at[corner as usize]));
+        self.olds.extend(corners);
+        let faces = [[0, 1, 2], [0, 3, 1], [1, 3, 2], [2, 3, 0]];
+        self.faces.extend(faces.map(|face| face.map(|corner| first + corner)));
+    }
+
+    /// Removes pairs of triangles that have the same corners and opposite sides.
+    pub(super) fn cancel(&mut self) {
+        let key = |(number, face): (usize, &[u32; 3])| {
+            let mut sorted = *face;
+            sorted.sort_unstable();
+            let start = face.iter().position(|corner| *corner == sorted[0]).unwrap_or(0);
+            (sorted, face[(start + 1) % 3] == sorted[1], number)
+        };
+        let mut keys: Vec<_> = self.faces.iter().enumerate().map(key).collect();
+        keys.sort_unstable();
+        let mut gone = HashSet::new();
+        for same in keys.chunk_by(|a, b| a.0 == b.0) {
+            let (left, right) = same.split_at(same.partition_point(|(_, side, _)| !side));
+            left.iter().zip(right).for_each(|(a, b)| gone.extend([a.2, b.2]));
+        }
+        let mut number = 0..;
+        self.faces.retain(|_| number.next().is_none_or(|number| !gone.contains(&number)));
+    }
+
+    /// Makes a corner of each fan; true where all edges have two triangles then.
+    fn unzip(&mut self) -> bool {
+        let (mut partners, crowded) = self.partners();
+        let mut is_paired = false;
+        let mut fans = Vec::new();
+        for _ in 0..ROUNDS {
+            let mut sets = Sets::new(partners.len());
+            for (edge, partner) in (0..).zip(&partners).filter(|(_, partner)| **partner != NONE) {
+                sets.join(edge, next(*partner));
+                sets.join(next(edge), *partner);
+            }
+            fans = sets.numbered().0;
+            if !exchange(&mut partners, &crowded, &fans) {
+                is_paired = true;
+                break;
+            }
+        }
+        let mut corners = vec![NONE; fans.len()];
+        let mut is_taken = vec![false; self.at.len()];
+        for (corner, fan) in self.faces.as_flattened_mut().iter_mut().zip(fans) {
+            let new = &mut corners[fan as usize];
+            if *new == NONE {
+                *new = *corner;
+                if std::mem::replace(&mut is_taken[*corner as usize], true) {
+                    *new = u32::try_from(self.at.len()).unwrap_or(NONE);
+                    self.at.push(self.at[*corner as usize]);
+                    self.olds.push(self.olds[*corner as usize]);
+                }
+            }
+            *corner = *new;
+        }
+        is_paired
+    }
+
+    /// The edge of another triangle with which each edge of a triangle is one, and the edges of more than two triangles.
+    fn partners(&self) -> (Vec<u32>, Vec<Vec<u32>>) {
+        let corners = self.faces.as_flattened();
+        let ends = |edge: u32| [edge, next(edge)].map(|edge| corners[edge as usize]);
+        let mut edges: Vec<([u32; 2], u32)> = (0..)
+            .take(corners.len())
+            .map(|edge| {
+                let [a, b] = ends(edge);
+                ([a.min(b), a.max(b)], edge)
+            })
+            .collect();
+        edges.sort_unstable();
+        let (mut partners, mut crowded) = (vec![NONE; corners.len()], Vec::new());
+        for group in edges.chunk_by(|a, b| a.0 == b.0) {
+            let mut around: Vec<u32> = group.iter().map(|(_, edge)| *edge).collect();
+            if around.len() > 2 {
+                self.sort_around(group[0].0, &mut around);
+            }
+            // Behind a triangle that runs back, the solid begins; it ends at one that runs forth.
+            let is_forth = |edge: &u32| ends(*edge)[0] == group[0].0[0];
+            let mut open = Vec::new();
+            for turn in 0..2 {
+                for edge in &around {
+                    if !is_forth(edge) && turn == 0 {
+                        open.push(*edge);
+                    } else if is_forth(edge)
+                        && partners[*edge as usize] == NONE
+                        && let Some(back) = open.pop()
+                    {
+                        (partners[*edge as usize], partners[back as usize]) = (back, *edge);
+                    }
+                }
+            }
+            around.retain(is_forth);
+            if around.len() > 1 {
+                crowded.push(around);
+            }
+        }
+        (partners, crowded)
+    }
+
+    /// Sorts edges from one corner to another, or back, by the angle of their triangles.
+    fn sort_around(&self, [from, to]: [u32; 2], edges: &mut [u32]) {
+        let from = self.place(from);
+        let axis = add_scaled(self.place(to), -1.0, from);
+        let least = (0..3).min_by(|a, b| axis[*a].abs().total_cmp(&axis[*b].abs())).unwrap_or(0);
+        let mut other = [0.0; 3];
+        other[least] = dot(axis, axis).sqrt();
+        let right = cross(axis, other);
+        let up = cross(axis, right).map(|c| c / other[least]);
+        let angle = |edge: &u32| {
+            let apex = self.faces.as_flattened()[next(next(*edge)) as usize];
+            let way = add_scaled(self.place(apex), -1.0, from);
+            dot(way, up).atan2(dot(way, right))
+        };
+        edges.sort_by(|a, b| angle(a).total_cmp(&angle(b)));
+    }
+
+    /// Moves corners at one place apart, and triangles without area until they have one.
+    fn move_apart(&mut self, step: f64) -> bool {
+        for _ in 0..ROUNDS {
+            let steps = self.steps();
+            if steps.is_empty() {
+                return true;
+            }
+            let mut ways: HashMap<u32, [f64; 3]> = steps.keys().map(|corner| (*corner, [0.0; 3])).collect();
+            for face in &self.faces {
+                for corner in face {
+                    if let Some(way) = ways.get_mut(corner) {
+                        *way = add_scaled(*way, -1.0, self.normal(face));
+                    }
+                }
+            }
+            for (corner, mut way) in ways {
+                let count = steps[&corner];
+                // Normals may cancel each other out.
+                way[count as usize % 3] += f64::MIN_POSITIVE;
+                let most = way.into_iter().map(f64::abs).fold(0.0, f64::max);
+                let way = way.map(|c| c / most);
+                let scale = step * f64::from(count) / dot(way, way).sqrt();
+                let place = add_scaled(self.place(corner), scale, way);
+                #[expect(clippy::cast_possible_truncation, reason = "back to single precision")]
+                let place = place.map(|c| c as f32);
+                self.at[corner as usize] = place;
+            }
+        }
+        false
+    }
+
+    /// How many steps each corner is to move that lies where another does, or at which a triangle has no area.
+    fn steps(&self) -> HashMap<u32, u32> {
+        let (mut counts, mut steps) = (HashMap::new(), HashMap::new());
+        for (corner, at) in (0..).zip(&self.at) {
+            // Zeros of both signs are one place.
+            let count = counts.entry(at.map(|c| (c + 0.0).to_bits())).or_insert(0);
+            if *count > 0 {
+                steps.insert(corner, *count);
+            }
+            *count += 1;
+        }
+        for face in &self.faces {
+            let normal = self.normal(face);
+            if dot(normal, normal) <= 0.0 && !face.iter().any(|corner| steps.contains_key(corner)) {
+                let [a, b, c] = self.corners(face);
+                let lengths = [[b, c], [c, a], [a, b]].map(|[p, q]| {
+                    let way = add_scaled(q, -1.0, p);
+                    dot(way, way)
+                });
+                let apex = (0..3).max_by(|i, j| lengths[*i].total_cmp(&lengths[*j])).unwrap_or(0);
+                steps.insert(face[apex], 1);
+            }
+        }
+        steps
+    }
+}
+
+/// Exchanges partners at edges that have more than two triangles still, where fans have the same corners at both ends; true
+/// if there were any. The fans of both ends come apart by it.
+fn exchange(partners: &mut [u32], crowded: &[Vec<u32>], fans: &[u32]) -> bool {
+    let (mut is_changed, mut touched) = (false, HashSet::new());
+    for edges in crowded {
+        let mut firsts = HashMap::new();
+        for edge in edges {
+            let ends = [*edge, next(*edge)].map(|edge| fans[edge as usize]);
+            let first = *firsts.entry(ends).or_insert(*edge);
+            if first == *edge {
+                continue;
+            }
+            is_changed = true;
+            if ends.iter().any(|end| touched.contains(end)) {
+                continue;
+            }
+            touched.extend(ends);
+            let [one, other] = [first, *edge].map(|edge| edge as usize);
+            partners.swap(one, other);
+            for edge in [one, other] {
+                if let Some(back) = partners.get_mut(partners[edge] as usize) {
+                    *back = u32::try_from(edge).unwrap_or(NONE);
+                }
+            }
+        }
+    }
+    is_changed
+}
