@@ -320,3 +320,59 @@ impl Surface {
         self.faces.truncate(count / 3);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::export::Mesh;
+    use crate::export::decimate::near::Facet;
+    use crate::geom::{add_scaled, cross, dot};
+    use crate::progress::Silent;
+    use crate::{BuildOptions, Dims, Model, Threshold, Voxels};
+    use std::collections::HashSet;
+
+    /// Noise: sheets touch in many places, and there are hundreds of parts.
+    fn noise() -> Mesh {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("m.oct");
+        let value = |p: [u32; 3]| {
+            let mixed = (p[0] ^ p[1] << 8 ^ p[2] << 16).wrapping_mul(0x9e37_79b9);
+            ((mixed ^ mixed >> 15).wrapping_mul(0x85eb_ca6b) >> 8) as f32 / (1 << 23) as f32 - 1.2
+        };
+        let volume = Voxels::from_fn(Dims::new(24, 24, 24).unwrap(), value);
+        let options = BuildOptions { threshold: Threshold::Iso(0.0), ..BuildOptions::default() };
+        crate::build(&volume, &options, &path).unwrap();
+        crate::triangles(&Model::open(&path).unwrap(), &Silent).unwrap()
+    }
+
+    #[test]
+    fn noise_has_no_more_triangles_than_were_asked_for_and_is_closed() {
+        let fine = noise();
+        assert!(fine.faces.len() > 20_000, "{}", fine.faces.len());
+        let place = |mesh: &Mesh, corner: u32| mesh.vertices[corner as usize].map(f64::from);
+        for wanted in [10_000, 3000, 300] {
+            let mut mesh = fine.clone();
+            let stated = mesh.reduce(wanted, 1.0);
+            assert!(mesh.faces.len() as u64 <= wanted, "{} of {wanted}", mesh.faces.len());
+            assert!(mesh.faces.len() as u64 * 4 > wanted * 3, "{} of {wanted}", mesh.faces.len());
+            let places: HashSet<_> = mesh.vertices.iter().map(|at| at.map(|c| (c + 0.0).to_bits())).collect();
+            assert_eq!(places.len(), mesh.vertices.len());
+            assert_eq!(mesh.normals.len(), mesh.vertices.len());
+            let mut edges = HashSet::new();
+            for face in &mesh.faces {
+                let [a, b, c] = face.map(|corner| place(&mesh, corner));
+                let normal = cross(add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
+                assert!(dot(normal, normal) > 0.0);
+                assert!((0..3).all(|k| edges.insert([face[k], face[(k + 1) % 3]])), "an edge twice");
+            }
+            assert!(edges.iter().all(|[a, b]| edges.contains(&[*b, *a])), "an open edge");
+            let facets: Vec<_> = mesh.faces.iter().map(|f| Facet::new(f.map(|c| place(&mesh, c)))).collect();
+            let far = |at: &[f32; 3]| {
+                let squares = facets.iter().map(|facet| facet.square(at.map(f64::from)));
+                squares.fold(f64::INFINITY, f64::min).sqrt()
+            };
+            let most = fine.vertices.iter().step_by(7).map(far).fold(0.0, f64::max);
+            assert!(most <= stated + 1e-6 && stated < 8.0, "{most} {stated}");
+        }
+    }
+}
