@@ -116,14 +116,14 @@ mod tests {
         let mut state = 5_u32;
         let mut next = || {
             state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
-            f64::from(state >> 8) / f64::from(1 << 24) * 10.0
+            (state >> 8) as f32 / (1 << 24) as f32 * 10.0
         };
         for count in [0, 1, 5, 300] {
             let triangles: Vec<[[f32; 3]; 3]> =
-                (0..count).map(|_| std::array::from_fn(|_| std::array::from_fn(|_| next() as f32))).collect();
+                (0..count).map(|_| std::array::from_fn(|_| std::array::from_fn(|_| next()))).collect();
             let (tree, mut seed) = (Tree::new(triangles.clone()), 0);
             for _ in 0..300 {
-                let p = std::array::from_fn(|_| next() * 2.0 - 5.0);
+                let p = std::array::from_fn(|_| f64::from(next() * 2.0 - 5.0));
                 let due = triangles.iter().map(|t| square(t, p)).fold(f64::INFINITY, f64::min);
                 assert!(tree.square(p, &mut seed, 0.0) == due, "{p:?}");
                 let within = tree.square(p, &mut seed, 4.0);

@@ -139,6 +139,9 @@ pub(in crate::export) fn reduce(
     Ok((surface, Apart { distance_mm, parts_gone }))
 }
 
+/// Hands over points of an item.
+type Points<'p, T> = dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync + 'p;
+
 /// A surface of fewer triangles.
 struct Fewer {
     surface: Surface,
@@ -271,7 +274,7 @@ impl Reducer<'_> {
         items: &[T],
         from: &Tree,
         most: &AtomicU64,
-        points: &(dyn Fn(&T, &mut dyn FnMut([f64; 3])) + Sync),
+        points: &Points<'_, T>,
     ) -> Vec<(f64, [f32; 3])> {
         let chunks = items.par_chunks(CHUNK).map(|items| {
             let (mut seed, mut worst) = (0, (0.0, [0.0; 3]));
@@ -323,7 +326,6 @@ impl Surface {
 
 #[cfg(test)]
 mod tests {
-    use super::*;
     use crate::export::Mesh;
     use crate::export::decimate::near::Facet;
     use crate::geom::{add_scaled, cross, dot};
