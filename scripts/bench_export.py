@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Exports within an error: triangles, the distance that was kept, seconds and memory, and meshoptimizer on the whole mesh.
+"""Exports within an error or to a number: triangles, distance, seconds and memory, and meshoptimizer on the whole mesh.
 
-usage: scripts/bench_export.py OCT MODEL.oct.. [--bounds 0.05,0.1,0.2]
+usage: scripts/bench_export.py OCT MODEL.oct.. [--bounds 0.05,0.1,0.2] [--triangles 50000,200000]
        needs numpy, Open3D, trimesh and meshoptimizer; bounds are in voxels of the finest spacing
 
 Distances are measured both ways by Open3D, of all corners and a million points spread over the triangles, in voxels.
-meshoptimizer's own error is lowered until its mesh is as near as ours in the same measure.
+meshoptimizer's own error is lowered until its mesh is as near as ours in the same measure; to a number, its mesh has as many.
 """
 
 import argparse
@@ -88,22 +88,31 @@ def whole(fine, least):
         error *= 0.8
 
 
-def compare(oct, model, bounds, folder):
+def compare(oct, model, bounds, counts, folder):
     """Rows of a model."""
     voxel = min(run(oct, "info", model)[0]["spacing_mm"])
     report, seconds = run(oct, "export", model, "-o", folder / "fine.ply")
     fine = read(folder / "fine.ply")
     print(f"{model.name}: {len(fine[1])} triangles, {seconds:.2f} CPU s, {report['peak_rss_bytes'] / 2**20:.1f} MiB")
-    for bound in bounds:
-        report, seconds = run(oct, "export", model, "-o", folder / "few.ply", "--error", bound)
+    few_triangles = np.empty(fine[1].size, np.uint32)
+    for option, value in [("--error", bound) for bound in bounds] + [("--triangles", count) for count in counts]:
+        report, seconds = run(oct, "export", model, "-o", folder / "few.ply", option, value)
         few = read(folder / "few.ply")
         mesh = trimesh.Trimesh(few[0], few[1], process=False)
         most = apart(fine, few)
         closed = "closed" if mesh.is_watertight and mesh.is_winding_consistent else "OPEN"
+        if option == "--error":
+            other = whole(fine, most)
+        else:
+            corners, faces = fine
+            kept = meshoptimizer.simplify(
+                few_triangles, faces.ravel(), corners, target_index_count=3 * value, target_error=1e30
+            )
+            other = f"{apart(fine, (corners, few_triangles[:kept].reshape(-1, 3).copy())) / voxel:.4f} voxel"
         print(
-            f"  {bound}: 1/{len(fine[1]) / len(few[1]):.2f}, {closed}, {most / voxel:.4f} voxel,"
+            f"  {option} {value}: 1/{len(fine[1]) / len(few[1]):.2f}, {closed}, {most / voxel:.4f} voxel,"
             f" {report['wall_s']:.2f} s, {seconds:.2f} CPU s, {report['peak_rss_bytes'] / 2**20:.1f} MiB |"
-            f" meshoptimizer {whole(fine, most)}",
+            f" meshoptimizer {other}",
             flush=True,
         )
 
@@ -114,10 +123,13 @@ def main():
     parser.add_argument("oct", type=pathlib.Path)
     parser.add_argument("models", type=pathlib.Path, nargs="+")
     parser.add_argument("--bounds", default="0.05,0.1,0.2")
+    parser.add_argument("--triangles", default="")
     args = parser.parse_args()
+    bounds = [float(bound) for bound in args.bounds.split(",") if bound]
+    counts = [int(count) for count in args.triangles.split(",") if count]
     for model in args.models:
         with tempfile.TemporaryDirectory() as folder:
-            compare(args.oct.resolve(), model, [float(b) for b in args.bounds.split(",")], pathlib.Path(folder))
+            compare(args.oct.resolve(), model, bounds, counts, pathlib.Path(folder))
 
 
 if __name__ == "__main__":
