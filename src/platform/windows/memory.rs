@@ -50,7 +50,7 @@ static BASE: OnceLock<(u64, u64)> = OnceLock::new();
 /// By how much a process grows that runs a job, before the job holds anything: its own (threads, and what the heap keeps), and
 /// pages of files (more of the libraries). Counted from the start, so that a cap that is named does work: chosen by eight
 /// commands under Wine 8, all of which do with it.
-const GROWTH: (u64, u64) = (11 << 18, 3 << 18);
+const GROWTH: (u64, u64) = (7 << 18, 10 << 18);
 
 /// What is the process's own at present, as far as it is resident, and the pages of files.
 fn own_and_file() -> (u64, u64) {
