@@ -182,7 +182,7 @@ fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
             "no closed surface of {wanted} triangles was found; {triangles} are the fewest that were tried"
         )),
         _ if request.error.is_some() && triangles == fine_triangles => notes.push(
-            "no closed surface of fewer triangles was found within --error; none was left out".to_owned(),
+            "no closed surface of fewer triangles was found within that error; none was left out".to_owned(),
         ),
         _ => {}
     }
