@@ -83,7 +83,7 @@ if [ "$it" ]; then
         printf '\r%-70s' "$module, $(grep -c '^test .* ok$' "$work/log") of $(wc -l <"$work/due")" >&2
     done
     echo >&2
-    sed -n 's/^test \(.*\) \.\.\. ok$/\1/p' "$work/log" | sort >"$work/passed"
+    sed -n 's/^.*test \([a-z_0-9:]*\) \.\.\. ok$/\1/p' "$work/log" | sort >"$work/passed"
     passed=$(wc -l <"$work/passed")
     if ! diff "$work/due" "$work/passed" >"$work/failed"; then
         grep -A 3 "panicked at" "$work/log" || true
