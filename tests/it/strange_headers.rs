@@ -426,6 +426,8 @@ fn a_decimal_comma_of_dicom_is_a_point_and_what_a_screen_needs_refuses_nothing()
         let notes = sentences(&info.notes).join("; ");
         assert!(notes.contains("decimal commas of the"), "{notes}");
     }
+    let flat = sentences(&all(&|image, _| _ = image.set(0x0028_0030, "DS", "0\\1")).notes).join("; ");
+    assert!(flat.contains("state a pixel spacing of 0 x 1 mm"), "{flat}");
     for window in ["n/a", "40,5", "1\\2\\3", "nan"] {
         let info = all(&|image, _| _ = image.set(0x0028_1050, "DS", window).set(0x0028_1051, "DS", window));
         assert!(info.notes.is_empty(), "{:?}", info.notes);

@@ -129,8 +129,13 @@ pub(crate) fn along_normal(group: &Group, chosen: &[usize]) -> Option<Vec<f64>> 
 pub(crate) fn pixel_spacing(shared: &Shared, notes: &mut Vec<Note>) -> [f64; 2] {
     match shared.pixel_spacing {
         Some([dy, dx]) if dx > 0.0 && dy > 0.0 => [dx, dy],
-        _ => {
-            notes.push(Note::spacing("the images state no pixel spacing; 1 mm is assumed"));
+        stated => {
+            notes.push(Note::spacing(match stated {
+                Some([dy, dx]) => {
+                    format!("the images state a pixel spacing of {dy} x {dx} mm; 1 mm is assumed")
+                }
+                None => "the images state no pixel spacing; 1 mm is assumed".to_owned(),
+            }));
             [1.0, 1.0]
         }
     }
