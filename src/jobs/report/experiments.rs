@@ -68,7 +68,6 @@ impl Bench<'_> {
             Some(body) if body.body().is_smooth() => {
                 found.extend(self.surfaces(subject, &*source, &options, body)?);
                 found.push(self.gradients(subject, &*source, &options, body)?);
-                found.push(self.normal_bits(subject, &usual.model, body)?);
                 found.push(self.detail(subject, &usual.model, &Reference::Body(body))?);
             }
             _ => {

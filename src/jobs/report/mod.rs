@@ -11,7 +11,6 @@
 //! | `experiments` | what is tried on a body, on a volume, on a model |
 //! | `pictures` | traversals, samplings and shadings, a table of each |
 //! | `sight` | models without what cannot be seen |
-//! | `bits` | normals in other numbers of bits |
 //! | `bound` | larger leaves within a bound |
 //! | `overview` | the first figure: a few settings, error against time, and a verdict |
 //! | `machine` | facts of the machine |
@@ -19,7 +18,6 @@
 //!
 //! A new choice, such as another surface or traversal, is a row of an experiment, or an experiment more.
 
-mod bits;
 mod bound;
 mod experiments;
 mod machine;

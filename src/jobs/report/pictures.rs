@@ -3,9 +3,8 @@
 use std::convert::Infallible;
 use std::time::Instant;
 
-use super::bits::rounded;
 use super::experiments::Bench;
-use super::rays::{self, Line, Met, Scene};
+use super::rays::{self, Met, Scene};
 use super::rows::{Costs, Drawn, Errors, Experiment, Metric, Row, Times};
 use crate::cpu::Form;
 use crate::error::Error;
@@ -55,9 +54,6 @@ const FRAMES: [Frame; 4] = [
         how: |plain| RenderRequest { lod: true, ..plain },
     },
 ];
-
-/// Bits of a normal that are tried; the format has 16.
-const NORMAL_BITS: [u32; 4] = [12, 14, 16, 24];
 
 impl Bench<'_> {
     /// Every way to find the first hits.
@@ -185,43 +181,6 @@ impl Bench<'_> {
             rows.push(Self::row(subject, format!("{surface}, {choice}"), usual, costs, errors));
         }
         Ok(rows)
-    }
-
-    /// What is lost by writing normals in so many bits, apart from how they were estimated.
-    pub(super) fn normal_bits(
-        &self,
-        subject: &str,
-        model: &Model<impl AsRef<[u8]> + Sync>,
-        body: &AnalyticVolume,
-    ) -> Result<Experiment, Error> {
-        let (_, lines): (_, Vec<Line>) = self.lines(model)?;
-        let met = rays::cast(model, &lines, self.threads)?;
-        let header = model.header();
-        let mut rows = Vec::new();
-        for bits in NORMAL_BITS {
-            let written: Vec<Option<Met>> = met
-                .iter()
-                .map(|met| {
-                    let met = (*met)?;
-                    let truth = body.surface_at(met.point).normal;
-                    Some(Met { normal: Some(rounded(truth, bits)), ..met })
-                })
-                .collect();
-            let errors = rays::against_body(&written, &lines, body, self.threads)?.only_normals();
-            let items = header.voxels * u64::from(bits) / 8;
-            let bytes = (header.file_bytes + items).saturating_sub(2 * header.voxels);
-            let costs = Costs { file_bytes: Some(bytes), ..Costs::default() };
-            rows.push(Self::row(subject, format!("{bits} bits"), bits == 16, costs, errors));
-        }
-        Ok(Experiment {
-            id: "normal_bits",
-            title: "In how many bits normals are written",
-            about: "The body's true normals at the hits, rounded to so many bits by the octahedral map: what is lost by rounding alone. The format has 16; the other sizes are what the file would take.".into(),
-            advice: None,
-            drawn: Drawn { cost: 3, metric: Metric::NormalMean },
-            rows,
-            pictures: Vec::new(),
-        })
     }
 }
 
