@@ -61,7 +61,7 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
-use decimate::{Apart, Decimator, Goal, Whole};
+use decimate::{Decimator, Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
@@ -185,8 +185,8 @@ pub(crate) struct Exported {
     pub(crate) distance_mm: Option<f64>,
     /// Bound of it, where it was not.
     pub(crate) within_mm: Option<f64>,
-    /// Separate parts of the surface that were left out.
-    pub(crate) parts_gone: u64,
+    /// Separate parts of the surface that were left out, where it was in memory.
+    pub(crate) parts_gone: Option<u64>,
     /// Voxels set in a mask.
     pub(crate) inside: u64,
     /// Boxes that the skin encloses, of which the normals do not tell whether they are inside.
@@ -343,12 +343,13 @@ impl Exporter<'_> {
         let goal = Goal { triangles: self.triangles, error_mm: self.error_mm.map(|mm| mm - first_mm) };
         let apart = whole.reduce(goal, voxel_mm, progress)?;
         let (vertices, triangles) = whole.hand_on(sink)?;
-        let (Apart { distance_mm, parts_gone }, counts) = (apart, Exported { vertices, triangles, ..made });
+        let (distance_mm, parts_gone) = (apart.distance_mm, Some(apart.parts_gone));
+        let counts = Exported { vertices, triangles, parts_gone, ..made };
         Ok(Some(match first {
-            Some(mm) => Exported { within_mm: Some(distance_mm + mm), parts_gone, ..counts },
+            Some(mm) => Exported { within_mm: Some(distance_mm + mm), ..counts },
             None => {
                 let (fine_triangles, distance_mm) = (made.triangles, Some(distance_mm));
-                Exported { fine_triangles, distance_mm, parts_gone, ..counts }
+                Exported { fine_triangles, distance_mm, ..counts }
             }
         }))
     }

@@ -186,7 +186,7 @@ fn shortfalls(request: ExportRequest, made: &Exported) -> Vec<String> {
         ),
         _ => {}
     }
-    if parts_gone > 0 {
+    if let Some(parts_gone @ 1..) = parts_gone {
         notes.push(format!(
             "{parts_gone} separate part(s) of the surface were left out, smallest first, to keep to so few triangles"
         ));
@@ -225,7 +225,7 @@ fn report(
         fine_triangles: Some(made.fine_triangles).filter(|count| *count > 0),
         distance_mm: made.distance_mm,
         within_mm: made.within_mm,
-        parts_gone: Some(made.parts_gone).filter(|count| *count > 0),
+        parts_gone: made.parts_gone,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
         surfaces,

@@ -19,7 +19,7 @@ mod tree;
 mod whole;
 
 pub(super) use sheets::Surface;
-pub(super) use whole::{Apart, Goal, Whole, reduce};
+pub(super) use whole::{Goal, Whole, reduce};
 
 use std::collections::HashMap;
 use std::fs::File;
