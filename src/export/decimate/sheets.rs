@@ -57,16 +57,27 @@ impl Sets {
     }
 }
 
+/// A place as a key: zeros of both signs are one.
+fn key_of(at: &[f32; 3]) -> [u32; 3] {
+    at.map(|c| (c + 0.0).to_bits())
+}
+
 /// The edge of a triangle that follows one: the three of triangle `i` have the numbers from `3 * i` on.
 fn next(edge: u32) -> u32 {
     if edge % 3 == 2 { edge - 2 } else { edge + 1 }
 }
 
 impl Surface {
-    /// The triangles, and the corners that they have, in the order in which they have them.
+    /// The triangles with three places, and the corners that they have, one for each place, in the order in which they have
+    /// them.
     pub(in crate::export) fn new(at: Vec<[f32; 3]>, faces: Vec<[u32; 3]>) -> Self {
         let olds = (0..).take(at.len()).collect();
         let mut surface = Self { at, faces, olds };
+        let mut firsts = HashMap::new();
+        let firsts: Vec<u32> =
+            (0..).zip(&surface.at).map(|(corner, at)| *firsts.entry(key_of(at)).or_insert(corner)).collect();
+        surface.faces.as_flattened_mut().iter_mut().for_each(|corner| *corner = firsts[*corner as usize]);
+        surface.faces.retain(|[a, b, c]| a != b && b != c && c != a);
         surface.compact();
         surface
     }
@@ -306,8 +317,7 @@ impl Surface {
     fn steps(&self) -> HashMap<u32, u32> {
         let (mut counts, mut steps) = (HashMap::new(), HashMap::new());
         for (corner, at) in (0..).zip(&self.at) {
-            // Zeros of both signs are one place.
-            let count = counts.entry(at.map(|c| (c + 0.0).to_bits())).or_insert(0);
+            let count = counts.entry(key_of(at)).or_insert(0);
             if *count > 0 {
                 steps.insert(corner, *count);
             }
@@ -356,4 +366,25 @@ fn exchange(partners: &mut [u32], crowded: &[Vec<u32>], fans: &[u32]) -> bool {
         }
     }
     is_changed
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// What is reduced brick by brick has corners at one place, which would be moved apart.
+    #[test]
+    fn corners_at_one_place_are_one_and_triangles_with_two_of_them_go() {
+        let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        let solid: [[usize; 3]; 4] = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]];
+        let mut at: Vec<[f32; 3]> = solid.as_flattened().iter().map(|corner| places[*corner]).collect();
+        at[3] = [-0.0; 3];
+        let mut faces: Vec<[u32; 3]> = (0..4).map(|face| [3 * face, 3 * face + 1, 3 * face + 2]).collect();
+        faces.push([0, 3, 1]);
+        let mut surface = Surface::new(at, faces);
+        assert_eq!((surface.at.len(), surface.faces.len()), (4, 4));
+        let before = surface.at.clone();
+        assert!(surface.repair(0.01));
+        assert_eq!(surface.at, before);
+    }
 }
