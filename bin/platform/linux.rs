@@ -70,7 +70,7 @@ pub(crate) fn tell_of(path: &Path, as_json: bool) {
     let _ = unsafe { low_level::register(SIGBUS, tell) };
 }
 
-/// True if nobody reads what is written.
+/// True if the other end of the pipe was closed.
 pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
     cause.kind() == io::ErrorKind::BrokenPipe
 }

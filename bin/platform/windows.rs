@@ -15,7 +15,7 @@ pub(crate) fn hidden_file(path: &Path, _: &Path) -> io::Result<File> {
     File::create_new(path)
 }
 
-/// True if nobody reads what is written.
+/// True if the other end of the pipe was closed.
 pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
     /// The system's number for a pipe whose other end was closed.
     const PIPE_NOT_CONNECTED: i32 = 233;

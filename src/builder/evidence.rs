@@ -450,7 +450,7 @@ impl Evidence {
     }
 }
 
-/// Hounsfield units below all that a CT measures, and those of air; parts of all samples that are padding, and of the
+/// Hounsfield units below all that a CT measures, and the range of air; parts of all samples that are padding, and of the
 /// others that are air, at least.
 const BELOW_AIR: f64 = -1100.0;
 const AIR: Range<f64> = BELOW_AIR..-850.0;

@@ -137,7 +137,7 @@ pub(crate) fn below(folder: &Path, name: &Path) -> PathBuf {
 
 /// A path in the form that may have any length, where it comes near the 260 characters that others may have.
 pub(crate) fn of_any_length(path: PathBuf) -> PathBuf {
-    /// Room for the name of a temporary file beside it is left.
+    /// Leaves room for the name of a temporary file in the same folder.
     const NEAR: usize = 200;
     let is_long = std::path::absolute(&path).is_ok_and(|whole| whole.as_os_str().len() > NEAR);
     let folder =

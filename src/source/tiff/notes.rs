@@ -131,7 +131,10 @@ impl Notes {
             let order = value("DimensionOrder").unwrap_or("XYZCT");
             let faster = order.strip_prefix("XY").filter(|rest| is_order(rest));
             let faster = faster.ok_or_else(|| {
-                bad!("its description states the DimensionOrder `{}`, which is none", order.escape_debug())
+                bad!(
+                    "its description states the DimensionOrder `{}`, not an order of axes",
+                    order.escape_debug()
+                )
             })?;
             axes = faster
                 .chars()
