@@ -2,7 +2,7 @@
 //! its name, the memory of the process and of the machine.
 //!
 //! The rest of the library takes it from here, and a test holds that. So another system is one folder next to
-//! `linux` with the same items.
+//! `linux` with the same items. `unix` holds what Linux and macOS share, `portable` what Windows and macOS do.
 //!
 //! A file that is read or written at places is not used by its cursor as well: on Windows the system moves that, too. Who reads
 //! or writes onwards takes a [`Placed`] file, which has a place of its own. (A file that was only written onwards may be read
@@ -16,18 +16,26 @@
 //! | `resident` | resident memory given back |
 //! | `torn` | mappings whose file is cut short while they are read, in Python |
 
-#[cfg(not(any(target_os = "linux", windows)))]
+#[cfg(not(any(target_os = "linux", target_os = "macos", windows)))]
 compile_error!(
-    "infobyte supports Linux and Windows: another system needs a folder in src/platform with the items of `linux`"
+    "infobyte supports Linux, Windows and macOS: another system needs a folder in src/platform with the items of `linux`"
 );
 
 #[cfg(target_os = "linux")]
 mod linux;
+#[cfg(target_os = "macos")]
+mod macos;
+#[cfg(not(target_os = "linux"))]
+mod portable;
+#[cfg(unix)]
+mod unix;
 #[cfg(windows)]
 mod windows;
 
 #[cfg(target_os = "linux")]
 pub use linux::*;
+#[cfg(target_os = "macos")]
+pub use macos::*;
 #[cfg(windows)]
 pub use windows::*;
 

@@ -66,13 +66,16 @@ const MESSAGES: &str = "cause error fault message misuse note reason refusal sen
 /// Files that may contain `unsafe`: the mapping, what happens when its file is cut short, and vector instructions with
 /// safe twins.
 const UNSAFE_FILES: &[&str] = &[
-    "bin/platform/linux.rs",
+    "bin/platform/unix.rs",
     "src/builder/lanes.rs",
     "src/cpu/x86.rs",
     "src/format/packed/lanes.rs",
     "src/load/map.rs",
     "src/platform/linux/resident.rs",
-    "src/platform/linux/torn.rs",
+    "src/platform/macos/machine.rs",
+    "src/platform/macos/memory.rs",
+    "src/platform/unix/mod.rs",
+    "src/platform/unix/torn.rs",
     "src/platform/windows/files.rs",
     "src/platform/windows/machine.rs",
     "src/platform/windows/memory.rs",

@@ -4,12 +4,10 @@ mod files;
 mod machine;
 mod memory;
 mod resident;
-mod torn;
 
+pub(crate) use super::unix::*;
 pub(crate) use files::*;
 pub(crate) use machine::*;
 pub use memory::*;
-pub(crate) use resident::give_back_pages;
 pub(crate) use resident::{HELD_SPREAD, MAPPED_FROM, THREAD_BYTES};
 pub use resident::{give_back, map_large_buffers};
-pub(crate) use torn::Watched;

@@ -66,14 +66,6 @@ fn give_code_back() {
     }
 }
 
-/// Takes all pages of a mapping out of the process; what is looked at again comes back from the system's cache. If
-/// the system refuses, the pages stay.
-pub(crate) fn give_back_pages(map: &memmap2::Mmap) {
-    // SAFETY: pages of a file that are mapped read-only come back with the file's bytes, so no byte that a
-    // reference was made of is another one afterwards.
-    let _ = unsafe { map.unchecked_advise(memmap2::UncheckedAdvice::DontNeed) };
-}
-
 /// Lets go those of a list of mappings that are segments of one loaded object: the program, or a library.
 ///
 /// # Safety

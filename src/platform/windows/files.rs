@@ -3,7 +3,7 @@
 
 use std::ffi::OsStr;
 use std::fs::{File, Metadata, OpenOptions, Permissions};
-use std::io::{self, IoSliceMut};
+use std::io;
 use std::os::windows::ffi::OsStrExt as _;
 use std::os::windows::fs::{FileExt as _, MetadataExt, OpenOptionsExt};
 use std::os::windows::io::AsRawHandle;
@@ -210,22 +210,6 @@ pub(crate) fn new_file_permissions() -> Option<Permissions> {
     None
 }
 
-/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
-///
-/// # Errors
-/// Always.
-pub(crate) fn unnamed_file(_: &Path) -> io::Result<File> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
-/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
-///
-/// # Errors
-/// Always.
-pub(crate) fn give_name(_: &File, _: &Path) -> io::Result<()> {
-    Err(io::ErrorKind::Unsupported.into())
-}
-
 /// Was it refused by [`open_file`]?
 pub(crate) fn is_not_regular(cause: &io::Error) -> bool {
     cause.get_ref().is_some_and(|inner| inner.is::<NotRegular>())
@@ -239,22 +223,6 @@ pub(crate) fn open_itself(path: &Path) -> io::Result<File> {
     let mut options = OpenOptions::new();
     options.read(true).write(true).create(true).truncate(false);
     options.custom_flags(FILE_FLAG_OPEN_REPARSE_POINT).open(path)
-}
-
-/// Reads into several buffers from one place on; returns how much was read.
-///
-/// # Errors
-/// The system refused.
-pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64) -> io::Result<usize> {
-    let mut all = 0;
-    for part in parts {
-        let read = file.read_at(part, offset + all as u64)?;
-        all += read;
-        if read < part.len() {
-            break;
-        }
-    }
-    Ok(all)
 }
 
 /// Room that the file system of a file has left, in bytes.

@@ -80,12 +80,15 @@ extern "C" fn on_bus_error(signal: i32, info: *mut libc::siginfo_t, _: *mut c_vo
     // The page that is replaced belongs to a watched mapping, which is read-only and never taken for more than bytes of
     // any value; it is unmapped with it.
     unsafe {
+        #[cfg(target_os = "linux")]
         let errno = libc::__errno_location();
+        #[cfg(target_os = "macos")]
+        let errno = libc::__error();
         let saved = *errno;
         let (address, is_fault) = ((*info).si_addr().addr(), (*info).si_code > 0);
         if is_fault && is_watched(address) {
             let page = ptr::without_provenance_mut(address & !(page_size() - 1));
-            let how = libc::MAP_PRIVATE | libc::MAP_ANONYMOUS | libc::MAP_FIXED;
+            let how = libc::MAP_PRIVATE | libc::MAP_ANON | libc::MAP_FIXED;
             let mapped = libc::mmap(page, page_size(), libc::PROT_READ, how, -1, 0);
             if mapped != libc::MAP_FAILED {
                 *errno = saved;

@@ -1,4 +1,4 @@
-//! Linux.
+//! Linux and macOS.
 //!
 //! A mapped file that is cut short is one sentence and the exit code of its kind, instead of a process that is gone.
 //! Reading a page of a mapping that the file does not reach any more raises SIGBUS. There is no way back into the
@@ -77,9 +77,10 @@ pub(crate) fn is_reader_gone(cause: &io::Error) -> bool {
 
 /// Shows an address in the user's browser, where there is a desktop; whether that works is not waited for.
 pub(crate) fn open_browser(address: &str) {
-    if ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some()) {
+    let is_mac = cfg!(target_os = "macos");
+    if is_mac || ["DISPLAY", "WAYLAND_DISPLAY"].iter().any(|name| std::env::var_os(name).is_some()) {
         let quiet = std::process::Stdio::null;
-        let _ = std::process::Command::new("xdg-open")
+        let _ = std::process::Command::new(if is_mac { "open" } else { "xdg-open" })
             .arg(address)
             .stdin(quiet())
             .stdout(quiet())

@@ -1,0 +1,39 @@
+//! What systems do that have no files without a name, and no call that fills several buffers.
+
+use std::fs::File;
+use std::io::{self, IoSliceMut};
+use std::path::Path;
+
+use super::FileExt as _;
+
+/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+///
+/// # Errors
+/// Always.
+pub(crate) fn unnamed_file(_: &Path) -> io::Result<File> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Files without a name do not exist: [`io::ErrorKind::Unsupported`].
+///
+/// # Errors
+/// Always.
+pub(crate) fn give_name(_: &File, _: &Path) -> io::Result<()> {
+    Err(io::ErrorKind::Unsupported.into())
+}
+
+/// Reads into several buffers from one place on; returns how much was read.
+///
+/// # Errors
+/// The system refused.
+pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64) -> io::Result<usize> {
+    let mut all = 0;
+    for part in parts {
+        let read = file.read_at(part, offset + all as u64)?;
+        all += read;
+        if read < part.len() {
+            break;
+        }
+    }
+    Ok(all)
+}
