@@ -74,11 +74,18 @@ pub(super) struct Pair {
     pub(super) clean: u64,
     /// Single samples of one of them between two of the other.
     pub(super) spikes: u64,
+    /// Runs of the lower value between the higher one and a value below it, and their samples in all.
+    pub(super) passes: u64,
+    pub(super) length: u64,
 }
 
 impl Pair {
-    pub(super) fn words(&self) -> [u64; 5] {
-        [self.values[0], self.values[1], self.count, self.clean, self.spikes]
+    pub(super) fn words(&self) -> [u64; 7] {
+        [self.values[0], self.values[1], self.count, self.clean, self.spikes, self.passes, self.length]
+    }
+
+    pub(super) fn parse([low, high, count, clean, spikes, passes, length]: [u64; 7]) -> Self {
+        Self { values: [low, high], count, clean, spikes, passes, length }
     }
 }
 
@@ -125,6 +132,27 @@ const SPIKES: f64 = 0.25;
 const ROUGH_FLAT: f64 = 0.75;
 const ALL_SPIKES: f64 = 0.8;
 const NOISE: f64 = 0.05;
+
+/// Values of a ramp of greys, at least; the part of its differences that are at 0, at most; and the most by which a band
+/// is wider than the next.
+const RAMP: usize = 8;
+const AT_ZERO: f64 = 0.4;
+const SMOOTH: f64 = 1.75;
+
+/// Few whole numbers in flat regions.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Levels {
+    /// So many labels besides 0.
+    Labels(usize),
+    /// So many greys.
+    Greys(usize),
+}
+
+/// True if no step between values in order is twice as large as another.
+fn is_even(values: &[u64]) -> bool {
+    let steps = || values.windows(2).map(|w| w[1] - w[0]);
+    steps().max().unwrap_or(0) < 2 * steps().min().unwrap_or(0)
+}
 
 /// May the samples of a source be labels? A picture that a device has taken holds none, however few its greys are, and
 /// parts of voxels are not labels.
@@ -216,6 +244,8 @@ impl Evidence {
                 self.pairs[at].count += pair.count;
                 self.pairs[at].clean += pair.clean;
                 self.pairs[at].spikes += pair.spikes;
+                self.pairs[at].passes += pair.passes;
+                self.pairs[at].length += pair.length;
             }
             Err(_) if self.pairs.len() == MAX_PAIRS => self.is_crowded = true,
             Err(at) => self.pairs.insert(at, pair),
@@ -260,9 +290,9 @@ impl Evidence {
         }
     }
 
-    /// Neighbours along rows; a row's last sample counts as that of the next one's first. `counted` is what was counted
-    /// before, of which a map has few values.
-    pub(super) fn add_edges<T: Ordered>(&mut self, samples: &[T], counted: &[u32]) {
+    /// Neighbours along rows, or down a part of one column. `counted` is what was counted before, of which a map has few
+    /// values.
+    pub(super) fn add_edges<T: Ordered>(&mut self, part: &Part, samples: &[T], counted: &[u32]) {
         let Some(first) = samples.first().filter(|_| self.may_be_map) else { return };
         self.parts += 1;
         if self.parts.is_power_of_two() {
@@ -272,14 +302,20 @@ impl Evidence {
         if !self.may_be_map {
             return;
         }
+        self.alike += u64::from(*first != T::zeroed());
+        let width = if part.columns.len() > 1 { part.columns.len() } else { samples.len() };
+        samples.chunks(width).for_each(|row| self.add_row_edges(row));
+    }
+
+    fn add_row_edges<T: Ordered>(&mut self, samples: &[T]) {
         let zero = T::zeroed();
         let neighbours = || samples.iter().zip(&samples[1..]);
         let is_jump = |a: &T, b: &T| (a != b) & ((*a == zero) | (*b == zero));
-        // Sums of bits, without branches; a part has fewer samples than 2^32.
+        // Sums of bits, without branches; a row has fewer samples than 2^32.
         let differ = neighbours().map(|(a, b)| u32::from(a != b)).sum::<u32>();
         let alike = neighbours().map(|(a, b)| u32::from((a == b) & (*a != zero))).sum::<u32>();
         let jumps = neighbours().map(|(a, b)| u32::from(is_jump(a, b))).sum::<u32>();
-        self.alike += u64::from(alike) + u64::from(*first != zero);
+        self.alike += u64::from(alike);
         self.differ += u64::from(differ);
         self.jumps += u64::from(jumps);
         let above = samples.iter().filter(|sample| **sample > zero);
@@ -312,6 +348,7 @@ impl Evidence {
 
     /// The pairs of a row of whole numbers, `left` of them at most.
     pub(super) fn add_pairs<T: Ordered>(&mut self, row: &[T], left: &mut usize) {
+        let mut last = None;
         for (at, w) in row.windows(2).enumerate().filter(|(_, w)| w[0] != w[1]).take(*left) {
             let before = at.checked_sub(1).map(|at| row[at]);
             let is_wide = before == Some(w[0]) && row.get(at + 2) == Some(&w[1]);
@@ -321,11 +358,18 @@ impl Evidence {
                 reason = "whole, and not below 0"
             )]
             let [a, b] = [w[0], w[1]].map(|sample| sample.to_f64() as u64);
+            let passed = last.filter(|(_, from)| (a > *from) == (b > a));
+            let passed = passed.map(|(since, from)| ([a, b.max(from)], at - since));
+            last = Some((at, a));
             let (clean, spikes) = (u64::from(is_wide), u64::from(before == Some(w[1])));
             self.steps += 1;
             self.wide += clean;
             if !self.is_crowded {
-                self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes });
+                let none = Pair::parse([0; 7]);
+                self.add_pair(Pair { values: [a.min(b), a.max(b)], count: 1, clean, spikes, ..none });
+                if let Some((values, length)) = passed {
+                    self.add_pair(Pair { values, passes: 1, length: length as u64, ..none });
+                }
             }
             *left -= 1;
         }
@@ -371,8 +415,9 @@ impl Evidence {
         self.most.add(most, most.value > self.most.value);
     }
 
-    /// The number of labels, if these are some; `values` are as many as there are different samples.
-    pub(super) fn labels(&self, values: usize) -> Option<usize> {
+    /// The number of labels, if these are some, or of greys that would be labels but for their even steps; `values` are as
+    /// many as there are different samples.
+    pub(super) fn labels(&self, values: usize) -> Option<Levels> {
         // Two values are told apart by any threshold between them.
         if !self.may_be_map || !(3..=MAX_LABELS + 1).contains(&values) {
             return None;
@@ -383,7 +428,34 @@ impl Evidence {
         let is_rough = part(spikes, all) > SPIKES && flat < ROUGH_FLAT;
         let touch_none = flat >= FLAT && part(self.jumps - self.nearest.count, self.differ) >= JUMPS;
         let is_map = !is_rough && (touch_none || self.are_nested(flat, all));
-        is_map.then_some(values - 1)
+        let levels = if self.is_ramp(all) { Levels::Greys(values) } else { Levels::Labels(values - 1) };
+        is_map.then_some(levels)
+    }
+
+    /// True if values in even steps follow each other in order, hardly any but the first beside 0, in bands whose widths
+    /// change little from one to the next: a ramp of greys. Few greys cannot be told from labels that lie in each other.
+    fn is_ramp(&self, all: u64) -> bool {
+        let values: Vec<u64> = self.values().into_iter().collect();
+        let place = |value: &u64| values.partition_point(|other| other < value);
+        let (mut at_zero, mut skips) = (0, 0);
+        let mut bands = vec![(0, 0); values.len()];
+        for Pair { values: [low, high], count, passes, length, .. } in &self.pairs {
+            at_zero += if *low == 0 { *count } else { 0 };
+            skips += if *low > 0 && place(high) > place(low) + 1 { *count } else { 0 };
+            let (passed, samples) = &mut bands[place(low)];
+            (*passed, *samples) = (*passed + passes, *samples + length);
+        }
+        bands.retain(|(passes, _)| *passes > 0);
+        let width = |(passes, length): (u64, u64)| part(length, passes);
+        // The body may end within the first band and the last.
+        let inner = bands.get(1..bands.len().saturating_sub(1)).unwrap_or_default();
+        let mut changes = inner.windows(2).map(|w| width(w[0]) / width(w[1]));
+        values.len() >= RAMP
+            && is_even(&values)
+            && part(at_zero, all) <= AT_ZERO
+            && part(skips, all - at_zero) <= NO_SKIPS
+            && inner.len() > 1
+            && changes.all(|change| (1.0 / SMOOTH..=SMOOTH).contains(&change))
     }
 
     /// True if values change where either side is flat, as labels do, and not by way of values between them, as the edges
@@ -397,17 +469,15 @@ impl Evidence {
         let values: Vec<u64> = self.values().into_iter().collect();
         let rank = |value: &u64| values.partition_point(|other| other < value);
         let [mut skips, mut clean, mut noise] = [0; 3];
-        for Pair { values: [low, high], count, clean: wide, spikes } in &self.pairs {
+        for Pair { values: [low, high], count, clean: wide, spikes, .. } in &self.pairs {
             if rank(high) > rank(low) + 1 {
                 skips += count;
                 clean += wide;
             }
             noise += if part(2 * spikes, *count) > ALL_SPIKES { *count } else { 0 };
         }
-        let steps = || values.windows(2).map(|w| w[1] - w[0]);
-        let (least, most) = (steps().min().unwrap_or(0), steps().max().unwrap_or(0));
-        let is_even = most < 2 * least;
-        let is_display = is_even && least > 1 && values.last().is_some_and(|last| last + most >= DISPLAY);
+        let is_even = is_even(&values);
+        let is_display = is_even && matches!(values[..], [.., a, b] if b - a > 1 && 2 * b - a >= DISPLAY);
         let is_ordered = part(skips, all) <= NO_SKIPS
             && flat >= if is_even { EVEN_FLAT } else { FLAT }
             && values.len() <= ORDERED + 1

@@ -9,7 +9,8 @@ use std::sync::atomic::{AtomicU64, Ordering};
 
 use super::error::BuildError;
 use super::evidence::{
-    EVIDENCE_WORDS, Evidence, MAX_LABELS, MAX_PAIRS, Pair, Part, below_air, may_be_map, outside_samples, part,
+    EVIDENCE_WORDS, Evidence, Levels, MAX_LABELS, MAX_PAIRS, Pair, Part, below_air, may_be_map,
+    outside_samples, part,
 };
 use super::parallel::{Blocks, Share, run_workers};
 use super::range::Ordered;
@@ -83,6 +84,11 @@ pub(super) struct Split {
 pub(super) enum Kind {
     /// A mixture.
     Values,
+    /// Few greys, which lie in each other as labels may.
+    Greys {
+        /// How many there are.
+        count: usize,
+    },
     /// One besides a value that is outside the circle.
     Padded {
         /// The padding.
@@ -189,13 +195,13 @@ pub(super) fn is_map(source: &dyn VolumeSource) -> Result<bool, BuildError> {
     }
     let seen = seen();
     let values = if seen.is_crowded { MAX_LABELS } else { seen.values().len() };
-    Ok(seen.is_hard() && seen.labels(values).is_some())
+    Ok(seen.is_hard() && matches!(seen.labels(values), Some(Levels::Labels(_))))
 }
 
 /// Adds samples to what tells maps of labels.
 fn add_looked<T: Ordered>(evidence: &mut Evidence, dims: Dims, part: &Part, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
-    evidence.add_edges(samples, &[]);
+    evidence.add_edges(part, samples, &[]);
     evidence.add_rows(dims, part, samples);
 }
 
@@ -275,8 +281,11 @@ impl Tally {
         let value = |bin: usize| low + bin as f64 * width;
         let mut kind = Kind::Values;
         let values = self.counts.iter().filter(|n| **n > 0).count();
-        if let Some(count) = self.evidence.labels(values) {
-            kind = Kind::Labels { count, first: self.evidence.first };
+        if let Some(levels) = self.evidence.labels(values) {
+            kind = match levels {
+                Levels::Labels(count) => Kind::Labels { count, first: self.evidence.first },
+                Levels::Greys(count) => Kind::Greys { count },
+            };
         } else if let Some(bin) = self
             .evidence
             .padding(&self.counts, &value)
@@ -307,12 +316,11 @@ impl Tally {
         let mut tally = Self { evidence: Evidence::parse(&evidence), ..Self::default() };
         tally.evidence.is_crowded = words.next()? != 0;
         for _ in 0..words.next().filter(|pairs| *pairs <= MAX_PAIRS as u64)? {
-            let mut pair = [0; 5];
+            let mut pair = [0; 7];
             for word in &mut pair {
                 *word = words.next()?;
             }
-            let [low, high, count, clean, spikes] = pair;
-            tally.evidence.add_pair(Pair { values: [low, high], count, clean, spikes });
+            tally.evidence.add_pair(Pair::parse(pair));
         }
         while let Some(bin) = words.next() {
             *tally.counts.get_mut(usize::try_from(bin).ok()?)? = words.next()?;
@@ -342,7 +350,7 @@ struct Counter {
 fn count<T: Ordered>(counter: &mut Counter, part: &Part, samples: &[u8]) {
     let samples: &[T] = bytemuck::cast_slice(samples);
     let Counter { counts, low, width, dims, evidence, .. } = counter;
-    evidence.add_edges(samples, counts);
+    evidence.add_edges(part, samples, counts);
     evidence.add_rows(*dims, part, samples);
     evidence.add_outside(*dims, part, samples);
     let (low, width) = (*low, *width);

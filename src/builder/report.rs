@@ -54,6 +54,11 @@ pub enum BuildNote {
         /// How many there are, 0 apart.
         count: usize,
     },
+    /// The values are few greys in even steps, which labels that lie in each other may be, too.
+    Greys {
+        /// How many there are.
+        count: usize,
+    },
     /// A value that pads what was not scanned was left out when a threshold was looked for.
     Padding {
         /// The value.
@@ -94,7 +99,11 @@ impl fmt::Display for BuildNote {
         match self {
             Self::Labels { count } => write!(
                 f,
-                "its values are taken for labels, {count} of them, and everything above 0 is inside; {LABELS} all gives each a surface of its own, {RANGE} takes a label alone"
+                "its values are taken for labels, {count} of them, and everything above 0 is inside; {LABELS} all gives each a surface of its own, {RANGE} takes a label alone; for greys choose a threshold with {ISO}"
+            ),
+            Self::Greys { count } => write!(
+                f,
+                "its {count} values follow each other in even steps, as greys do, and are not taken for labels; if they are, {LABELS} all gives each a surface of its own"
             ),
             Self::LabelsAbsent { first, others: 0 } => write!(f, "no voxel has the label {first}"),
             Self::LabelsAbsent { first, others } => {

@@ -109,6 +109,7 @@ impl Finding {
                 let (what, of) = match note {
                     Some(BuildNote::Labels { count }) => (1, *count as u64),
                     Some(BuildNote::Padding { value }) => (2, value.to_bits()),
+                    Some(BuildNote::Greys { count }) => (3, *count as u64),
                     _ => (0, 0),
                 };
                 let is_otsu = u64::from(*kind == SelectionKind::Otsu);
@@ -132,6 +133,7 @@ impl Finding {
                 let note = match what {
                     1 => Some(BuildNote::Labels { count: usize::try_from(*of).ok()? }),
                     2 => Some(BuildNote::Padding { value: f64::from_bits(*of) }),
+                    3 => Some(BuildNote::Greys { count: usize::try_from(*of).ok()? }),
                     _ => None,
                 };
                 Self::Chosen(Selection { kind, lo: f64::from_bits(*lo), hi: f64::from_bits(*hi) }, note)

@@ -89,7 +89,7 @@ fn shells(p: [u32; 3], shells: &[(f64, u8)], rough: f64) -> u8 {
 #[test]
 fn labels_in_each_other_are_labels() {
     type Map<'a> = (&'a str, &'a [(f64, u8)], f64);
-    let maps: [Map<'_>; 11] = [
+    let maps: [Map<'_>; 12] = [
         ("tumour", &[(21.0, 2), (14.0, 4), (8.0, 1)], 0.0),
         ("tumour, rough", &[(21.0, 2), (14.0, 4), (8.0, 1)], 1.0),
         ("tissue classes", &[(22.0, 1), (18.0, 2), (14.0, 3), (10.0, 4), (5.0, 5)], 0.0),
@@ -100,6 +100,11 @@ fn labels_in_each_other_are_labels() {
         ("gaps", &[(21.0, 3), (14.0, 17), (8.0, 40)], 0.0),
         ("even gaps", &[(21.0, 10), (14.0, 20), (8.0, 30)], 0.0),
         ("thin", &[(22.0, 1), (21.0, 2), (12.0, 3), (11.0, 4)], 0.0),
+        (
+            "seven of uneven widths",
+            &[(31.0, 1), (28.0, 2), (20.0, 3), (18.0, 4), (12.0, 5), (9.0, 6), (3.0, 7)],
+            0.0,
+        ),
         ("thin, far apart", &[(22.0, 7), (21.0, 2), (12.0, 90), (11.0, 4)], 0.0),
     ];
     for (name, of, rough) in maps {
@@ -140,8 +145,9 @@ fn pictures_in_few_steps_are_not_labels() {
         |p: [u32; 3], rough: f64| ((head(p, 0.0) + 1100.0 + rough * noise(p)) / 2200.0).clamp(0.0, 0.999);
     let steps = |part: f64, n: f64, step: u8| (part * n).clamp(0.0, n - 1.0) as u8 * step;
     type Picture<'a> = (&'a str, &'a dyn Fn([u32; 3]) -> u8);
-    let pictures: [Picture<'_>; 12] = [
+    let pictures: [Picture<'_>; 13] = [
         ("ramp", &|p| steps(f64::from(p[0]) / 64.0, 6.0, 1)),
+        ("short ramp", &|p| steps(f64::from(p[0]) / 64.0, 4.0, 1)),
         ("slanted ramp", &|p| steps(p.iter().map(|c| f64::from(*c)).sum::<f64>() / 152.0, 6.0, 1)),
         ("from the middle", &|p| steps(1.0 - from_middle(p) / 52.0, 6.0, 1)),
         ("to the middle", &|p| steps(from_middle(p) / 52.0, 6.0, 1)),
@@ -161,6 +167,19 @@ fn pictures_in_few_steps_are_not_labels() {
             let BuildReport { selection, notes, .. } = report(volume);
             assert!(selection.kind == SelectionKind::Otsu && notes.is_empty(), "{name} {notes:?}");
         }
+    }
+    // Greys that fall to 0 on all sides could be labels that lie in each other, which a note says.
+    let ramps: [Picture<'_>; 5] = [
+        ("ball", &|p| steps(1.0 - from_middle(p) / 31.0, 8.0, 1)),
+        ("ball of a display", &|p| steps(1.0 - from_middle(p) / 31.0, 8.0, 20)),
+        ("cylinder", &|p| steps(1.0 - away(p), 12.0, 1)),
+        ("plateau", &|p| steps(1.6 - from_middle(p) / 19.0, 8.0, 1)),
+        ("wedge", &|p| steps((f64::from(p[0]) - 8.0) / 48.0, 8.0, 1) * u8::from((8..56).contains(&p[0]))),
+    ];
+    for (name, grey) in ramps {
+        let BuildReport { selection, notes, .. } = report(&Voxels::from_fn(dims(), grey));
+        let is_noted = matches!(notes[..], [BuildNote::Greys { count: 8 | 12 }]);
+        assert!(selection.kind == SelectionKind::Otsu && is_noted, "{name} {notes:?}");
     }
 }
 
