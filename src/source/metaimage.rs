@@ -271,7 +271,15 @@ impl Header {
                 return Err(wrong_count(field, &text.join(" "), list.len(), due));
             }
         }
-        let spacing = if self.spacing.is_empty() { &self.element_size } else { &self.spacing };
+        let (field, spacing) = match self.spacing.as_slice() {
+            [] => ("ElementSize", &self.element_size),
+            _ => ("ElementSpacing", &self.spacing),
+        };
+        if let Some(step) = spacing.iter().take(3).find(|step| **step <= 0.0) {
+            return Err(bad!(
+                "its field {field} has {step}, which is not above 0; an axis that runs backwards is stated by TransformMatrix"
+            ));
+        }
         if spacing.is_empty() {
             notes.push(Note::no_spacing("the header"));
         }

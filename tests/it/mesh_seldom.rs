@@ -241,6 +241,10 @@ fn supports_are_left_out_with_a_note() {
         assert!(made == expected, "{what}");
         assert!(notes.iter().any(|note| note.contains("left out")), "{what}: {notes:?}");
     }
+    let no = both("", "<item objectid=\"1\"/><item objectid=\"2\" printable=\"no\"/>");
+    let parts = [("_rels/.rels", RELATIONS.into(), 8), ("3D/a.model", no.into(), 8)];
+    let told = build(folder.path(), "a.3mf", &containers::archive(&parts)).unwrap_err().to_string();
+    assert!(told.contains("`printable` is `no`"), "{told}");
 }
 
 /// A notch of a face that is not convex stays open: the prism of a U, whichever corner its faces begin with.

@@ -492,6 +492,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
             ("space directions", "(1,0,0) (0,1,0) (0,0,1)"),
             ("space origin", "(0,0,0)"),
             ("centers", "cell node ???"),
+            ("kinds", "domain space ???"),
         ];
         fields.iter_mut().filter(|(name, _)| *name == field).for_each(|found| found.1 = value);
         let lines: Vec<String> = fields.iter().map(|(name, value)| format!("{name}: {value}\n")).collect();
@@ -534,6 +535,8 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("ElementSpacing", "1,5 1 1"),
                 ("ElementSpacing", "1 1 1 1"),
                 ("ElementSpacing", "n/a 1 1"),
+                ("ElementSpacing", "1 -1 1"),
+                ("ElementSpacing", "1 1 0"),
                 ("Offset", "0 0"),
                 ("Offset", "0, 0, 0"),
                 ("NDims", "3 3"),
@@ -552,6 +555,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("space origin", "(0,0,0,0)"),
                 ("space origin", "0 0 0"),
                 ("centers", "cell nod cell"),
+                ("kinds", "domain domian domain"),
             ],
         ),
         (

@@ -46,7 +46,11 @@ pub(super) fn meaning(of: &Arguments, extruded: Option<[f64; 2]>, folder: &Path)
     let joined = |operation| Ok(Meaning::Block(Block::Joined(operation)));
     match of.module.as_str() {
         // `render` and `color` change how it looks in OpenSCAD, not what it is.
-        "group" | "union" | "render" | "color" => joined(Operation::Union),
+        "color" => {
+            of.color()?;
+            joined(Operation::Union)
+        }
+        "group" | "union" | "render" => joined(Operation::Union),
         "difference" => joined(Operation::Difference),
         "intersection" => joined(Operation::Intersection),
         "complement" => joined(Operation::Complement),

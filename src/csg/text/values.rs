@@ -277,6 +277,17 @@ impl Arguments {
         }
     }
 
+    /// Refuses a colour that is neither a name nor three or four numbers.
+    pub(super) fn color(&self) -> Result<(), Fault> {
+        let is_color = match self.value("c", Some(0)) {
+            None | Some(Value::Text(_)) => true,
+            Some(Value::List(list)) => list.depth == 1 && !list.mixed && matches!(list.numbers.len(), 3 | 4),
+            Some(_) => false,
+        };
+        self.number("alpha", Some(1))?;
+        if is_color { Ok(()) } else { Err(self.wrong("c")) }
+    }
+
     /// Two or three numbers, or one for all; `missing` is the third of two.
     pub(super) fn vector(
         &self,

@@ -8,6 +8,16 @@ use crate::volume::Note;
 /// Axis kinds that are directions in space; an unknown one is taken for one.
 const SPATIAL_KINDS: [&str; 4] = ["domain", "space", "???", "none"];
 
+/// The format's other kinds, and endings of those with a number in front.
+const OTHER_KINDS: [&str; 9] =
+    ["time", "list", "point", "vector", "covariant-vector", "normal", "stub", "scalar", "complex"];
+const ENDINGS: [&str; 7] = ["-vector", "-color", "-gradient", "-normal", "quaternion", "-matrix", "-tensor"];
+
+fn is_kind(kind: &str) -> bool {
+    [&SPATIAL_KINDS[..], &OTHER_KINDS].concat().contains(&kind)
+        || ENDINGS.iter().any(|end| kind.ends_with(end))
+}
+
 /// Where samples are in the cells of an axis; the last two do not say it.
 const CENTERS: [&str; 4] = ["cell", "node", "???", "none"];
 
@@ -56,7 +66,12 @@ impl Geometry {
                     return Err(bad!("its field `{field}: {}` makes no sense", value.escape_debug()));
                 }
             }
-            "kinds" => self.kinds = words(),
+            "kinds" => {
+                self.kinds = words();
+                if !self.kinds.iter().all(|kind| is_kind(kind)) {
+                    return Err(bad!("its field `{field}: {}` makes no sense", value.escape_debug()));
+                }
+            }
             _ => {}
         }
         Ok(())

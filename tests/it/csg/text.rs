@@ -225,6 +225,8 @@ fn misread_numbers_and_programs_are_refused() {
         ("cube([1, 2, 3], size = 4);", "line 1: cube has size twice"),
         ("cube(size = 4, size = 5);", "line 1: cube has size twice"),
         ("cube(size = [1, 2, 3, 4]);", "size of cube is missing or makes no sense"),
+        ("color([1, 0, 0, 0, 0]) cube();", "c of color is missing or makes no sense"),
+        ("color(0.5) cube();", "c of color is missing or makes no sense"),
         ("translate([1,5, 2, 3]) cube();", "v of translate is missing or makes no sense"),
         ("cube(size = [1 2 3]);", "expected one comma between the items of a list"),
         ("cube(size = [1,,2,3]);", "expected one comma between the items of a list"),

@@ -213,9 +213,7 @@ impl<'a> Reader<'a> {
                         _ => return Err(xml.wrong()),
                     }
                 }
-                b"item" if number == 0 && matches!(xml.raw(b"printable"), Some(b"0" | b"false")) => {
-                    self.unprinted += 1;
-                }
+                b"item" if number == 0 && !is_printable(xml.raw(b"printable"))? => self.unprinted += 1,
                 b"item" if number == 0 => {
                     let placed = self.placed(&xml, number, unit)?;
                     self.items.push(placed);
@@ -426,6 +424,19 @@ fn transform(text: &[u8], unit: f64) -> Option<Affine> {
         std::array::from_fn(|c| if c < 3 { numbers[3 * c + r] } else { numbers[9 + r] * unit })
     });
     Some(Affine { rows })
+}
+
+/// # Errors
+/// The text is not a boolean of XML.
+fn is_printable(stated: Option<&[u8]>) -> Result<bool, Fault> {
+    match stated.map(<[u8]>::trim_ascii) {
+        None | Some(b"1" | b"true") => Ok(true),
+        Some(b"0" | b"false") => Ok(false),
+        Some(text) => {
+            let text: String = String::from_utf8_lossy(text).chars().take(40).collect();
+            Err(bad!("the attribute `printable` is `{}`, which is neither 0 nor 1", shown(&text)))
+        }
+    }
 }
 
 fn not_a_transform(text: &[u8]) -> Fault {
