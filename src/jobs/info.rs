@@ -9,7 +9,7 @@ pub use report::{
 use std::fmt::Write;
 use std::path::Path;
 
-use super::measure::{LabelMeasures, Measures, measure, measure_labels};
+use super::measure::{LabelMeasures, Measures, label_volume_error, measure, measure_labels};
 use super::opened::open_model;
 use crate::budget::Bytes;
 use crate::error::Error;
@@ -250,7 +250,10 @@ fn label_row(label: &LabelFigures) -> (String, String) {
         .area_mm2
         .zip(label.area_error_mm2)
         .map_or_else(String::new, |(value, error)| format!(", {} mm²", WithError { value, error }));
-    let volume = Short(label.volume_mm3);
+    let value = label.volume_mm3;
+    let volume = label
+        .volume_error_mm3
+        .map_or_else(|| Short(value).to_string(), |error| WithError { value, error }.to_string());
     let text = format!("{name}{}, {} voxels, {volume} mm³{area}", label.color, label.voxels);
     (format!("label {}", label.number), text)
 }
@@ -421,6 +424,7 @@ pub(super) fn label_figures(frame: &Frame, measured: Option<&Measured>) -> Vec<L
         color: label.color.iter().fold("#".to_owned(), |text, c| format!("{text}{c:02x}")),
         voxels: label.voxels,
         volume_mm3: to_f64(label.voxels) * volume_mm3,
+        volume_error_mm3: area(at).0.map(|area| label_volume_error(area, volume_mm3)),
         area_mm2: area(at).0,
         area_error_mm2: area(at).1,
     };

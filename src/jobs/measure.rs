@@ -17,7 +17,7 @@
 mod labels;
 
 pub use labels::LabelMeasures;
-pub(super) use labels::{areas as wall_areas, measure_labels};
+pub(super) use labels::{areas as wall_areas, label_volume_error, measure_labels};
 
 use super::within::Within;
 pub use crate::enclosed::Enclosed;

@@ -194,6 +194,9 @@ fn balls_have_their_areas_and_numbers_and_walls_their_bound() {
         let due = 4.0 * std::f64::consts::PI * radius * radius;
         let [area, error] = ["area_mm2", "area_error_mm2"].map(|key| label[key].as_f64().unwrap());
         assert!((area - due).abs() < 0.02 * due && error < 0.15 * due, "{label} {due}");
+        let due = due * radius / 3.0;
+        let [volume, error] = ["volume_mm3", "volume_error_mm3"].map(|key| label[key].as_f64().unwrap());
+        assert!((volume - due).abs() < error && error < 0.06 * due, "{label} {due}");
     }
     let picture = ["render", &at("m.oct"), "-o", &at("p.png"), "--view", "front", "--size", "96x64"];
     oct(&[&picture[..], &["--ids", &at("i.png"), "--legend", "--json"]].concat()).json();
