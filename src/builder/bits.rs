@@ -1,19 +1,18 @@
 //! One bit per voxel in an unnamed scratch file, rows padded to whole words.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::error::BuildError;
 use crate::builder::BuildFault;
 use crate::geom::Dims;
-use crate::platform::FileExt;
 use crate::scratch::unnamed_for;
 
 /// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.
 #[derive(Debug)]
 pub(crate) struct BitVolume {
-    file: File,
+    file: PositionalFile,
     folder: PathBuf,
     dims: Dims,
     pub(crate) row_words: usize,
@@ -26,11 +25,11 @@ impl BitVolume {
         let failed = |cause| scratch_error(folder, cause);
         let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
-        Ok(Self { file, folder: folder.to_path_buf(), dims, row_words })
+        Ok(Self { file: file.into(), folder: folder.to_path_buf(), dims, row_words })
     }
 
     /// Bits that lie in a file from its start on.
-    pub(crate) fn over(file: File, folder: &Path, dims: Dims) -> Self {
+    pub(crate) fn over(file: PositionalFile, folder: &Path, dims: Dims) -> Self {
         Self { file, folder: folder.to_path_buf(), dims, row_words: dims.nx().div_ceil(64) as usize }
     }
 

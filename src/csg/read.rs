@@ -10,7 +10,7 @@ use crate::budget::{Budget, MemoryCap};
 use crate::builder::BuildError;
 use crate::csg::fault::nothing;
 use crate::fault::{Fault, bad};
-use crate::platform::{is_not_regular, open_file};
+use crate::platform::{PositionalFile, is_not_regular};
 use crate::source::stays;
 use crate::text::names::FOLLOW_LINKS;
 use crate::text::{plain_head, shown};
@@ -78,14 +78,14 @@ pub(crate) fn named_files(
 /// A tree that takes at most `most` bytes, or the bytes that it took when it was given up.
 fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, SourceError> {
     let unreadable = |cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_file(path).map_err(|cause| {
+    let file = PositionalFile::open(path).map_err(|cause| {
         if is_not_regular(&cause) {
             return bad!("is neither a file nor a folder; name one of these").at(path).into();
         }
         unreadable(cause)
     })?;
     let folder = path.parent().unwrap_or(Path::new(""));
-    let mut input = BufReader::with_capacity(READ_BYTES, file);
+    let mut input = BufReader::with_capacity(READ_BYTES, file.onwards(0));
     match text::parse(&mut input, folder, most) {
         Ok(tree) => Ok(Ok(tree)),
         Err(Stop::Memory { bytes }) => Ok(Err(bytes)),
@@ -97,7 +97,8 @@ fn parse_file(path: &Path, most: u64) -> Result<Result<(Tree, NodeId), u64>, Sou
 /// Bytes in which the tree of a file fits in every stage, and the number of files that it names; `None` if the file
 /// cannot be read.
 pub(crate) fn memory_bound(path: &Path) -> Option<(u64, u64)> {
-    text::memory_bound(&mut BufReader::with_capacity(READ_BYTES, open_file(path).ok()?)).ok()
+    let file = PositionalFile::open(path).ok()?;
+    text::memory_bound(&mut BufReader::with_capacity(READ_BYTES, file.onwards(0))).ok()
 }
 
 /// Reads a tree from text in memory; files that it names lie in `folder`.

@@ -17,7 +17,7 @@
     reason = "coordinates are below 2^17, weights below 2^37"
 )]
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -25,7 +25,6 @@ use std::sync::{Mutex, PoisonError};
 use super::place::LatticeGrid;
 use crate::builder::Progress;
 use crate::geom::Affine;
-use crate::platform::FileExt;
 use crate::scratch::{PageCache, unnamed};
 use crate::volume::{ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
 
@@ -54,7 +53,7 @@ pub(super) struct ResampledVolume<'a> {
     bricks: [u32; 3],
     /// The value where the volume has none.
     beyond: f32,
-    file: File,
+    file: PositionalFile,
     folder: PathBuf,
     caches: Mutex<Vec<Cache>>,
 }
@@ -113,7 +112,7 @@ impl<'a> ResampledVolume<'a> {
             sides,
             bricks,
             beyond: 0.0,
-            file: unnamed(folder).map_err(scratch)?,
+            file: unnamed(folder).map_err(scratch)?.into(),
             folder: folder.to_path_buf(),
             caches: Mutex::new(Vec::new()),
         };

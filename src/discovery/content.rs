@@ -1,6 +1,6 @@
 //! Names and copies of volumes by their content: what files are called, and where they lie, does not matter.
 
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -48,7 +48,7 @@ pub(super) fn hash_of(files: EachFile<'_>) -> io::Result<String> {
 }
 
 fn sampled(mut hash: StableHash, path: &Path, room: u64) -> io::Result<StableHash> {
-    let file = open_file(path)?;
+    let file = PositionalFile::open(path)?;
     let length = file.metadata()?.len();
     hash = hash.number(length);
     let mut piece = [0; 4 << 10];
@@ -125,7 +125,7 @@ fn alike(a: &VolumeInfo, b: &VolumeInfo) -> bool {
 }
 
 fn same_bytes(a: &Path, b: &Path) -> io::Result<bool> {
-    let (a, b) = (open_file(a)?, open_file(b)?);
+    let (a, b) = (PositionalFile::open(a)?, PositionalFile::open(b)?);
     let length = a.metadata()?.len();
     if b.metadata()?.len() != length {
         return Ok(false);

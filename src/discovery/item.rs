@@ -1,6 +1,6 @@
 //! One item of a catalogue: what it takes to open it, and its subjects.
 
-use crate::platform::{OsStrExt, open_file};
+use crate::platform::{OsStrExt, PositionalFile};
 use std::fs::metadata;
 use std::io::Read;
 use std::path::{Path, PathBuf};
@@ -18,7 +18,7 @@ use crate::fault::bad;
 use crate::mesh;
 use crate::source::dicom::{Recognition, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
+    FORMATS, FileList, Finding, HEAD_BYTES, PositionalFiles, RawVolume, STACKS, Slices, StableHash, Subject,
 };
 use crate::synthetic;
 use crate::volume::{Result, SourceError, SourceFault, VolumeSource};
@@ -158,7 +158,7 @@ impl ItemOpener<'_> {
                 open_series(list, &facts, &self.of.options)
             }
             ItemKind::Damaged => {
-                let error = match open_file(self.path).map(|file| recognise(&file)) {
+                let error = match PositionalFile::open(self.path).map(|file| recognise(&file)) {
                     Err(cause) => {
                         SourceError::from(SourceFault::Unreadable { path: self.path.to_path_buf(), cause })
                     }
@@ -187,7 +187,7 @@ impl ItemOpener<'_> {
             ItemKind::Tree => vec![self.tree()],
             ItemKind::Synthetic => {
                 let hash = StableHash::new().part(self.path.as_os_str().as_bytes()).finish();
-                let files = InputFiles { fingerprint: hash, ..InputFiles::default() };
+                let files = PositionalFiles { fingerprint: hash, ..PositionalFiles::default() };
                 let id = format!("synthetic-{:012x}", hash >> 16);
                 let opened = synthetic::open(self.path).map(|volume| vec![volume]);
                 findings(self.path, "synthetic", id, files, opened)
@@ -205,14 +205,14 @@ impl ItemOpener<'_> {
     }
 
     /// Its only file.
-    fn one(&self) -> InputFiles {
-        let mut files = InputFiles::default();
+    fn one(&self) -> PositionalFiles {
+        let mut files = PositionalFiles::default();
         files.add(self.path, self.first.size, self.first.changed);
         files
     }
 
     /// A header and what it names: the samples may change without it.
-    fn with_samples(&self, opened: &Volumes) -> InputFiles {
+    fn with_samples(&self, opened: &Volumes) -> PositionalFiles {
         let mut files = self.one();
         each_sample(self.path, opened, &mut |data| {
             if let Ok(meta) = metadata(data) {
@@ -251,7 +251,7 @@ impl ItemOpener<'_> {
         let Some(format) = STACKS.get(at) else { return Ok(Vec::new()) };
         let mut found = Vec::new();
         for Slices { files: used, volumes } in (format.open)(list, &self.of.options) {
-            let mut files = InputFiles::default();
+            let mut files = PositionalFiles::default();
             for at in &used {
                 let (size, changed) = facts.get(*at).copied().unwrap_or_default();
                 files.add(names.name(*at), size, changed);
@@ -325,7 +325,8 @@ fn each_sample(path: &Path, opened: &Volumes, each: &mut dyn FnMut(&Path)) {
 /// The format of a mesh, which was one when its folder was searched.
 fn mesh_format(path: &Path, bytes: u64) -> Result<&'static str> {
     let mut head = Vec::new();
-    let read = open_file(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    let read = PositionalFile::open(path)
+        .and_then(|file| file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head));
     read.map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }))?;
     mesh::format_of(&head, bytes, path).ok_or_else(|| changed_meanwhile(path))
 }
@@ -340,7 +341,7 @@ pub(super) fn finding(
     path: &Path,
     format: &'static str,
     id: String,
-    files: InputFiles,
+    files: PositionalFiles,
     subject: Result<Subject>,
 ) -> Finding {
     let volume = subject.as_ref().ok().and_then(Subject::volume);
@@ -364,7 +365,7 @@ fn findings(
     path: &Path,
     format: &'static str,
     id: String,
-    files: InputFiles,
+    files: PositionalFiles,
     opened: Volumes,
 ) -> Vec<Finding> {
     let several = opened.as_ref().is_ok_and(|volumes| volumes.len() != 1);

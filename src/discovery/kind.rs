@@ -1,12 +1,12 @@
 //! Meshes and trees of solids, recognised by content.
 
-use std::fs::{self, File};
+use std::fs;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use crate::csg;
 use crate::mesh;
-use crate::platform::{Placed, open_file};
+use crate::platform::PositionalFile;
 use crate::source::dicom::{Recognition, recognise};
 use crate::source::{FORMATS, HEAD_BYTES, STACKS, SubjectKind};
 use crate::synthetic::is_synthetic;
@@ -41,14 +41,14 @@ impl SubjectKind {
             // Opening a pipe could wait forever.
             Ok(meta) if !meta.is_file() => return Self::Volume,
             meta => meta.and_then(|meta| {
-                let file = open_file(path)?;
-                Placed::new(&file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+                let file = PositionalFile::open(path)?;
+                file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
                 Ok((meta.len(), file))
             }),
         };
         let bytes = opened.as_ref().map_or(0, |(bytes, _)| *bytes);
         let kind = solid_kind(&head, bytes, path).or_else(|| mesh::is_named(path).then_some(Self::Mesh));
-        let is_volume = |(_, file): (u64, File)| {
+        let is_volume = |(_, file): (u64, PositionalFile)| {
             !matches!(recognise(&file), Recognition::Foreign)
                 || FORMATS.iter().any(|format| (format.recognise)(&plain_head(&head), path))
                 || STACKS.iter().any(|format| (format.recognise)(&head, path))

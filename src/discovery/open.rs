@@ -1,7 +1,6 @@
 //! One entrance for every kind of input.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -11,7 +10,7 @@ use crate::budget::Budget;
 use crate::discovery::NotVolume;
 use crate::fault::{Fault, FaultKind, bad, unfit, usage};
 use crate::mesh;
-use crate::platform::{Placed, open_file};
+use crate::platform::PositionalFile;
 use crate::progress::Silent;
 use crate::source::dicom::{Recognition, SEGMENTATION, recognise};
 use crate::source::{
@@ -500,7 +499,7 @@ fn nothing(inputs: &[PathBuf], found: &Catalogue, first: &Path) -> SourceError {
 /// The refusal of a single file that is not a volume.
 fn refuse_file(path: &Path) -> SourceError {
     let unusable = |fault: Fault| SourceError::from(fault.at(path));
-    let opened = open_file(path).and_then(|file| Ok((file.metadata()?.len(), file)));
+    let opened = PositionalFile::open(path).and_then(|file| Ok((file.metadata()?.len(), file)));
     let (length, file) = match opened {
         Ok(opened) => opened,
         Err(cause) => return SourceError::from(SourceFault::Unreadable { path: path.to_path_buf(), cause }),
@@ -545,10 +544,10 @@ fn refuse_file(path: &Path) -> SourceError {
 }
 
 /// The first bytes of a file.
-fn head_of(file: &File) -> Vec<u8> {
+fn head_of(file: &PositionalFile) -> Vec<u8> {
     let mut head = Vec::new();
     // What cannot be read is not known.
-    let _ = Placed::new(file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head);
+    let _ = file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head);
     head
 }
 

@@ -32,7 +32,7 @@ use std::path::{Path, PathBuf};
 use super::placing;
 use crate::fault::{Fault, bad};
 use crate::geom::Orientation;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::{OpenOptions, RawOptions, RawVolume, stays};
 use crate::text::names::FOLLOW_LINKS;
 use crate::text::{mark_bytes, plain_head};
@@ -95,7 +95,8 @@ fn text_of(path: &Path) -> Option<io::Result<Vec<u8>>> {
     // Opening a pipe could wait forever.
     fs::metadata(path).ok().filter(|meta| meta.is_file() && meta.len() <= MAX_BYTES)?;
     let mut text = Vec::new();
-    let read = open_file(path).and_then(|file| file.take(MAX_BYTES).read_to_end(&mut text));
+    let read =
+        PositionalFile::open(path).and_then(|file| file.onwards(0).take(MAX_BYTES).read_to_end(&mut text));
     Some(read.map(|_| text))
 }
 

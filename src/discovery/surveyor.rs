@@ -2,7 +2,7 @@
 //!
 //! [`Catalogue`]: super::Catalogue
 
-use crate::platform::{OsStrExt, Placed, open_file};
+use crate::platform::{OsStrExt, PositionalFile};
 use std::collections::HashMap;
 use std::fs::Metadata;
 use std::io::Read;
@@ -74,8 +74,8 @@ impl<'a> Surveyor<'a> {
             return left_out(NotVolume::Empty);
         }
         let mut head = Vec::with_capacity(HEAD_BYTES);
-        let opened = open_file(path).and_then(|file| {
-            Placed::new(&file, 0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
+        let opened = PositionalFile::open(path).and_then(|file| {
+            file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head)?;
             Ok(file)
         });
         let file = match opened {

@@ -7,7 +7,6 @@
 //! ```
 
 use std::fs;
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
@@ -38,7 +37,7 @@ use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
     Fill, GridChoice, MeshOptions, UpAxis, least_share, sufficient_share, usual_channels, with_mesh,
 };
-use crate::platform::{give_back, open_file};
+use crate::platform::{PositionalFile, give_back};
 use crate::render::NamedView;
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
@@ -223,7 +222,7 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
     let Ok(real) = output.canonicalize() else { return Ok(()) };
     let is_model = || {
         let mut head = [0; MAGIC.len()];
-        open_file(&real).and_then(|mut file| file.read_exact(&mut head)).is_ok() && head == MAGIC
+        PositionalFile::open(&real).and_then(|file| file.read_exact_at(&mut head, 0)).is_ok() && head == MAGIC
     };
     let replaced = |input: &&PathBuf| {
         input.canonicalize().is_ok_and(|path| {

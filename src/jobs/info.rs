@@ -18,7 +18,7 @@ use crate::format::{
 };
 use crate::geom::Affine;
 use crate::load::{Frame, LoadError, LoadFault, Model};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::text::names::{MEASURE, VERIFY};
 use crate::text::{Short, WithError, data, shown};
 use crate::volume::ScalarType;
@@ -92,7 +92,7 @@ pub fn read_info_measured(path: &Path, anyway: bool) -> Result<Info, Error> {
 /// # Errors
 /// The file is unreadable, foreign, newer or damaged.
 pub fn read_info(path: &Path) -> Result<Info, Error> {
-    let file = open_file(path)
+    let file = PositionalFile::open(path)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     Ok(Info { input: data(path), frame, measured: None })

@@ -19,7 +19,7 @@ use crate::export::part_name;
 use crate::fault::{bad, usage};
 use crate::format::{Label, LabelName};
 use crate::load::{LoadError, LoadFault};
-use crate::platform::{is_device_name, open_file};
+use crate::platform::{PositionalFile, is_device_name};
 use crate::text::{self, mark_bytes};
 use crate::volume::SourceError;
 
@@ -51,8 +51,8 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
     }
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
     let mut bytes = Vec::new();
-    let file = open_file(path).map_err(unreadable)?;
-    file.take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
+    let file = PositionalFile::open(path).map_err(unreadable)?;
+    file.onwards(0).take(MAX_BYTES + 1).read_to_end(&mut bytes).map_err(unreadable)?;
     if bytes.len() as u64 > MAX_BYTES {
         return Err(wrong(0).into());
     }

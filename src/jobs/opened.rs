@@ -9,7 +9,7 @@ use crate::error::Error;
 use crate::fault::unfit;
 use crate::format::Encoding;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::text::names::ERROR;
 
 /// Opens a model. A packed one is unpacked into an unnamed temporary file next to it (or, where that folder is
@@ -20,7 +20,7 @@ use crate::text::names::ERROR;
 /// The file is unreadable, foreign or damaged, or there is no room.
 pub fn open_model(path: &Path) -> Result<Model, Error> {
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_file(path).map_err(unreadable)?;
+    let file = PositionalFile::open(path).map_err(unreadable)?;
     if Frame::read(&file).map_err(|fault| fault.at(path))?.header.encoding == Encoding::Mapped {
         return Ok(Model::map(path)?);
     }
@@ -46,7 +46,7 @@ pub(super) fn refuse_larger_leaves(model: &Model, path: &Path, what: &str) -> Re
 ///
 /// # Errors
 /// The packed file is damaged, or is written to meanwhile, or there is no room.
-pub(crate) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
+pub(crate) fn unpacked(file: &PositionalFile, path: &Path) -> Result<PositionalFile, Error> {
     let then = FileIdentity::of(file)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let scratch =
@@ -57,7 +57,7 @@ pub(crate) fn unpacked(file: &File, path: &Path) -> Result<File, Error> {
         Stop::Input(fault) => Error::Load(fault.at(path)),
         Stop::Output(cause) => Error::Output { path: path.to_path_buf(), cause },
     })?;
-    Ok(scratch)
+    Ok(scratch.into())
 }
 
 /// An unnamed file in the folder of another one, or where that is read-only in the system's.

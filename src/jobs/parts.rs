@@ -26,7 +26,7 @@ use crate::builder::parts::{Cuts, PartFault, PartFile, PartId, join};
 use crate::builder::{BuildError, BuildFault, BuildOptions, Progress};
 use crate::error::Error;
 use crate::geom::Dims;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::synthetic::is_synthetic;
 use crate::text::data;
 use crate::volume::Preparation;
@@ -89,7 +89,8 @@ impl Plan {
         let not = |reason: &str| refuse(PartFault::NotPlan { reason: reason.to_owned() });
         let unreadable = |cause| refuse(PartFault::Unreadable(cause));
         let mut bytes = Vec::new();
-        let opened = open_file(path).and_then(|file| file.take(MAX_PLAN_BYTES + 1).read_to_end(&mut bytes));
+        let opened = PositionalFile::open(path)
+            .and_then(|file| file.onwards(0).take(MAX_PLAN_BYTES + 1).read_to_end(&mut bytes));
         if opened.map_err(unreadable)? as u64 > MAX_PLAN_BYTES {
             return Err(not("it is too long"));
         }

@@ -12,7 +12,7 @@ use crate::error::{Error, UsageError};
 use crate::fault::{bad, usage};
 use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
 use crate::render::annotate::{Entry, Ramp};
 use crate::render::shade::Shader;
@@ -38,13 +38,13 @@ pub fn read_scene(path: &Path) -> Result<Scene, Error> {
     let unreadable =
         |cause| Error::Load(LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }));
     let wrong = |fault| Error::Scene(SceneError { path: path.to_path_buf(), fault });
-    let file = open_file(path).map_err(unreadable)?;
+    let file = PositionalFile::open(path).map_err(unreadable)?;
     let bytes = file.metadata().map_err(unreadable)?.len();
     if bytes > MAX_BYTES {
         return Err(wrong(bad!("{bytes} bytes are too long for a scene; write at most {MAX_BYTES}")));
     }
     let mut text = Vec::new();
-    file.take(MAX_BYTES).read_to_end(&mut text).map_err(unreadable)?;
+    file.onwards(0).take(MAX_BYTES).read_to_end(&mut text).map_err(unreadable)?;
     let text =
         String::from_utf8(text).map_err(|_| wrong(bad!("is not text; a scene is a TOML file in UTF-8")))?;
     scene::read(&text).map_err(wrong)

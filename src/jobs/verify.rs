@@ -1,6 +1,5 @@
 //! `oct verify`: every invariant of SPEC 6, for mapped and packed files.
 
-use std::fs::File;
 use std::path::Path;
 
 use serde::Serialize;
@@ -10,7 +9,7 @@ use super::opened::unpacked;
 use crate::error::Error;
 use crate::format::{Encoding, SurfaceKind};
 use crate::load::{self, FileIdentity, Frame, LoadError, LoadFault};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::text::{data, shown};
 
 /// A file that passed.
@@ -74,15 +73,15 @@ pub(super) fn verify_unless_packed(path: &Path) -> Result<(), Error> {
     check(&file, path)
 }
 
-fn opened(path: &Path) -> Result<(File, Frame), LoadError> {
+fn opened(path: &Path) -> Result<(PositionalFile, Frame), LoadError> {
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause });
-    let file = open_file(path).map_err(unreadable)?;
+    let file = PositionalFile::open(path).map_err(unreadable)?;
     let frame = Frame::read(&file).map_err(|fault| fault.at(path))?;
     Ok((file, frame))
 }
 
 /// Checks a file that nothing is written to meanwhile.
-fn check(file: &File, path: &Path) -> Result<(), Error> {
+fn check(file: &PositionalFile, path: &Path) -> Result<(), Error> {
     let then = FileIdentity::of(file)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: path.to_path_buf(), cause }))?;
     let sound = load::verify(file);

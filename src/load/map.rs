@@ -1,7 +1,7 @@
 //! The bytes of a finished file, mapped read-only: the only `unsafe` of the loader.
 #![allow(unsafe_code)]
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -47,7 +47,7 @@ pub(crate) struct FileIdentity {
 
 impl FileIdentity {
     /// The file as it is now.
-    pub(crate) fn of(file: &File) -> io::Result<Self> {
+    pub(crate) fn of(file: &PositionalFile) -> io::Result<Self> {
         let meta = file.metadata()?;
         Ok(Self { bytes: meta.len(), changed: platform::changed(&meta) })
     }
@@ -57,7 +57,7 @@ impl FileIdentity {
     ///
     /// # Errors
     /// It is not, or the operating system refused.
-    pub(crate) fn check(self, file: &File, path: &Path) -> Result<(), LoadError> {
+    pub(crate) fn check(self, file: &PositionalFile, path: &Path) -> Result<(), LoadError> {
         let path = || path.to_path_buf();
         match Self::of(file) {
             Ok(now) if now == self => Ok(()),
@@ -72,7 +72,7 @@ impl Mapping {
     ///
     /// # Errors
     /// The operating system refused.
-    pub fn of(file: &File) -> io::Result<Self> {
+    pub(crate) fn of(file: &PositionalFile) -> io::Result<Self> {
         // SAFETY: the bytes must not change while they are mapped. This program keeps that promise by
         // never writing to a finished `.oct`: every output is a new file that replaces the old name by
         // rename, so a mapped file keeps its own unchanged bytes. Other programs are asked by the
@@ -80,7 +80,7 @@ impl Mapping {
         // beyond "any byte" is ever made from the mapping, [`FileIdentity::check`] reports it, and a
         // file cut short raises a bus error, as every mapping of a file does: the command ends with a
         // sentence then, and Python's module and the server go on with zeros.
-        let map = unsafe { memmap2::Mmap::map(file)? };
+        let map = unsafe { memmap2::Mmap::map(file.whole())? };
         Ok(Self(Held::Mapped(Mapped {
             _watched: SURVIVES.load(Ordering::Relaxed).then(|| platform::Watched::new(&map)).flatten(),
             map,
@@ -120,7 +120,7 @@ mod tests {
     fn pages_are_resident_once_they_are_read_and_until_they_are_given_back() {
         let file = tempfile::tempfile().unwrap();
         file.set_len(8 << 20).unwrap();
-        let mapping = Mapping::of(&file).unwrap();
+        let mapping = Mapping::of(&file.into()).unwrap();
         assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
         assert!(mapping.as_ref()[..3 << 20].iter().all(|byte| *byte == 0));
         // The system maps some pages more than are asked for.

@@ -1,6 +1,5 @@
 //! A finished `.oct` opened for use: checked cheaply, then read in place.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
@@ -11,7 +10,7 @@ use crate::format::{
 };
 use crate::geom::{Affine, BoxIndex, Dims, NodeIndex, VoxelIndex};
 use crate::load::LoadFault;
-use crate::platform::{Placed, open_file};
+use crate::platform::PositionalFile;
 
 use super::frame::Frame;
 use super::map::{FileIdentity, Mapping};
@@ -52,7 +51,7 @@ struct Places {
 #[derive(Debug)]
 struct Origin {
     path: PathBuf,
-    file: File,
+    file: PositionalFile,
     then: FileIdentity,
 }
 
@@ -97,7 +96,7 @@ impl Model<Mapping> {
     /// As [`Model::open`].
     pub(crate) fn map(path: &Path) -> Result<Self, LoadError> {
         let open = || -> Result<Self, Fault> {
-            let file = open_file(path)?;
+            let file = PositionalFile::open(path)?;
             let then = FileIdentity::of(&file)?;
             // By ordinary reads, so that only models are mapped.
             let frame = Frame::read(&file)?;
@@ -125,7 +124,7 @@ impl Model<Vec<u8>> {
     pub fn read(path: impl AsRef<Path>) -> Result<Self, LoadError> {
         let path = path.as_ref();
         let read = || -> Result<Option<Self>, Fault> {
-            let file = open_file(path)?;
+            let file = PositionalFile::open(path)?;
             let then = FileIdentity::of(&file)?;
             // So that only models are read whole.
             let frame = Frame::read(&file)?;
@@ -133,7 +132,7 @@ impl Model<Vec<u8>> {
             let mut bytes = Vec::new();
             let len = usize::try_from(frame.header.file_bytes).unwrap_or(usize::MAX);
             bytes.try_reserve_exact(len).map_err(io::Error::from)?;
-            Placed::new(&file, 0).take(frame.header.file_bytes).read_to_end(&mut bytes)?;
+            file.onwards(0).take(frame.header.file_bytes).read_to_end(&mut bytes)?;
             if FileIdentity::of(&file)? != then {
                 return Ok(None);
             }

@@ -1,6 +1,6 @@
 //! Reading by position, and sequential cursors over parts of a file, in small fixed memory.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 
 use crate::format::FormatError;
@@ -21,7 +21,18 @@ pub trait ReadAt: Sync {
     fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()>;
 }
 
-impl ReadAt for File {
+impl ReadAt for PositionalFile {
+    fn byte_len(&self) -> io::Result<u64> {
+        Ok(self.metadata()?.len())
+    }
+
+    fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
+        self.read_exact_at(out, offset)
+    }
+}
+
+/// A scratch file that is written at places meanwhile.
+impl ReadAt for std::fs::File {
     fn byte_len(&self) -> io::Result<u64> {
         Ok(self.metadata()?.len())
     }

@@ -4,9 +4,9 @@
 //! The rest of the library takes it from here, and a test holds that. So another system is one folder next to
 //! `linux` with the same items. `unix` holds what Linux and macOS share, `portable` what Windows and macOS do.
 //!
-//! A file that is read or written at places is not used by its cursor as well: on Windows the system moves that, too. Who reads
-//! or writes onwards takes a [`Placed`] file, which has a place of its own. (A file that was only written onwards may be read
-//! at places afterwards.)
+//! A file that is read or written at places is not used by its cursor as well: on Windows the system moves that, too. All
+//! readers take a [`PositionalFile`], which has none; who reads or writes onwards takes a [`Placed`] file, which has a place of
+//! its own. (A file that was only written onwards may be read at places afterwards.)
 //!
 //! | file | what it holds |
 //! |---|---|
@@ -39,8 +39,9 @@ pub use macos::*;
 #[cfg(windows)]
 pub use windows::*;
 
-use std::fs::File;
-use std::io;
+use std::fs::{File, Metadata};
+use std::io::{self, IoSliceMut};
+use std::path::Path;
 
 /// True for a name that stands for a device on Windows, in every folder and with every suffix: no file is given it on any
 /// system.
@@ -51,6 +52,63 @@ pub(crate) fn is_device_name(name: &str) -> bool {
         || port.is_some_and(|number| {
             matches!(number, "¹" | "²" | "³") || matches!(number.as_bytes(), [b'0'..=b'9'])
         })
+}
+
+/// A file that is read and written at places alone: no cursor of it can be used.
+#[derive(Debug)]
+pub(crate) struct PositionalFile(File);
+
+impl From<File> for PositionalFile {
+    fn from(file: File) -> Self {
+        Self(file)
+    }
+}
+
+impl PositionalFile {
+    /// Opens a regular file; a folder, a pipe and a device are refused.
+    ///
+    /// # Errors
+    /// It is not one ([`is_not_regular`]), or the system refused.
+    pub(crate) fn open(path: &Path) -> io::Result<Self> {
+        open_file(path).map(Self)
+    }
+
+    /// What the system knows of it.
+    pub(crate) fn metadata(&self) -> io::Result<Metadata> {
+        self.0.metadata()
+    }
+
+    /// Its bytes from a place onwards.
+    pub(crate) fn onwards(&self, at: u64) -> Placed<'_> {
+        Placed::new(&self.0, at)
+    }
+
+    /// The file itself, to be mapped.
+    pub(crate) fn whole(&self) -> &File {
+        &self.0
+    }
+
+    pub(crate) fn read_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<usize> {
+        self.0.read_at(bytes, offset)
+    }
+
+    pub(crate) fn read_exact_at(&self, bytes: &mut [u8], offset: u64) -> io::Result<()> {
+        self.0.read_exact_at(bytes, offset)
+    }
+
+    pub(crate) fn write_all_at(&self, bytes: &[u8], offset: u64) -> io::Result<()> {
+        self.0.write_all_at(bytes, offset)
+    }
+
+    /// The same file, opened once more.
+    pub(crate) fn try_clone(&self) -> io::Result<Self> {
+        self.0.try_clone().map(Self)
+    }
+
+    /// Reads into several buffers from one place on; returns how much was read.
+    pub(crate) fn read_parts(&self, parts: &mut [IoSliceMut<'_>], offset: u64) -> io::Result<usize> {
+        read_parts(&self.0, parts, offset)
+    }
 }
 
 /// A file that is read or written onwards from one place, whatever its cursor is.

@@ -1,7 +1,6 @@
 //! An open model: what `infobyte.Model` calls.
 
-use std::fs::File;
-use std::io::{self, Read, Seek};
+use std::io::{self, Read};
 use std::ops::Range;
 use std::panic::{AssertUnwindSafe, catch_unwind, resume_unwind};
 use std::path::{Path, PathBuf};
@@ -25,7 +24,7 @@ use crate::jobs::opened::unpacked;
 use crate::jobs::picture::{Outputs, framed};
 use crate::jobs::scene::camera_of;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, Mapping, Model};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::progress::{Progress, Silent};
 use crate::render::sight::Sight;
 use crate::render::{Image, Layout, RayCaster};
@@ -35,7 +34,7 @@ use crate::text::data;
 #[derive(Debug)]
 enum Store {
     /// With its file, kept open so that a change of its bytes can be noticed.
-    Mapped(Mapping, File, FileIdentity),
+    Mapped(Mapping, PositionalFile, FileIdentity),
     Read(Vec<u8>),
 }
 
@@ -65,7 +64,7 @@ pub(super) struct Handle {
 impl Handle {
     fn load(path: PathBuf, mmap: bool) -> Result<Self, Error> {
         let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: path.clone(), cause });
-        let mut file = open_file(&path).map_err(unreadable)?;
+        let mut file = PositionalFile::open(&path).map_err(unreadable)?;
         if Frame::read(&file).map_err(|fault| fault.at(&path))?.header.encoding == Encoding::Packed {
             file = unpacked(&file, &path)?;
         }
@@ -128,11 +127,10 @@ impl Handle {
     }
 }
 
-fn read_whole(mut file: &File, bytes: usize) -> io::Result<Vec<u8>> {
+fn read_whole(file: &PositionalFile, bytes: usize) -> io::Result<Vec<u8>> {
     let mut whole = Vec::new();
     whole.try_reserve_exact(bytes)?;
-    file.rewind()?;
-    file.take(bytes as u64).read_to_end(&mut whole)?;
+    file.onwards(0).take(bytes as u64).read_to_end(&mut whole)?;
     Ok(whole)
 }
 

@@ -1,11 +1,11 @@
 //! Samples of an array that lie in a file.
 
-use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
 
 use crate::geom::{Affine, Dims};
+use crate::platform::PositionalFile;
 use crate::volume::{
     self, Rescale, ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource, check_request, read_block,
 };
@@ -15,13 +15,13 @@ use crate::volume::{
 #[derive(Debug)]
 pub(super) struct StoredSamples {
     info: VolumeInfo,
-    file: File,
+    file: PositionalFile,
     offset: u64,
 }
 
 impl StoredSamples {
     pub(super) fn open(path: &Path, offset: u64, dims: Dims, scalar: ScalarType) -> io::Result<Self> {
-        let file = File::open(path)?;
+        let file = PositionalFile::open(path)?;
         let info = VolumeInfo::in_memory(dims, scalar);
         let end = offset.checked_add(info.description.bytes);
         if end.is_none_or(|end| file.metadata().is_ok_and(|meta| meta.len() < end)) {

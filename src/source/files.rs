@@ -1,13 +1,12 @@
 //! The files of one volume, named compactly and opened without running out of descriptors.
 
 use std::ffi::OsStr;
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use crate::platform::{OsStrExt, below, open_file, open_files_limit};
+use crate::platform::{OsStrExt, PositionalFile, below, open_files_limit};
 
 use super::natural::natural_cmp;
 
@@ -94,7 +93,7 @@ impl FileList {
 #[derive(Debug)]
 pub(crate) struct FileSet {
     list: FileList,
-    open: Box<[OnceLock<File>]>,
+    open: Box<[OnceLock<PositionalFile>]>,
 }
 
 impl FileSet {
@@ -114,14 +113,18 @@ impl FileSet {
     }
 
     /// Runs `read` on file `index`.
-    pub(crate) fn with<R>(&self, index: usize, read: impl FnOnce(&File) -> io::Result<R>) -> io::Result<R> {
+    pub(crate) fn with<R>(
+        &self,
+        index: usize,
+        read: impl FnOnce(&PositionalFile) -> io::Result<R>,
+    ) -> io::Result<R> {
         let Some(cell) = self.open.get(index) else {
-            return read(&open_file(&self.list.path(index))?);
+            return read(&PositionalFile::open(&self.list.path(index))?);
         };
         if let Some(file) = cell.get() {
             return read(file);
         }
-        let file = open_file(&self.list.path(index))?;
+        let file = PositionalFile::open(&self.list.path(index))?;
         if !keep_one(Self::most()) {
             return read(&file);
         }
@@ -183,7 +186,7 @@ mod tests {
         for _ in 0..2 {
             for n in 0..3_u8 {
                 let mut byte = [0];
-                set.with(n.into(), |f| crate::platform::FileExt::read_exact_at(f, &mut byte, 0)).unwrap();
+                set.with(n.into(), |f| f.read_exact_at(&mut byte, 0)).unwrap();
                 assert_eq!(byte, [n]);
             }
         }

@@ -1,6 +1,7 @@
 //! Shared by the headers of several formats: lines of text, numbers, units, and the names of data files.
 
-use std::fs::{self, File};
+use crate::platform::PositionalFile;
+use std::fs;
 use std::io::{self, BufRead, Read};
 use std::path::{Component, Path, PathBuf};
 use std::str::FromStr;
@@ -24,7 +25,7 @@ const MAX_FILES: u64 = 1 << 16;
 
 /// The lines of a text header, one at a time.
 pub(super) struct Lines<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     reader: Section<'a>,
     /// Byte of the file at which the next line begins.
     pub(super) offset: u64,
@@ -33,7 +34,7 @@ pub(super) struct Lines<'a> {
 }
 
 impl<'a> Lines<'a> {
-    pub(super) fn new(file: &'a File) -> Self {
+    pub(super) fn new(file: &'a PositionalFile) -> Self {
         Self { file, reader: section(file, 0, MAX_HEADER), offset: 0, skipped: 0 }
     }
 
@@ -373,13 +374,14 @@ mod tests {
         use std::io::Write;
         let mut file = tempfile::tempfile().unwrap();
         file.write_all(b"a: 1\r\n\nlast").unwrap();
-        let mut lines = Lines::new(&file);
+        let read = file.try_clone().unwrap().into();
+        let mut lines = Lines::new(&read);
         assert_eq!(lines.next().unwrap().unwrap(), b"a: 1");
         assert_eq!((lines.next().unwrap().unwrap(), lines.offset), (Vec::new(), 7));
         assert_eq!(lines.next().unwrap().unwrap(), b"last");
         assert_eq!(lines.next().unwrap(), None);
         file.write_all(&[b'x'; 70_000]).unwrap();
-        let mut lines = Lines::new(&file);
+        let mut lines = Lines::new(&read);
         assert!((0..3).any(|_| lines.next().is_err()));
     }
 

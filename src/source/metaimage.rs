@@ -3,7 +3,6 @@
 //! Axes stay as they are stored, the first is x. Row i of `TransformMatrix` is the direction of index axis
 //! i in LPS, as ITK reads and writes it; `CenterOfRotation` moves nothing there and is passed over here.
 
-use std::fs::File;
 use std::path::Path;
 
 use super::OpenOptions;
@@ -15,7 +14,7 @@ use super::header::{
 use super::stored::{Encoding, Samples, Skip, StoredLayout, regular};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 
 /// Keys that a header begins with, in lower case.
@@ -47,7 +46,7 @@ pub(super) fn recognise(head: &[u8], path: &Path) -> bool {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     header.stored(path, options.follow_links)?.open()
 }
@@ -82,7 +81,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self> {
+    fn read(path: &Path, file: &PositionalFile) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let mut header = Self {
@@ -334,7 +333,7 @@ fn stream_kind(files: &FileList, skip: u64) -> Result<Encoding> {
     let path = files.path(0);
     regular(&path)?;
     let mut magic = [0; 2];
-    let file = open_file(&path).map_err(|cause| unreadable(&path, cause))?;
+    let file = PositionalFile::open(&path).map_err(|cause| unreadable(&path, cause))?;
     let gzip = file.read_exact_at(&mut magic, skip).is_ok() && magic == [0x1f, 0x8b];
     Ok(if gzip { Encoding::Gzip } else { Encoding::Zlib })
 }

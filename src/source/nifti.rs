@@ -6,14 +6,13 @@
 
 mod geometry;
 
-use std::fs::File;
 use std::path::{Path, PathBuf};
 
 use super::OpenOptions;
 use super::header::{check_links, files_beside, unpacked, unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 use geometry::Placement;
 use std::borrow::Cow;
@@ -65,7 +64,7 @@ pub(super) fn header_of_samples(path: &Path) -> Option<PathBuf> {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let encoding = encoding_of(&file).map_err(|cause| unreadable(path, cause))?;
     let mut bytes = [0; NIFTI2_BYTES];
     let got = unpacked(encoding.open(&file, 0, Samples::Plain(ScalarType::U8)), &mut bytes);
@@ -87,7 +86,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
         let mut beside = files_beside(path);
         beside.push(Path::new(data.file_name().unwrap_or_default()));
         check_links(path, &beside, options.follow_links)?;
-        let file = open_file(&data).map_err(|cause| unreadable(&data, cause))?;
+        let file = PositionalFile::open(&data).map_err(|cause| unreadable(&data, cause))?;
         let encoding = encoding_of(&file).map_err(|cause| unreadable(&data, cause))?;
         (data, encoding, header.offset)
     };
@@ -118,8 +117,7 @@ pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn Vol
 }
 
 /// Gzip is recognised by its first bytes, not by the name.
-fn encoding_of(file: &File) -> std::io::Result<Encoding> {
-    use crate::platform::FileExt;
+fn encoding_of(file: &PositionalFile) -> std::io::Result<Encoding> {
     let mut magic = [0; 2];
     let got = file.read_at(&mut magic, 0)?;
     Ok(if got == 2 && magic == [0x1f, 0x8b] { Encoding::Gzip } else { Encoding::Raw })

@@ -13,7 +13,7 @@ use super::header::{unreadable, unusable};
 use super::stored::{Encoding, Samples, Skip, StoredLayout};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, VolumeSource};
 
 const MAGIC: &[u8] = b"\x93NUMPY";
@@ -28,7 +28,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 
 /// Opens an array of two or three dimensions.
 pub(super) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let length = file.metadata().map_err(|cause| unreadable(path, cause))?.len();
     let short = || unusable(path, bad!("ends within its header; copy the file again"));
     let mut start = [0; 12];

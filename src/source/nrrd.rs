@@ -10,7 +10,6 @@ mod geometry;
 mod layers;
 mod segments;
 
-use std::fs::File;
 use std::path::Path;
 
 use super::OpenOptions;
@@ -22,7 +21,7 @@ use super::header::{
 use super::stored::{Encoding, Samples, Skip, StoredLayout, section};
 use crate::fault::{Fault, bad};
 use crate::geom::Dims;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Overlap, Rescale, Result, ScalarType, SourceError, VolumeSource};
 use geometry::{Axis, Geometry};
 use layers::{LayeredMap, Layers, Order};
@@ -58,7 +57,7 @@ pub(super) fn recognise(head: &[u8], _: &Path) -> bool {
 
 /// Opens a header and finds its samples.
 pub(super) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let header = Header::read(path, &file)?;
     let (stored, layers) = header.stored(path, &file, options).map_err(|wrong| match wrong {
         HeaderError::Header(fault) => unusable(path, fault),
@@ -117,7 +116,7 @@ struct Header {
 }
 
 impl Header {
-    fn read(path: &Path, file: &File) -> Result<Self> {
+    fn read(path: &Path, file: &PositionalFile) -> Result<Self> {
         let mut lines = Lines::new(file);
         let next = |lines: &mut Lines<'_>| lines.next().map_err(|cause| unreadable(path, cause));
         let magic = next(&mut lines)?.unwrap_or_default();
@@ -239,7 +238,7 @@ impl Header {
     fn stored(
         mut self,
         path: &Path,
-        file: &File,
+        file: &PositionalFile,
         options: &OpenOptions,
     ) -> Result<(StoredLayout, Option<Layers>), HeaderError> {
         let samples = self.samples()?;
@@ -297,7 +296,7 @@ impl Header {
                 file
             } else {
                 super::stored::regular(&data_path).map_err(HeaderError::Other)?;
-                opened = open_file(&data_path)
+                opened = PositionalFile::open(&data_path)
                     .map_err(|cause| HeaderError::Other(unreadable(&data_path, cause)))?;
                 &opened
             };
@@ -379,7 +378,7 @@ fn data_file(path: &Path, value: &str) -> Result<DataFiles, Fault> {
 }
 
 /// Offset behind `count` lines; `None` if there are fewer.
-fn skip_lines(file: &File, start: u64, count: u64) -> std::io::Result<Option<u64>> {
+fn skip_lines(file: &PositionalFile, start: u64, count: u64) -> std::io::Result<Option<u64>> {
     use std::io::BufRead;
     let mut reader = section(file, start, u64::MAX);
     let (mut offset, mut left) = (start, count);

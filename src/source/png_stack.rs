@@ -4,7 +4,6 @@
 //! a time into the scratch file. x runs along the rows, y down, z with the files; PNG knows no third
 //! distance, so spacing is 1 mm with a warning. Numbers that are missing in the names are gaps (`numbered`).
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -19,7 +18,7 @@ use super::numbered::judge;
 use super::stored::{StoredVolume, Target, Unroll, regular, section};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::volume::{Endian, Note, Rescale, Result, ScalarType, SourceDescription, VolumeInfo, VolumeSource};
 
 const MAGIC: &[u8] = b"\x89PNG\r\n\x1a\n";
@@ -120,7 +119,7 @@ struct Head {
 impl Head {
     fn read(path: &Path) -> io::Result<Self> {
         let mut bytes = [0; HEAD_BYTES];
-        open_file(path)?.read_exact(&mut bytes)?;
+        PositionalFile::open(path)?.read_exact_at(&mut bytes, 0)?;
         let number = |at: usize| {
             bytes.get(at..).and_then(|b| b.first_chunk::<4>()).map_or(0, |b| u32::from_be_bytes(*b))
         };
@@ -196,7 +195,7 @@ impl Unroll for Pictures {
 
 /// Unrolls one picture.
 fn picture(
-    file: &File,
+    file: &PositionalFile,
     z: u32,
     info: &VolumeInfo,
     target: &Target<'_>,

@@ -12,7 +12,7 @@ use super::stored::{DirectSamples, Samples, SliceOffsets};
 use crate::fault::{Fault, bad, unfit, usage};
 use crate::geom::{Dims, Orientation};
 use crate::mark::is_own_picture;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::Known;
 use crate::text::Name;
 use crate::text::names::{DIMS, DTYPE, SKIP, SPACING};
@@ -224,7 +224,8 @@ fn list_files(inputs: &[PathBuf]) -> Result<(FileList, String)> {
 /// its name; a file that cannot be read says so when it is opened as a slice.
 fn is_made_of_slices(path: &Path) -> bool {
     let mut head = Vec::with_capacity(HEAD_BYTES);
-    let read = open_file(path).and_then(|file| file.take(HEAD_BYTES as u64).read_to_end(&mut head));
+    let read = PositionalFile::open(path)
+        .and_then(|file| file.onwards(0).take(HEAD_BYTES as u64).read_to_end(&mut head));
     read.is_ok() && (known(&head) == Some(Known::Oct) || is_own_picture(&head))
 }
 

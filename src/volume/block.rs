@@ -1,16 +1,15 @@
 //! Blocks of rows: whether a request is sound, and how one is read from a file of plain samples.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 use std::ops::Range;
 
 use super::VolumeInfo;
-use crate::platform::FileExt;
 
 /// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
 /// part of them row by row; `out` holds nothing else.
 pub(crate) fn read_block(
-    file: &File,
+    file: &PositionalFile,
     base: u64,
     nx: u32,
     sample_bytes: usize,

@@ -3,21 +3,20 @@
 //! The scratch file is as long as the volume is in memory; it is not compressed, because the builder reads
 //! it in tiles, at the speed of the page cache, which does not count as the process's memory.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::{Result, ScalarType, SourceError};
 use crate::geom::Dims;
-use crate::platform::FileExt;
 use crate::scratch::unnamed_for;
 use crate::volume::{SourceFault, read_block};
 
 /// Samples of a volume in a scratch file: x fastest, then y, then z, native byte order.
 #[derive(Debug)]
 pub(crate) struct Spool {
-    file: File,
+    file: PositionalFile,
     folder: PathBuf,
     dims: Dims,
     scalar: ScalarType,
@@ -33,7 +32,7 @@ impl Spool {
         let failed = |cause| SourceError::from(SourceFault::Scratch { path: folder.to_path_buf(), cause });
         let file = unnamed_for(folder, bytes).map_err(failed)?;
         file.set_len(bytes).map_err(failed)?;
-        Ok(Self { file, folder: folder.to_path_buf(), dims, scalar })
+        Ok(Self { file: file.into(), folder: folder.to_path_buf(), dims, scalar })
     }
 
     /// Bytes of the whole volume.

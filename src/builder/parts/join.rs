@@ -3,7 +3,6 @@
 //! Memory: runs of 32 KiB, one for each level of each section, a record's step of 256 KiB, and some 200 bytes a part; it
 //! does not depend on what the parts hold.
 
-use std::fs::File;
 use std::path::Path;
 use std::time::Instant;
 
@@ -20,7 +19,7 @@ use crate::builder::merge::{MergeQueue, Run, Target, parse_summary, summary_byte
 use crate::builder::walk::{BrickWalk, GROUP_BRICKS};
 use crate::builder::{StageSeconds, seal};
 use crate::format::{SectionEntry, SectionKind, Sum, SurfaceKind};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::progress::Progress;
 
 /// Parts that are open at a time: fewer than any system's usual limit.
@@ -120,7 +119,7 @@ struct Parts<'a> {
     form: RecordForm,
     cursors: Vec<Cursor>,
     /// Part n at place n modulo [`OPEN`].
-    open: Vec<Option<(u32, File)>>,
+    open: Vec<Option<(u32, PositionalFile)>>,
 }
 
 impl<'a> Parts<'a> {
@@ -170,7 +169,7 @@ impl<'a> Parts<'a> {
     fn for_each_group(
         &mut self,
         progress: &dyn Progress,
-        mut each: impl FnMut(PartId, &File, &RecordForm, &Entry) -> Result<(), BuildError>,
+        mut each: impl FnMut(PartId, &PositionalFile, &RecordForm, &Entry) -> Result<(), BuildError>,
     ) -> Result<(), BuildError> {
         let Self { id, folder, form, cursors, open, .. } = self;
         let cuts = id.cuts;
@@ -204,11 +203,15 @@ impl<'a> Parts<'a> {
 }
 
 /// The open file of a part.
-fn file<'a>(open: &'a mut [Option<(u32, File)>], id: &PartId, folder: &Path) -> Result<&'a File, BuildError> {
+fn file<'a>(
+    open: &'a mut [Option<(u32, PositionalFile)>],
+    id: &PartId,
+    folder: &Path,
+) -> Result<&'a PositionalFile, BuildError> {
     let held = &mut open[id.number as usize % OPEN];
     if held.as_ref().is_none_or(|(number, _)| *number != id.number) {
         let path = id.path(folder);
-        let file = open_file(&path).map_err(|cause| at(&path, PartFault::Unreadable(cause)))?;
+        let file = PositionalFile::open(&path).map_err(|cause| at(&path, PartFault::Unreadable(cause)))?;
         *held = Some((id.number, file));
     }
     match held {
@@ -283,7 +286,7 @@ impl<'a> Joiner<'a> {
     }
 
     /// Puts the stretches of a record in their places.
-    fn record(&mut self, file: &File, form: &RecordForm, entry: &Entry) -> Result<(), Stop> {
+    fn record(&mut self, file: &PositionalFile, form: &RecordForm, entry: &Entry) -> Result<(), Stop> {
         let Self { target, runs, summaries, buffer, .. } = self;
         summaries.clear();
         let bytes = form.bytes(&entry.counts);

@@ -4,7 +4,6 @@
 //! A file, little-endian: the rows of bits as [`BitVolume`] has them, slice after slice; the CRC of each slice; the head of
 //! a stage; the CRC of these two. Who needs some slices checks those alone.
 
-use std::fs::File;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -16,7 +15,7 @@ use crate::atomic::AtomicFile;
 use crate::builder::bits::BitVolume;
 use crate::builder::error::{BuildError, BuildFault};
 use crate::geom::Dims;
-use crate::platform::{FileExt, open_file};
+use crate::platform::{FileExt, PositionalFile};
 use crate::progress::Progress;
 
 /// Bytes that are read at a time.
@@ -76,7 +75,7 @@ impl OccupancyId<'_> {
         let atomic = AtomicFile::create(&path).map_err(failed)?;
         if let Some(dims) = self.own_dims() {
             let file = atomic.file().try_clone().map_err(failed)?;
-            let bits = BitVolume::over(file, self.folder, dims);
+            let bits = BitVolume::over(file.into(), self.folder, dims);
             atomic.file().set_len(bits.bytes()).map_err(failed)?;
             fill(&bits)?;
         }
@@ -85,7 +84,8 @@ impl OccupancyId<'_> {
         let mut buffer = vec![0; STEP];
         for slice in 0..u64::from(slices.end - slices.start) {
             progress.check().map_err(BuildError::from)?;
-            let crc = crc_of(atomic.file(), slice * bytes, bytes, &mut buffer).map_err(failed)?;
+            let crc = crc_of(|to, at| atomic.file().read_exact_at(to, at), slice * bytes, bytes, &mut buffer)
+                .map_err(failed)?;
             tail.extend(crc.to_le_bytes());
         }
         tail.extend(self.head());
@@ -106,7 +106,7 @@ impl OccupancyId<'_> {
     /// It is damaged, or cannot be read.
     pub(crate) fn open(&self) -> Result<Option<Occupancy<'_>>, BuildError> {
         let path = self.path();
-        let file = match open_file(&path) {
+        let file = match PositionalFile::open(&path) {
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             file => file.map_err(|cause| at(&path, PartFault::Unreadable(cause)))?,
         };
@@ -131,11 +131,16 @@ impl OccupancyId<'_> {
 }
 
 /// CRC of a stretch of a file.
-fn crc_of(file: &File, at: u64, bytes: u64, buffer: &mut [u8]) -> std::io::Result<u32> {
+fn crc_of(
+    read: impl Fn(&mut [u8], u64) -> std::io::Result<()>,
+    at: u64,
+    bytes: u64,
+    buffer: &mut [u8],
+) -> std::io::Result<u32> {
     let (mut done, mut crc) = (0, 0);
     while done < bytes {
         let now = usize::try_from(bytes - done).unwrap_or(usize::MAX).min(buffer.len());
-        file.read_exact_at(&mut buffer[..now], at + done)?;
+        read(&mut buffer[..now], at + done)?;
         crc = crc32c::crc32c_append(crc, &buffer[..now]);
         done += now as u64;
     }
@@ -145,7 +150,7 @@ fn crc_of(file: &File, at: u64, bytes: u64, buffer: &mut [u8]) -> std::io::Resul
 /// An occupancy that is open.
 pub(crate) struct Occupancy<'a> {
     id: OccupancyId<'a>,
-    file: File,
+    file: PositionalFile,
     crcs: Vec<u32>,
 }
 
@@ -160,8 +165,13 @@ impl Occupancy<'_> {
         for z in slices.start.max(own.start)..slices.end.min(own.end) {
             progress.check()?;
             let slice = z - own.start;
-            let crc = crc_of(&self.file, u64::from(slice) * bytes, bytes, &mut buffer)
-                .map_err(|cause| at(&self.id.path(), PartFault::Unreadable(cause)))?;
+            let crc = crc_of(
+                |to, at| self.file.read_exact_at(to, at),
+                u64::from(slice) * bytes,
+                bytes,
+                &mut buffer,
+            )
+            .map_err(|cause| at(&self.id.path(), PartFault::Unreadable(cause)))?;
             if self.crcs.get(slice as usize) != Some(&crc) {
                 return Err(self.id.damaged());
             }

@@ -1,6 +1,5 @@
 //! Parts as they are read again: opened, and every byte checked before it counts.
 
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
@@ -9,7 +8,7 @@ use super::fault::PartFault;
 use super::head::{Head, START_BYTES, TAIL_BYTES, Tail, head_bytes};
 use super::record::{ENTRY_BYTES, Entry, RecordForm};
 use crate::builder::error::{BuildError, BuildFault};
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::progress::Progress;
 
 /// Bytes of a record read at a time.
@@ -19,7 +18,7 @@ pub(super) const STEP: usize = 256 << 10;
 #[derive(Debug)]
 pub(crate) struct PartFile {
     pub(super) head: Head,
-    pub(super) file: File,
+    pub(super) file: PositionalFile,
     pub(super) cursor: Cursor,
     path: PathBuf,
 }
@@ -31,7 +30,7 @@ impl PartFile {
     /// It cannot be read, or is not this part.
     pub(crate) fn open(part: &PartId, folder: &Path) -> Result<Option<Self>, BuildError> {
         let path = part.path(folder);
-        match open_file(&path) {
+        match PositionalFile::open(&path) {
             Err(cause) if cause.kind() == io::ErrorKind::NotFound => Ok(None),
             Err(cause) => Err(at(&path, PartFault::Unreadable(cause))),
             Ok(file) => match frame(&file, part.number) {
@@ -92,7 +91,7 @@ fn of_plan(head: &Head, part: &PartId) -> Option<PartFault> {
     }
 }
 
-fn frame(file: &File, number: u32) -> Result<(Head, Cursor), PartFault> {
+fn frame(file: &PositionalFile, number: u32) -> Result<(Head, Cursor), PartFault> {
     let read = |bytes: &mut [u8], offset| read_at(file, bytes, offset, number);
     let length = file.metadata().map_err(PartFault::Unreadable)?.len();
     let damaged = || PartFault::Damaged { number };
@@ -116,7 +115,7 @@ fn frame(file: &File, number: u32) -> Result<(Head, Cursor), PartFault> {
 }
 
 /// Reads exactly so many bytes; a file that ends before is damaged.
-fn read_at(file: &File, bytes: &mut [u8], offset: u64, number: u32) -> Result<(), PartFault> {
+fn read_at(file: &PositionalFile, bytes: &mut [u8], offset: u64, number: u32) -> Result<(), PartFault> {
     file.read_exact_at(bytes, offset).map_err(|cause| match cause.kind() {
         io::ErrorKind::UnexpectedEof => PartFault::Damaged { number },
         _ => PartFault::Unreadable(cause),
@@ -125,7 +124,7 @@ fn read_at(file: &File, bytes: &mut [u8], offset: u64, number: u32) -> Result<()
 
 /// Calls `each` with the bytes of a record, step by step.
 pub(super) fn for_each_step<E: From<PartFault>>(
-    file: &File,
+    file: &PositionalFile,
     offset: u64,
     bytes: u64,
     buffer: &mut [u8],
@@ -171,7 +170,7 @@ impl Cursor {
     ///
     /// # Errors
     /// The footer is damaged or cannot be read.
-    pub(super) fn advance(&mut self, file: &File, form: &RecordForm) -> Result<(), PartFault> {
+    pub(super) fn advance(&mut self, file: &PositionalFile, form: &RecordForm) -> Result<(), PartFault> {
         let damaged = PartFault::Damaged { number: self.number };
         if self.read == self.tail.groups {
             self.next = None;

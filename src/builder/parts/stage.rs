@@ -10,7 +10,6 @@
 //! CRC of all that. Words are counts, or the bits of numbers, so that nothing is rounded on the way.
 
 use std::fmt;
-use std::fs::File;
 use std::io::{self, Read as _, Write as _};
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
@@ -25,7 +24,7 @@ use crate::builder::histogram::{BINS, Tally, needs_extremes};
 use crate::builder::parallel::Share;
 use crate::builder::report::BuildNote;
 use crate::format::{Selection, SelectionKind};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::volume::ScalarType;
 
 const MAGIC: [u8; 8] = *b"\x89OSTAGE\n";
@@ -268,12 +267,12 @@ pub(crate) fn read(
 ) -> Result<Option<Finding>, BuildError> {
     let path = if is_whole { stage.whole_path(part, folder) } else { stage.path(part, folder) };
     let mut bytes = Vec::new();
-    let all = |file: File| {
+    let all = |file: PositionalFile| {
         let length = file.metadata()?.len().min(MAX_BYTES + 1);
         bytes.reserve_exact(usize::try_from(length).unwrap_or(0));
-        file.take(length).read_to_end(&mut bytes)
+        file.onwards(0).take(length).read_to_end(&mut bytes)
     };
-    match open_file(&path).and_then(all) {
+    match PositionalFile::open(&path).and_then(all) {
         Err(cause) if cause.kind() == io::ErrorKind::NotFound => return Ok(None),
         Err(cause) => return Err(at(&path, PartFault::Unreadable(cause))),
         Ok(_) => {}

@@ -95,7 +95,7 @@ impl Drop for Turn<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::InputFiles;
+    use crate::source::PositionalFiles;
 
     fn finding(id: &str) -> Finding {
         Finding {
@@ -105,7 +105,7 @@ mod tests {
             kind: "nrrd".into(),
             part: None,
             size: None,
-            files: InputFiles::default(),
+            files: PositionalFiles::default(),
             burned_in: None,
             at: 0,
             more: 0,

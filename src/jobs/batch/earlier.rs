@@ -6,7 +6,7 @@ use std::io::{self, BufRead, BufReader};
 use std::path::Path;
 
 use super::record::{Item, Journal, Record, Status};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 
 /// Longest line of a report that is read; longer ones are passed over.
 const MAX_LINE_BYTES: u64 = 1 << 20;
@@ -22,8 +22,8 @@ pub(in crate::jobs) fn items(
     out: &Path,
     work: &mut dyn FnMut(usize, Item) -> io::Result<()>,
 ) -> io::Result<()> {
-    let Ok(report) = open_file(&out.join("report.json")) else { return Ok(()) };
-    let mut lines = BufReader::new(report);
+    let Ok(report) = PositionalFile::open(&out.join("report.json")) else { return Ok(()) };
+    let mut lines = BufReader::new(report.onwards(0));
     let mut line = Vec::new();
     for number in 0.. {
         line.clear();

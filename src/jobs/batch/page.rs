@@ -15,7 +15,7 @@ use super::report::{BatchReport, LeftOutCount, NOTICE, status};
 use crate::budget::Bytes;
 use crate::format::SurfaceKind;
 use crate::jobs::info::boxes;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::BurnedIn;
 use crate::text::{self, html};
 
@@ -275,10 +275,10 @@ fn short(value: f64) -> String {
 
 /// Writes a picture as a data URI; false if it cannot be read.
 fn embed_png(path: &Path, w: &mut dyn Write) -> io::Result<bool> {
-    let Ok(mut file) = open_file(path) else { return Ok(false) };
+    let Ok(file) = PositionalFile::open(path) else { return Ok(false) };
     w.write_all(b"data:image/png;base64,")?;
     let mut encoder = EncoderWriter::new(w, &STANDARD);
-    io::copy(&mut file, &mut encoder)?;
+    io::copy(&mut file.onwards(0), &mut encoder)?;
     encoder.finish()?;
     Ok(true)
 }

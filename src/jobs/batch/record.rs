@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::atomic::AtomicFile;
 use crate::exit::ExitKind;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::scratch::Appended;
 use crate::source::BurnedIn;
 
@@ -206,8 +206,8 @@ impl Record {
 
     /// Reads the record of `name`, if there is one that can be read.
     pub(super) fn read(out: &Path, name: &str) -> Option<Self> {
-        let file = open_file(&record_path(out, name)).ok()?;
-        serde_json::from_reader(BufReader::new(file.take(MAX_RECORD_BYTES))).ok()
+        let file = PositionalFile::open(&record_path(out, name)).ok()?;
+        serde_json::from_reader(BufReader::new(file.onwards(0).take(MAX_RECORD_BYTES))).ok()
     }
 
     /// Takes the record of `name` away and leaves its files: while they are replaced, no record describes them.

@@ -27,7 +27,7 @@ use crate::budget::{Bytes, peak_rss_bytes};
 use crate::error::{Error, UsageError};
 use crate::format::SurfaceKind;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, ReadAt};
-use crate::platform::{give_back, open_file};
+use crate::platform::{PositionalFile, give_back};
 use crate::progress::{Progress, Silent, Stopped};
 use crate::text::{data, shown};
 use strip::StripStop;
@@ -110,7 +110,7 @@ pub fn unpack_with(input: &Path, output: &Path, progress: &dyn Progress) -> Resu
 
 /// A file that cannot be read any more once the job is stopped: it ends whatever reads it.
 struct Stoppable<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     progress: &'a dyn Progress,
 }
 
@@ -121,7 +121,7 @@ impl ReadAt for Stoppable<'_> {
 
     fn read_at(&self, out: &mut [u8], offset: u64) -> io::Result<()> {
         self.progress.check().map_err(io::Error::other)?;
-        self.file.read_at(out, offset)
+        self.file.read_exact_at(out, offset)
     }
 }
 
@@ -139,7 +139,7 @@ fn convert(
     let start = Instant::now();
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: input.to_path_buf(), cause });
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
-    let source = open_file(input).map_err(unreadable)?;
+    let source = PositionalFile::open(input).map_err(unreadable)?;
     if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
         && from == to
     {

@@ -25,7 +25,7 @@ use crate::format::{
 };
 use crate::geom::Level;
 use crate::load::{Cursor, Frame};
-use crate::platform::{FileExt, open_file};
+use crate::platform::{FileExt, PositionalFile};
 use crate::progress::Progress;
 use crate::scratch::{Chains, unnamed};
 
@@ -63,7 +63,7 @@ pub(crate) fn split(
         Stop::Input(fault) => Error::Load(fault.at(input)),
         Stop::Output(cause) => Error::Output { path: output.to_path_buf(), cause },
     };
-    let source = open_file(input).map_err(|cause| at(Stop::Input(cause.into()), input))?;
+    let source = PositionalFile::open(input).map_err(|cause| at(Stop::Input(cause.into()), input))?;
     let frame = Frame::read(&source).map_err(|fault| at(fault.into(), input))?;
     if frame.labels.is_empty() || frame.header.encoding != Encoding::Mapped {
         return Err(UsageError::Labels { path: input.to_path_buf(), doing: "split" }.into());
@@ -159,13 +159,13 @@ impl Layout {
 
 /// The voxels of a model in Morton order, from one cursor for each level and channel.
 struct Voxels<'a> {
-    levels: Vec<Cursor<'a, File>>,
+    levels: Vec<Cursor<'a, PositionalFile>>,
     /// Of the open nodes: octants still to be visited, and the node's code.
     path: Vec<(u8, u64)>,
-    items: Vec<(usize, Cursor<'a, File>)>,
-    corners: Cursor<'a, File>,
-    directory: Cursor<'a, File>,
-    blocks: Cursor<'a, File>,
+    items: Vec<(usize, Cursor<'a, PositionalFile>)>,
+    corners: Cursor<'a, PositionalFile>,
+    directory: Cursor<'a, PositionalFile>,
+    blocks: Cursor<'a, PositionalFile>,
     form: LabelForm,
     left: u64,
     /// Labels of the present group as the blocks have them, from the last to the next one.
@@ -173,7 +173,7 @@ struct Voxels<'a> {
 }
 
 impl<'a> Voxels<'a> {
-    fn new(source: &'a File, frame: &Frame) -> Result<Self, FormatError> {
+    fn new(source: &'a PositionalFile, frame: &Frame) -> Result<Self, FormatError> {
         let entry = |kind| frame.section(kind).ok_or(FormatError::MissingSection(kind));
         let (nodes, labels) = (entry(SectionKind::Nodes)?, entry(SectionKind::Voxels(Channel::Label))?);
         let level = |d| {
@@ -299,7 +299,7 @@ impl Buckets {
     }
 
     /// Takes every cell of a model for each of its labels.
-    fn fill(&mut self, source: &File, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
+    fn fill(&mut self, source: &PositionalFile, frame: &Frame, progress: &dyn Progress) -> Result<(), Stop> {
         let mut voxels = Voxels::new(source, frame)?;
         let (form, layout) = (frame.label_form(), self.layout);
         let (mut record, mut own) = (Vec::with_capacity(self.layout.chunk), Vec::new());

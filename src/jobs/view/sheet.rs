@@ -16,7 +16,7 @@ use crate::error::{Error, UsageError};
 use crate::jobs::batch::earlier::items;
 use crate::jobs::batch::page::{SCRIPT, home_line};
 use crate::load::{LoadError, LoadFault};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::text::{data, html};
 
 /// Models of a contact sheet at most, and folders within one another.
@@ -138,7 +138,12 @@ impl BatchSheet {
             _ => ("image/png", self.thumbnails.get(name)?.as_str()),
         };
         let mut bytes = Vec::new();
-        open_file(&folder.join(name)).ok()?.take(MAX_FILE).read_to_end(&mut bytes).ok()?;
+        PositionalFile::open(&folder.join(name))
+            .ok()?
+            .onwards(0)
+            .take(MAX_FILE)
+            .read_to_end(&mut bytes)
+            .ok()?;
         Some((kind, bytes))
     }
 

@@ -8,7 +8,7 @@ use png::{ColorType, DecodingError, Limits, Transformations};
 
 use super::super::read::Image;
 use crate::codec::{CodecError, FrameFormat, RowSink, jpeg};
-use crate::platform::FileExt;
+use crate::platform::{FileExt, PositionalFile};
 use std::borrow::Cow;
 
 /// Memory that a decoder of PNG may allocate.
@@ -41,7 +41,7 @@ pub(super) trait Rows {
 
 /// Bytes of a file from a place on.
 struct FileRange<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     offset: u64,
     bytes: u64,
     at: u64,

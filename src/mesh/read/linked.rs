@@ -1,13 +1,12 @@
 //! Files that a mesh names: they lie in its folder, and links do not lead out of it.
 
-use std::fs::File;
 use std::io;
 use std::path::{Component, Path, PathBuf};
 
 use super::stop::Stop;
 use crate::fault::{Fault, FaultKind, bad};
 use crate::mesh::read::stop::outside;
-use crate::platform::{is_not_regular, open_file};
+use crate::platform::{PositionalFile, is_not_regular};
 use crate::source::stays;
 use crate::text::names::FOLLOW_LINKS;
 use crate::text::shown;
@@ -16,7 +15,11 @@ use crate::text::shown;
 ///
 /// # Errors
 /// It lies elsewhere, or links lead elsewhere and may not be followed, or it cannot be read.
-pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File, PathBuf, u64), Stop> {
+pub(super) fn open_linked(
+    mesh: &Path,
+    name: &str,
+    follow: bool,
+) -> Result<(PositionalFile, PathBuf, u64), Stop> {
     let relative = Path::new(name);
     let inside = relative.components().all(|part| matches!(part, Component::Normal(_) | Component::CurDir));
     if name.is_empty() {
@@ -34,7 +37,7 @@ pub(super) fn open_linked(mesh: &Path, name: &str, follow: bool) -> Result<(File
         .into());
     }
     let absent = |text| Stop::Mesh(Fault::new(FaultKind::Absent, text));
-    match open_file(&path).and_then(|file| Ok((file.metadata()?.len(), file))) {
+    match PositionalFile::open(&path).and_then(|file| Ok((file.metadata()?.len(), file))) {
         Ok((bytes, file)) => Ok((file, path, bytes)),
         Err(cause) if is_not_regular(&cause) => Err(absent(format!(
             "names {}, which is a folder, a pipe, a socket or a device; put the file in its place",

@@ -1,6 +1,6 @@
 //! Looks of triangles, and materials.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::sync::Arc;
 
 /// Marks a triangle without a material.
@@ -68,7 +68,7 @@ pub(in crate::mesh) const UNPLACED: [[f32; 3]; 2] = [[1.0, 0.0, 0.0], [0.0, 1.0,
 pub(in crate::mesh) struct Image {
     /// Its name in messages.
     pub(in crate::mesh) name: String,
-    pub(in crate::mesh) file: Arc<File>,
+    pub(in crate::mesh) file: Arc<PositionalFile>,
     pub(in crate::mesh) offset: u64,
     pub(in crate::mesh) bytes: u64,
 }

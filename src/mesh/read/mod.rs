@@ -34,13 +34,12 @@ mod vertices;
 mod xml;
 mod zip;
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::path::{Path, PathBuf};
 
 use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::mesh::read::stop::unknown_format;
-use crate::platform;
 use crate::text::{plain_head, shown};
 use crate::volume::{SourceError, SourceFault};
 pub(super) use linked::missing;
@@ -120,8 +119,8 @@ fn has_suffix(path: &Path, suffix: &str) -> bool {
 }
 
 /// An open file, its length, its first bytes and its format.
-fn open_file(path: &Path) -> Result<(File, u64, Vec<u8>, Format), Stop> {
-    let file = platform::open_file(path).map_err(Stop::Read)?;
+fn open_file(path: &Path) -> Result<(PositionalFile, u64, Vec<u8>, Format), Stop> {
+    let file = PositionalFile::open(path).map_err(Stop::Read)?;
     let bytes = file.metadata().map_err(Stop::Read)?.len();
     let head = stream::head(&file).map_err(Stop::Read)?;
     let format = Format::of(&head, bytes, path).ok_or_else(unknown_format)?;
@@ -206,8 +205,8 @@ pub(super) struct MeshFile {
 
 #[derive(Debug)]
 enum Kind {
-    StlBinary { file: File, triangles: u64 },
-    StlText { file: File },
+    StlBinary { file: PositionalFile, triangles: u64 },
+    StlText { file: PositionalFile },
     Ply(ply::Ply),
     Off(text::Faces),
     Obj(Box<obj::Obj>),

@@ -2,7 +2,7 @@
 //!
 //! Colours are those of vertices; where these have none, those of faces.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 
 use super::Limits;
 use super::polygon;
@@ -40,7 +40,7 @@ pub(super) struct Binary {
     corners: usize,
     /// By what colours of faces become 0 to 1, where vertices have none.
     face_colors: Option<f64>,
-    file: File,
+    file: PositionalFile,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -188,7 +188,7 @@ impl Header {
         self.form != Form::Text && vertex < face && small && fixed()
     }
 
-    fn read(file: &File) -> Result<Self, Stop> {
+    fn read(file: &PositionalFile) -> Result<Self, Stop> {
         let mut words = Words::begin(file)?;
         let head = head(file).map_err(Stop::Read)?;
         if !is_ply(&plain_head(&head)) {
@@ -294,7 +294,7 @@ pub(super) fn is_ply(head: &[u8]) -> bool {
 }
 
 /// Looks at the header alone.
-pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
+pub(super) fn check(file: PositionalFile, bytes: u64) -> Result<(), Stop> {
     let header = Header::read(&file)?;
     let used = header.used(bytes)?;
     // The length of a text contradicts nothing in its header.
@@ -303,7 +303,11 @@ pub(super) fn check(file: File, bytes: u64) -> Result<(), Stop> {
 
 impl Ply {
     /// A file, and the name of its texture.
-    pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Self, Option<String>), Stop> {
+    pub(super) fn open(
+        file: PositionalFile,
+        bytes: u64,
+        limits: &Limits<'_>,
+    ) -> Result<(Self, Option<String>), Stop> {
         let mut header = Header::read(&file)?;
         let texture = header.texture.take();
         let used = header.used(bytes)?;
@@ -386,7 +390,12 @@ fn color_scale([(_, number), ..]: [(usize, Number); 3]) -> f64 {
 }
 
 impl Binary {
-    fn open(file: File, bytes: u64, header: Header, [vertex, face]: [usize; 2]) -> Result<Self, Stop> {
+    fn open(
+        file: PositionalFile,
+        bytes: u64,
+        header: Header,
+        [vertex, face]: [usize; 2],
+    ) -> Result<Self, Stop> {
         let big = header.form == Form::Big;
         let mut elements = header.elements;
         let mut starts = vec![header.end];
@@ -656,7 +665,7 @@ impl Values<'_> {
 
 /// Writes vertices and triangles out, from text or from elements of any order and length.
 fn write_out(
-    file: &File,
+    file: &PositionalFile,
     bytes: u64,
     header: &Header,
     [vertex, face]: [usize; 2],

@@ -1,6 +1,6 @@
 //! STL: binary if its length is that of the triangles that it states, or if it does not begin like text, else text.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 
 use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words, mark};
@@ -52,7 +52,11 @@ pub(super) fn is_text(head: &[u8]) -> bool {
     start.get(..5).is_some_and(|word| word.eq_ignore_ascii_case(b"solid")) && !start.contains(&0)
 }
 
-pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) -> Result<(), Stop> {
+pub(super) fn for_each_binary(
+    file: &PositionalFile,
+    triangles: u64,
+    each: &mut Each<'_>,
+) -> Result<(), Stop> {
     let mut stream = Stream::new(file, HEADER);
     for at in 0..triangles {
         let record: [u8; 50] = stream.take()?;
@@ -66,7 +70,7 @@ pub(super) fn for_each_binary(file: &File, triangles: u64, each: &mut Each<'_>) 
 }
 
 /// Words make a text, not lines; but a name ends with its line, or where a facet begins.
-pub(super) fn for_each_text(file: &File, each: &mut Each<'_>) -> Result<(), Stop> {
+pub(super) fn for_each_text(file: &PositionalFile, each: &mut Each<'_>) -> Result<(), Stop> {
     let mut words = Words::begin(file)?;
     let mut triangle = [[0.0; 3]; 3];
     let (mut vertices, mut read) = (0, 0);

@@ -1,12 +1,11 @@
 //! A file from a place to its end: bytes, or the words and numbers of text.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 
 use super::stop::Stop;
 use crate::fault::{Fault, bad};
 use crate::mesh::read::stop::{bad_text, bad_text_because, cut_short, not_a_number, quoted};
-use crate::platform::FileExt;
 use crate::text::mark_bytes;
 
 /// Bytes read at a time.
@@ -26,7 +25,7 @@ pub(super) fn uninterrupted(mut read: impl FnMut() -> io::Result<usize>) -> io::
     }
 }
 
-pub(super) fn head(file: &File) -> io::Result<Vec<u8>> {
+pub(super) fn head(file: &PositionalFile) -> io::Result<Vec<u8>> {
     let mut head = vec![0; HEAD];
     let mut have = 0;
     while have < HEAD {
@@ -51,14 +50,14 @@ pub(super) fn numbers<const N: usize>(bytes: &[u8]) -> [u32; N] {
 }
 
 pub(super) struct Stream<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     next: u64,
     buffer: Vec<u8>,
     at: usize,
 }
 
 impl<'a> Stream<'a> {
-    pub(super) fn new(file: &'a File, from: u64) -> Self {
+    pub(super) fn new(file: &'a PositionalFile, from: u64) -> Self {
         Self { file, next: from, buffer: Vec::with_capacity(BUFFER), at: 0 }
     }
 
@@ -157,14 +156,14 @@ pub(super) struct Words<'a> {
 
 impl<'a> Words<'a> {
     /// From a place in a file on, at this line.
-    pub(super) fn new(file: &'a File, from: u64, line: u64) -> Self {
+    pub(super) fn new(file: &'a PositionalFile, from: u64, line: u64) -> Self {
         let stream = Stream::new(file, from);
         let word = [0; WORD];
         Self { stream, line, word, length: 0, longer: false, ended: false, cr_alone: false, comments: true }
     }
 
     /// Words of a whole file, without the mark of its byte order.
-    pub(super) fn begin(file: &'a File) -> Result<Self, Stop> {
+    pub(super) fn begin(file: &'a PositionalFile) -> Result<Self, Stop> {
         let head = head(file).map_err(Stop::Read)?;
         Ok(Self::new(file, mark(&head)? as u64, 1))
     }

@@ -1,6 +1,6 @@
 //! OFF, and its common parts with other text formats: vertices and triangles wait in scratch files.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::polygon;
@@ -10,13 +10,12 @@ use super::vertex_looks::VertexLooks;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
 use crate::mesh::read::stop::{bad_index, count_lies, only_points};
-use crate::platform::FileExt;
 
 /// Vertices, and triangles that name them.
 #[derive(Debug)]
 pub(super) struct Faces {
     vertices: Vertices,
-    triangles: File,
+    triangles: PositionalFile,
     count: u64,
     looks: VertexLooks,
 }
@@ -79,7 +78,7 @@ impl Polygons {
 
 /// What the triangles of a fan carry, in records of so many numbers: triples, a number for each corner, come first.
 struct Records<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     numbers: usize,
     triples: usize,
 }
@@ -163,7 +162,11 @@ pub(super) fn index(vertices: u64, face: u64, at: i64) -> Result<u32, Stop> {
 impl Faces {
     /// Cuts polygons that are not convex anew: of each the number of its first triangle and its corners; what else its
     /// triangles carry, in records of as many numbers, triples of corners first, goes along.
-    pub(super) fn cut(&self, polygons: Polygons, carried: Option<(&File, usize)>) -> Result<(), Stop> {
+    pub(super) fn cut(
+        &self,
+        polygons: Polygons,
+        carried: Option<(&PositionalFile, usize)>,
+    ) -> Result<(), Stop> {
         if polygons.0.count == 0 {
             return Ok(());
         }
@@ -191,7 +194,7 @@ impl Faces {
     }
 
     /// Reads an OFF file, with or without colours behind its vertices and faces.
-    pub(super) fn off(file: &File, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
+    pub(super) fn off(file: &PositionalFile, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
         let mut words = Words::begin(file)?;
         words.must_anywhere()?;
         // The first word may be missing, or the first number may follow it at once.

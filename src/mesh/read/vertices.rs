@@ -1,11 +1,10 @@
 //! Vertices by number: looked up where they are stored, through a small cache of pages.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::stop::Stop;
 use crate::mesh::read::stop::bad_index;
-use crate::platform::FileExt;
 use crate::scratch::{Appended, PageCache};
 
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not
@@ -63,7 +62,7 @@ impl Number {
 /// Where vertices are stored: records of one length, with x, y and z somewhere in each.
 #[derive(Debug)]
 pub(super) struct Vertices {
-    pub(super) file: File,
+    pub(super) file: PositionalFile,
     pub(super) offset: u64,
     pub(super) record: u64,
     pub(super) fields: [(usize, Number); 3],
@@ -104,8 +103,8 @@ impl Spool {
     }
 
     /// The file and its number of records.
-    pub(super) fn finish(self) -> Result<(File, u64), Stop> {
-        Ok((self.records.into_file().map_err(Stop::Scratch)?, self.count))
+    pub(super) fn finish(self) -> Result<(PositionalFile, u64), Stop> {
+        Ok((self.records.into_file().map_err(Stop::Scratch)?.into(), self.count))
     }
 
     pub(super) fn into_vertices(self) -> Result<Vertices, Stop> {

@@ -3,7 +3,7 @@
 //! Numbers may have 64 bits, in small archives, too (4.3.14, 4.5.3). The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
 //! of the list at the end; of the header before a member only its own length counts.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::{self, Read};
 
 use flate2::{Crc, Decompress, FlushDecompress, Status};
@@ -13,7 +13,6 @@ use super::stream::Stream;
 use crate::budget::Bytes;
 use crate::fault::bad;
 use crate::mesh::read::stop::{bad_archive, cut_short};
-use crate::platform::FileExt;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
 const END: u64 = 22;
@@ -54,7 +53,7 @@ pub(super) struct Member {
 }
 
 impl Archive {
-    pub(super) fn open(file: &File, bytes: u64) -> Result<Self, Stop> {
+    pub(super) fn open(file: &PositionalFile, bytes: u64) -> Result<Self, Stop> {
         let bad = || Stop::from(bad_archive());
         let span = bytes.min(END + COMMENT);
         let mut tail = vec![0; usize::try_from(span).unwrap_or(0)];
@@ -88,7 +87,7 @@ impl Archive {
     }
 
     /// The member of a name, in which upper and lower case are one (ECMA-376-2, 6.2.2).
-    pub(super) fn find(&self, file: &File, wanted: &str) -> Result<Option<Member>, Stop> {
+    pub(super) fn find(&self, file: &PositionalFile, wanted: &str) -> Result<Option<Member>, Stop> {
         let bad = || Stop::from(bad_archive());
         let wanted = wanted.trim_start_matches('/').as_bytes();
         let mut stream = Stream::new(file, self.list);
@@ -199,7 +198,7 @@ impl Member {
     ///
     /// # Errors
     /// Its size is far more than its own bytes, as for [`Member::checked_bytes`].
-    pub(super) fn open<'a>(&self, file: &'a File) -> Result<Content<'a>, Stop> {
+    pub(super) fn open<'a>(&self, file: &'a PositionalFile) -> Result<Content<'a>, Stop> {
         self.checked_bytes()?;
         Ok(Content {
             file,
@@ -217,7 +216,7 @@ impl Member {
 
 /// The content of a member: no byte more than the archive states, and its checksum is looked at.
 pub(super) struct Content<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     next: u64,
     /// Stored bytes that were not read.
     stored: u64,

@@ -80,7 +80,7 @@ pub(crate) struct NotRegular;
 ///
 /// # Errors
 /// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
-pub(crate) fn open_file(path: &Path) -> io::Result<File> {
+pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     let regular = |meta: Metadata| {
         if meta.is_file() { Ok(()) } else { Err(io::Error::new(io::ErrorKind::InvalidInput, NotRegular)) }
     };

@@ -192,7 +192,7 @@ pub(crate) struct NotRegular;
 ///
 /// # Errors
 /// It is not one ([`NotRegular`], of the kind [`io::ErrorKind::InvalidInput`]), or the system refused.
-pub(crate) fn open_file(path: &Path) -> io::Result<File> {
+pub(in crate::platform) fn open_file(path: &Path) -> io::Result<File> {
     let refused = || io::Error::new(io::ErrorKind::InvalidInput, NotRegular);
     if is_device(path) || std::fs::metadata(path)?.is_dir() {
         return Err(refused());

@@ -5,7 +5,7 @@
 use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{Lines, exactly, text, unreadable};
 use crate::source::stored::Encoding;
@@ -18,7 +18,7 @@ pub(in crate::source) fn recognise(head: &[u8], _: &Path) -> bool {
 }
 
 pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut lines = Lines::new(&file);
     let mut next = || lines.next().map_err(|cause| unreadable(path, cause)).map(|line| (line, lines.offset));
     let (Some(first), _) = next()? else { return Err(refused(path)(missing("its kind"))) };

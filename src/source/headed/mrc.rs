@@ -9,7 +9,7 @@ use std::path::Path;
 
 use super::{Headed, Read, missing, refused, sample_type, unread};
 use crate::geom::Affine;
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::header::{unpacked, unreadable};
 use crate::source::stored::{Encoding, Samples};
@@ -51,7 +51,7 @@ fn is_as_long_as_stated(head: &[u8; HEADER], path: &Path) -> bool {
 }
 
 pub(in crate::source) fn open(path: &Path, _: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut magic = [0; 2];
     file.read_exact_at(&mut magic, 0).map_err(|cause| unreadable(path, cause))?;
     let encoding = if is_packed(&magic) { Encoding::Gzip } else { Encoding::Raw };

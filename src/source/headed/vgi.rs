@@ -6,7 +6,7 @@
 use std::path::{Path, PathBuf};
 
 use super::{Headed, Read, missing, refused, sample_type, scale, unread, upright};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::OpenOptions;
 use crate::source::files::FileList;
 use crate::source::header::{Lines, check_links, exactly, files_beside, listed, number, text, unreadable};
@@ -25,7 +25,7 @@ pub(in crate::source) fn header_of(samples: &Path) -> Option<PathBuf> {
 }
 
 pub(in crate::source) fn open(path: &Path, options: &OpenOptions) -> Result<Vec<Box<dyn VolumeSource>>> {
-    let file = open_file(path).map_err(|cause| unreadable(path, cause))?;
+    let file = PositionalFile::open(path).map_err(|cause| unreadable(path, cause))?;
     let mut lines = Lines::new(&file);
     let mut fields = Fields { files: files_beside(path), ..Fields::default() };
     while let Some(line) = lines.next().map_err(|cause| unreadable(path, cause))? {

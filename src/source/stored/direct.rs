@@ -6,7 +6,6 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use super::Samples;
-use crate::platform::read_parts;
 use crate::source::files::FileSet;
 use crate::volume::{Endian, Result, SourceError, SourceFault, VolumeInfo, check_request, read_block};
 
@@ -110,7 +109,7 @@ impl DirectSamples {
                 .take(rows.len())
                 .map(|part| IoSliceMut::new(&mut part[..row_bytes]))
                 .collect();
-            let got = self.files.with(file, |f| read_parts(f, &mut parts, offset));
+            let got = self.files.with(file, |f| f.read_parts(&mut parts, offset));
             // Anything but a full block (a short read, a limit on the number of parts, an error) is done
             // again row by row, which also finds the words for it.
             if got.is_ok_and(|n| n == expected) {

@@ -1,12 +1,10 @@
 //! Compressed streams as readers with small, fixed memory.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::{self, BufRead, BufReader, Read};
 
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
-
-use crate::platform::FileExt;
 
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;
@@ -14,14 +12,14 @@ pub(super) const INPUT_BYTES: usize = 32 << 10;
 /// Reads part of a file by position: the file's own offset is neither used nor moved.
 #[derive(Debug)]
 pub(in crate::source) struct PositionReader<'a> {
-    file: &'a File,
+    file: &'a PositionalFile,
     at: u64,
     end: u64,
 }
 
 impl<'a> PositionReader<'a> {
     /// From `offset` on, `length` bytes at most.
-    pub(in crate::source) fn new(file: &'a File, offset: u64, length: u64) -> Self {
+    pub(in crate::source) fn new(file: &'a PositionalFile, offset: u64, length: u64) -> Self {
         Self { file, at: offset, end: offset.saturating_add(length) }
     }
 }
@@ -40,7 +38,7 @@ impl Read for PositionReader<'_> {
 pub(in crate::source) type Section<'a> = BufReader<PositionReader<'a>>;
 
 /// Buffered reading of part of a file.
-pub(in crate::source) fn section(file: &File, offset: u64, length: u64) -> Section<'_> {
+pub(in crate::source) fn section(file: &PositionalFile, offset: u64, length: u64) -> Section<'_> {
     let capacity = usize::try_from(length).map_or(INPUT_BYTES, |n| n.clamp(1, INPUT_BYTES));
     BufReader::with_capacity(capacity, PositionReader::new(file, offset, length))
 }

@@ -1,6 +1,5 @@
 //! One slice after another in a stream: unrolled with fixed buffers.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::sync::Arc;
 
@@ -8,7 +7,7 @@ use super::inflate::{BZIP2_HEAD, Bzip2, Gzip, bzip2_level, bzip2_memory, section
 use super::text::{Hex, Numbers};
 use super::{INPUT_BYTES, Samples, Skip, Target, Unroll, regular};
 use crate::fault::{Fault, bad};
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::source::files::{FileList, FileSet};
 use crate::source::header::unusable;
 use crate::volume::{Endian, Note, Result, SourceError, SourceFault, VolumeInfo};
@@ -47,7 +46,7 @@ impl Encoding {
         let level_of = |index: usize| {
             let mut head = [0; BZIP2_HEAD];
             let path = files.path(index);
-            let file = regular(&path).ok().and_then(|_| open_file(&path).ok())?;
+            let file = regular(&path).ok().and_then(|_| PositionalFile::open(&path).ok())?;
             file.read_exact_at(&mut head, skip).ok()?;
             bzip2_level(&head)
         };
@@ -83,7 +82,12 @@ impl Encoding {
     }
 
     /// The plain bytes of the stream that begins at `offset` of a file.
-    pub(in crate::source) fn open(self, file: &File, offset: u64, samples: Samples) -> Box<dyn Read + '_> {
+    pub(in crate::source) fn open(
+        self,
+        file: &PositionalFile,
+        offset: u64,
+        samples: Samples,
+    ) -> Box<dyn Read + '_> {
         let section = section(file, offset, u64::MAX);
         match self {
             Self::Raw => Box::new(section),
@@ -122,7 +126,7 @@ impl Linear {
     }
 
     /// Bytes of the stream of a file, as far as it can be read.
-    fn length(&self, file: &File, buffer: &mut [u8]) -> u64 {
+    fn length(&self, file: &PositionalFile, buffer: &mut [u8]) -> u64 {
         let mut stream = self.encoding.open(file, self.skip, self.samples);
         let mut length = 0;
         while let Ok(read @ 1..) = read_some(&mut *stream, buffer) {
@@ -134,7 +138,7 @@ impl Linear {
     /// Unrolls `count` slices of file `index` from slice `within` on, as slices from `z` on.
     fn unroll_file(
         &self,
-        file: &File,
+        file: &PositionalFile,
         index: usize,
         [z, within, count]: [u64; 3],
         slice_bytes: u64,

@@ -1,10 +1,9 @@
 //! Directories of a TIFF file, classic and BigTIFF, read by position; no list is longer than its file.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
 
 use crate::fault::{Fault, bad};
-use crate::platform::FileExt;
 use crate::volume::Endian;
 
 /// Most entries of one directory: real ones have some 20.
@@ -18,7 +17,7 @@ pub(super) fn damaged(fault: Fault) -> io::Error {
 /// An open file and how its numbers are written.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Tiff<'a> {
-    pub(super) file: &'a File,
+    pub(super) file: &'a PositionalFile,
     pub(super) length: u64,
     pub(super) endian: Endian,
     big: bool,
@@ -50,7 +49,7 @@ impl Directory {
 
 impl<'a> Tiff<'a> {
     /// Reads the head; gives back the offset of the first directory, too.
-    pub(super) fn open(file: &'a File) -> io::Result<(Self, u64)> {
+    pub(super) fn open(file: &'a PositionalFile) -> io::Result<(Self, u64)> {
         let length = file.metadata()?.len();
         let mut head = [0; 16];
         file.read_exact_at(head.get_mut(..8).unwrap_or_default(), 0)?;

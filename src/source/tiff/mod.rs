@@ -13,7 +13,6 @@ mod directory;
 mod notes;
 mod raster;
 
-use std::fs::File;
 use std::io;
 use std::path::Path;
 use std::sync::Arc;
@@ -26,7 +25,7 @@ use super::numbered::judge;
 use super::stored::{DirectSamples, Samples, SliceOffsets, StoredVolume, Target, Unroll};
 use crate::fault::{Fault, bad};
 use crate::geom::{Affine, Dims};
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::text::Short;
 use crate::volume::{
     Endian, InfoOverride, Note, Rescale, Result, SourceDescription, SourceError, VolumeInfo, VolumeSource,
@@ -132,7 +131,7 @@ pub(super) fn open(list: FileList, options: &OpenOptions) -> Vec<Slices> {
 /// Has a file that cannot be used several pages? `None` if that cannot be seen, either.
 fn several_pages(path: &Path) -> Option<bool> {
     super::stored::regular(path).ok()?;
-    let opened = open_file(path).ok()?;
+    let opened = PositionalFile::open(path).ok()?;
     let (tiff, mut offset) = Tiff::open(&opened).ok()?;
     let mut pages = 0;
     for _ in 0..MAX_PAGES {
@@ -202,11 +201,11 @@ impl Stack {
     /// Adds the pages of a file.
     fn add(&mut self, path: &Path, file: u32) -> Result {
         super::stored::regular(path)?;
-        let added = open_file(path).and_then(|opened| self.add_pages(&opened, file));
+        let added = PositionalFile::open(path).and_then(|opened| self.add_pages(&opened, file));
         added.map_err(|cause| unreadable(path, cause))
     }
 
-    fn add_pages(&mut self, opened: &File, file: u32) -> io::Result<()> {
+    fn add_pages(&mut self, opened: &PositionalFile, file: u32) -> io::Result<()> {
         let (tiff, mut offset) = Tiff::open(opened)?;
         self.file_bytes = self.file_bytes.saturating_add(tiff.length);
         let mut seen = 0_usize;
@@ -474,7 +473,7 @@ impl Unroll for Pages {
         for (z, (file, offset)) in (0..).zip(&self.pages) {
             let index = *file as usize;
             let mut result = Ok(());
-            let unroll = |opened: &File| {
+            let unroll = |opened: &PositionalFile| {
                 let (tiff, _) = Tiff::open(opened)?;
                 let raster = Raster::read(&tiff, &tiff.directory(*offset)?)?;
                 // Held against the survey: the file may have been changed since.

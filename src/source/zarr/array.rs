@@ -1,6 +1,6 @@
 //! The metadata of an array, of Zarr 2 and 3.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -10,7 +10,6 @@ use super::Read;
 use super::packing::{Packing, damaged, short};
 
 use crate::fault::{Fault, bad};
-use crate::platform::FileExt;
 use crate::source::headed::sample_type;
 use crate::source::stored::Samples;
 use crate::volume::{Endian, ScalarType};
@@ -64,7 +63,7 @@ struct Keys {
 
 /// Where the bytes of a chunk are.
 pub(super) struct Place {
-    pub(super) file: File,
+    pub(super) file: PositionalFile,
     pub(super) at: u64,
     pub(super) length: u64,
 }
@@ -383,7 +382,7 @@ impl Array {
 
     /// Where a chunk lies; `None` if it was never written.
     pub(super) fn place(&self, volume: u64, chunk: [u64; 3]) -> std::io::Result<Option<Place>> {
-        let file = match crate::platform::open_file(&self.path(volume, chunk)) {
+        let file = match crate::platform::PositionalFile::open(&self.path(volume, chunk)) {
             Ok(file) => file,
             Err(cause) if cause.kind() == std::io::ErrorKind::NotFound => return Ok(None),
             Err(cause) => return Err(cause),

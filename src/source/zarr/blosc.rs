@@ -6,7 +6,6 @@ use std::ops::Range;
 use super::array::Place;
 use super::packing::{Sink, damaged, short};
 use crate::fault::bad;
-use crate::platform::FileExt;
 
 const HEADER: u64 = 16;
 

@@ -1,6 +1,6 @@
 //! How the bytes of a chunk are packed, and chunks unpacked in pieces.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::{self, Read as _};
 use std::ops::Range;
 
@@ -9,7 +9,6 @@ use super::blosc::Buffers;
 use super::{Read, blosc};
 
 use crate::fault::bad;
-use crate::platform::FileExt;
 use crate::source::stored::section;
 
 /// Bytes that are handed on at once.
@@ -179,7 +178,7 @@ fn copy(mut stream: impl io::Read, bytes: u64, sink: &mut Sink<'_>) -> io::Resul
 }
 
 /// Compares the bytes of a chunk with the CRC-32C behind them.
-fn check(file: &File, at: u64, length: u64) -> io::Result<()> {
+fn check(file: &PositionalFile, at: u64, length: u64) -> io::Result<()> {
     let mut sum = 0;
     let mut piece = vec![0; PIECE];
     let mut done = 0;

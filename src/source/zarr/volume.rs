@@ -1,7 +1,7 @@
 //! Rows read of chunks, which are unpacked when they are first asked for.
 
+use crate::platform::PositionalFile;
 use std::collections::HashMap;
-use std::fs::File;
 use std::io;
 use std::ops::Range;
 use std::path::Path;
@@ -11,7 +11,6 @@ use super::array::{Array, Place};
 use super::blosc::Buffers;
 use super::packing::{PIECE, short};
 use crate::budget::Reservation;
-use crate::platform::FileExt;
 use crate::scratch::unnamed;
 use crate::source::header::unreadable;
 use crate::source::stored::Samples;
@@ -74,7 +73,7 @@ struct Unpacking {
 }
 
 /// Files of chunks by their numbers; `None` where there is none.
-type OpenFiles = Mutex<Vec<(u64, Option<Arc<File>>)>>;
+type OpenFiles = Mutex<Vec<(u64, Option<Arc<PositionalFile>>)>>;
 
 enum Way {
     /// Chunks as they are, the last ones used first.
@@ -84,7 +83,7 @@ enum Way {
 
 /// Slabs that were unpacked.
 struct Unpacked {
-    scratch: File,
+    scratch: PositionalFile,
     /// Held by those that read a slab, and alone by the one that gives or takes away a place.
     places: RwLock<Places>,
     /// Held by the thread that unpacks a slab.
@@ -344,7 +343,7 @@ impl ZarrVolume {
     }
 
     /// The file of a plain chunk, of those that are open or opened.
-    fn plain(&self, open: &OpenFiles, chunk: [u64; 3]) -> io::Result<Option<Arc<File>>> {
+    fn plain(&self, open: &OpenFiles, chunk: [u64; 3]) -> io::Result<Option<Arc<PositionalFile>>> {
         let number = self.chunk_number(chunk);
         let mut open = open.lock().unwrap_or_else(PoisonError::into_inner);
         let found = match open.iter().position(|(known, _)| *known == number) {
@@ -383,7 +382,7 @@ impl ZarrVolume {
 
 /// Writes the bytes of a chunk that belong to a slab, as samples that are delivered.
 struct Writer<'a> {
-    scratch: &'a File,
+    scratch: &'a PositionalFile,
     at: u64,
     /// How stored samples become delivered ones, where they differ.
     turn: Option<(Samples, Endian)>,
@@ -455,7 +454,7 @@ impl VolumeSource for ZarrVolume {
             })?;
             let owners = (0..place_count).map(|_| Owner::None).collect();
             *way = Some(Box::new(Unpacked {
-                scratch,
+                scratch: scratch.into(),
                 places: RwLock::new(Places { of: HashMap::new(), owners, next: 0 }),
                 locks: std::array::from_fn(|_| Mutex::default()),
                 idle: Mutex::default(),

@@ -1,6 +1,6 @@
 //! Bytes of a glTF file: its own, those of files next to it, and those written into its text.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,7 +16,6 @@ use super::json::{Accessor, Described, Embedded, Shape};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_reference, buffer_lies, count_lies, outside};
-use crate::platform::{FileExt, Placed};
 
 /// Longest distance of two items.
 const MAX_STRIDE: u64 = 252;
@@ -26,7 +25,7 @@ const MATRIX: u64 = 64;
 /// A run of bytes of a file.
 #[derive(Clone, Debug)]
 pub(super) struct Section {
-    pub(super) file: Arc<File>,
+    pub(super) file: Arc<PositionalFile>,
     pub(super) offset: u64,
     pub(super) bytes: u64,
 }
@@ -62,14 +61,14 @@ pub(super) fn item<'a, T>(list: &'a [T], at: u32, part: &str) -> Result<&'a T, S
 /// Finds the bytes that URIs lead to.
 pub(super) struct Resolver<'a> {
     pub(super) path: &'a Path,
-    pub(super) own: Arc<File>,
+    pub(super) own: Arc<PositionalFile>,
     /// The binary part of a binary file.
     pub(super) binary: Option<Section>,
     pub(super) limits: &'a Limits<'a>,
     /// Every other file that the mesh is read from.
     pub(super) files: Vec<PathBuf>,
     /// A scratch file for data within the text, and its length.
-    pub(super) decoded: Option<(Arc<File>, u64)>,
+    pub(super) decoded: Option<(Arc<PositionalFile>, u64)>,
 }
 
 impl Resolver<'_> {
@@ -94,9 +93,11 @@ impl Resolver<'_> {
         }
         let (file, offset) = match self.decoded.take() {
             Some(known) => known,
-            None => (Arc::new(crate::scratch::unnamed(self.limits.scratch).map_err(Stop::Scratch)?), 0),
+            None => {
+                (Arc::new(crate::scratch::unnamed(self.limits.scratch).map_err(Stop::Scratch)?.into()), 0)
+            }
         };
-        let mut out = std::io::BufWriter::with_capacity(32 << 10, Placed::new(&file, offset));
+        let mut out = std::io::BufWriter::with_capacity(32 << 10, file.onwards(offset));
         let (mut bits, mut held, mut written) = (0_u32, 0, 0_u64);
         for _ in 0..left {
             let [byte] = stream.take()?;

@@ -2,8 +2,8 @@
 //!
 //! Data that are written into it stay where they are: of such a string only its place is kept.
 
+use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
-use std::fs::File;
 
 use serde::Deserialize;
 use serde::de::IgnoredAny;
@@ -310,7 +310,12 @@ pub(super) struct Described {
 ///
 /// # Errors
 /// It does not describe glTF 2, or takes more memory than there is.
-pub(super) fn read(file: &File, offset: u64, bytes: u64, limits: &Limits<'_>) -> Result<Described, Stop> {
+pub(super) fn read(
+    file: &PositionalFile,
+    offset: u64,
+    bytes: u64,
+    limits: &Limits<'_>,
+) -> Result<Described, Stop> {
     let (text, embedded, held_bytes) = condensed(file, offset, bytes, limits)?;
     // Unknown parts nest as deep as the crate allows: 128 levels.
     let text = text.get(mark(&text)?..).unwrap_or_default();
@@ -348,7 +353,7 @@ fn is_version_1(text: &[u8]) -> bool {
 
 /// The text without what `data:` strings hold.
 fn condensed(
-    file: &File,
+    file: &PositionalFile,
     offset: u64,
     bytes: u64,
     limits: &Limits<'_>,

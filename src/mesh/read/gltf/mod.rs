@@ -16,7 +16,7 @@ mod json;
 mod looks;
 mod posed;
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -98,7 +98,7 @@ impl PrimitiveItems {
 type Chunks = ((u64, u64), Option<(u64, u64)>);
 
 /// Finds them (section 4).
-fn chunks(file: &File, bytes: u64) -> Result<Chunks, Stop> {
+fn chunks(file: &PositionalFile, bytes: u64) -> Result<Chunks, Stop> {
     let mut stream = Stream::new(file, 0);
     let four = |raw: [u8; 4]| u64::from(u32::from_le_bytes(raw));
     let _magic: [u8; 4] = stream.take()?;
@@ -157,7 +157,7 @@ fn check_extensions(required: &[String]) -> Result<(), Stop> {
 }
 
 pub(super) fn open(
-    file: File,
+    file: PositionalFile,
     bytes: u64,
     path: &Path,
     limits: &Limits<'_>,

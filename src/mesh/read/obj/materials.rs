@@ -2,8 +2,8 @@
 //!
 //! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
+use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
-use std::fs::File;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -78,7 +78,7 @@ impl<'a> Materials<'a> {
     }
 
     /// A file that the mesh names; `None` if it is missing.
-    fn open(&mut self, name: &str) -> Result<Option<(File, u64)>, Stop> {
+    fn open(&mut self, name: &str) -> Result<Option<(PositionalFile, u64)>, Stop> {
         let name = name.replace('\\', "/");
         match open_linked(self.path, &name, self.limits.follow_links) {
             Ok((file, path, bytes)) => {
@@ -105,7 +105,7 @@ impl<'a> Materials<'a> {
         self.materials(&file).map_err(|stop| stop.in_file(name))
     }
 
-    fn materials(&mut self, file: &File) -> Result<(), Stop> {
+    fn materials(&mut self, file: &PositionalFile) -> Result<(), Stop> {
         let mut words = Words::begin(file)?;
         let mut at = None;
         loop {

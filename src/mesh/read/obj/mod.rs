@@ -5,7 +5,7 @@
 
 mod materials;
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::look::{Look, NO_MATERIAL};
@@ -33,7 +33,7 @@ pub(super) struct Obj {
 
 #[derive(Debug)]
 struct Carried {
-    triangles: File,
+    triangles: PositionalFile,
     places: Vertices,
     normals: Vertices,
     /// Colours of all vertices, if one has a colour.
@@ -70,7 +70,7 @@ impl Spools {
     }
 }
 
-pub(super) fn open(file: &File, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
+pub(super) fn open(file: &PositionalFile, path: &Path, limits: &Limits<'_>) -> Result<(Obj, Summary), Stop> {
     let mut words = Words::begin(file)?;
     let scratch = limits.scratch;
     let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));

@@ -1,6 +1,6 @@
 //! From an archive to its texts: the root, and those that its parts name.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::Read;
 use std::sync::Arc;
 
@@ -21,7 +21,7 @@ const KIND: &[u8] = b"http://schemas.microsoft.com/3dmanufacturing/2013/01/3dmod
 const MAX_TEXTS: usize = 4096;
 
 /// The archive, its root text, and of how many this is the first.
-pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member, u64), Stop> {
+pub(super) fn root(file: &PositionalFile, bytes: u64) -> Result<(Archive, Member, u64), Stop> {
     let archive = Archive::open(file, bytes)?;
     let mut target = USUAL.to_owned();
     let mut starts = 0;
@@ -46,7 +46,11 @@ pub(super) fn root(file: &File, bytes: u64) -> Result<(Archive, Member, u64), St
 }
 
 /// Reads all texts of an archive; returns the memory that is held, too, and how much was inflated.
-pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Contents, u64, u64), Stop> {
+pub(super) fn read(
+    file: PositionalFile,
+    bytes: u64,
+    limits: &Limits<'_>,
+) -> Result<(Contents, u64, u64), Stop> {
     let (archive, first, starts) = root(&file, bytes)?;
     let mut inflated = first.checked_bytes()?;
     let mut reader = Reader::new(limits);
@@ -79,7 +83,12 @@ pub(super) fn read(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(Conte
 }
 
 /// An image in a scratch file.
-fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) -> Result<Image, Stop> {
+fn unpacked(
+    file: &PositionalFile,
+    member: &Member,
+    number: usize,
+    limits: &Limits<'_>,
+) -> Result<Image, Stop> {
     let out = crate::scratch::unnamed(limits.scratch).map_err(Stop::Scratch)?;
     let mut content = member.open(file)?;
     let mut buffer = vec![0; 32 << 10];
@@ -92,5 +101,5 @@ fn unpacked(file: &File, member: &Member, number: usize, limits: &Limits<'_>) ->
         std::io::Write::write_all(&mut &out, &buffer[..got]).map_err(Stop::Scratch)?;
         bytes += got as u64;
     }
-    Ok(Image { name: format!("image {}", number + 1), file: Arc::new(out), offset: 0, bytes })
+    Ok(Image { name: format!("image {}", number + 1), file: Arc::new(out.into()), offset: 0, bytes })
 }

@@ -1,7 +1,7 @@
 //! Side files of slicers, which mark parts of objects that are not printed: blockers and enforcers of supports,
 //! modifiers of settings, and volumes to be cut away.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io::Read;
 
 use super::super::stop::Stop;
@@ -21,7 +21,11 @@ const FILES: [&str; 4] = [
 const RUNS: u32 = u32::MAX;
 
 /// Leaves out the parts that side files mark.
-pub(super) fn leave_out(file: &File, archive: &Archive, reader: &mut Reader<'_>) -> Result<(), Stop> {
+pub(super) fn leave_out(
+    file: &PositionalFile,
+    archive: &Archive,
+    reader: &mut Reader<'_>,
+) -> Result<(), Stop> {
     for name in FILES {
         let Some(member) = archive.find(file, name)? else { continue };
         let read = member.open(file).and_then(|content| marked(content, reader));

@@ -14,8 +14,8 @@ mod archive;
 mod marked;
 mod model;
 
+use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
-use std::fs::File;
 
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
 use super::look::{Look, Material, NO_MATERIAL};
@@ -60,7 +60,7 @@ struct Instance {
 #[derive(Debug)]
 struct Contents {
     vertices: Vertices,
-    triangles: File,
+    triangles: PositionalFile,
     values: Vertices,
     objects: BTreeMap<Key, Object>,
     items: Vec<Instance>,
@@ -75,11 +75,15 @@ pub(super) struct ThreeMf {
 }
 
 /// Looks at the list of the archive alone.
-pub(super) fn check(file: &File, bytes: u64) -> Result<(), Stop> {
+pub(super) fn check(file: &PositionalFile, bytes: u64) -> Result<(), Stop> {
     archive::root(file, bytes).map(drop)
 }
 
-pub(super) fn open(file: File, bytes: u64, limits: &Limits<'_>) -> Result<(ThreeMf, Summary), Stop> {
+pub(super) fn open(
+    file: PositionalFile,
+    bytes: u64,
+    limits: &Limits<'_>,
+) -> Result<(ThreeMf, Summary), Stop> {
     let (mut contents, held_bytes, inflated) = archive::read(file, bytes, limits)?;
     let materials = std::mem::take(&mut contents.materials);
     let lacks = std::mem::take(&mut contents.lacks);

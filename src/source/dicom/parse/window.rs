@@ -1,9 +1,7 @@
 //! A small window over a file of any size.
 
-use std::fs::File;
+use crate::platform::PositionalFile;
 use std::io;
-
-use crate::platform::FileExt;
 
 /// Bytes held at a time: most headers up to the first long value fit one read.
 pub(crate) const WINDOW_BYTES: usize = 8 << 10;
@@ -23,13 +21,24 @@ pub trait ReadAt {
     fn read_some_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize>;
 }
 
-impl ReadAt for File {
+impl ReadAt for PositionalFile {
     fn byte_len(&self) -> io::Result<u64> {
         Ok(self.metadata()?.len())
     }
 
     fn read_some_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize> {
         self.read_at(buf, offset)
+    }
+}
+
+/// A file that the caller does not read by its cursor meanwhile.
+impl ReadAt for std::fs::File {
+    fn byte_len(&self) -> io::Result<u64> {
+        Ok(self.metadata()?.len())
+    }
+
+    fn read_some_at(&self, buf: &mut [u8], offset: u64) -> io::Result<usize> {
+        crate::platform::FileExt::read_at(self, buf, offset)
     }
 }
 

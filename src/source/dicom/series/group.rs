@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use super::assemble::along_normal;
 use super::gaps::{is_uneven, positions};
 use super::mosaic::Mosaic;
-use crate::platform::{FileExt, open_file};
+use crate::platform::PositionalFile;
 use crate::source::dicom::attribute::Attribute;
 use crate::source::dicom::image::describe::Obstacle;
 use crate::source::dicom::image::pixels::{PaddingAttributes, PixelLayout};
@@ -547,7 +547,7 @@ const PIECE: usize = 16 << 10;
 /// Runs over the pixel bytes of an image.
 fn pieces(slice: &Slice, files: &FileList, each: &mut dyn FnMut(&[u8])) -> io::Result<()> {
     let (mut at, mut left) = slice.pixels;
-    let file = open_file(&files.path(slice.file as usize))?;
+    let file = PositionalFile::open(&files.path(slice.file as usize))?;
     let mut piece = [0; PIECE];
     while left > 0 {
         let want = usize::try_from(left).unwrap_or(PIECE).min(PIECE);
@@ -571,7 +571,7 @@ fn same_pixels(a: &Slice, b: &Slice, files: &FileList) -> io::Result<bool> {
     if length != other {
         return Ok(false);
     }
-    let file = open_file(&files.path(b.file as usize))?;
+    let file = PositionalFile::open(&files.path(b.file as usize))?;
     let mut beside = [0; PIECE];
     let mut same = Ok(true);
     pieces(a, files, &mut |part| {

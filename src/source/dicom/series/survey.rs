@@ -2,14 +2,13 @@
 //!
 //! Memory: one header at a time, some 250 bytes per image, the names once.
 
-use std::fs::File;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::group::{Key, Kind, NO_OBSTACLE, Series, Shared, Slice};
 use super::mosaic::{MosaicLayout, is_one, look};
 use crate::budget::costs;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::source::dicom::image::describe::{Access, Image, Obstacle, Storage};
 use crate::source::dicom::image::encapsulated::{MissingEnd, missing_end};
 use crate::source::dicom::image::pixels::PaddingAttributes;
@@ -48,7 +47,7 @@ pub(crate) enum Recognition {
 }
 
 /// Looks at the header of a file.
-pub(crate) fn recognise(file: &File) -> Recognition {
+pub(crate) fn recognise(file: &PositionalFile) -> Recognition {
     match scan(file) {
         // An image that ends before its pixels is still an image; it is refused when it is opened.
         Ok(header) if header.pixels.is_some() || (header.rows.is_some() && header.columns.is_some()) => {
@@ -69,7 +68,7 @@ pub(crate) fn load(files: FileList, facts: &[(u64, u64)]) -> Series {
     let mut series = Series::new(files, facts.to_vec());
     for file in 0..series.files.len() {
         let path = series.files.path(file);
-        let opened = open_file(&path).map_err(ScanError::from);
+        let opened = PositionalFile::open(&path).map_err(ScanError::from);
         let scanned = opened.and_then(|f| scan(&f).map(|header| (f, header)));
         match scanned {
             Ok((input, header)) => add_file(&mut series, file, &input, &header),
@@ -92,7 +91,7 @@ fn illegible(header: &DicomHeader, frame: &FrameGeometry) -> Option<Obstacle> {
 }
 
 /// Adds every frame of a file.
-fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader) {
+fn add_file(series: &mut Series, file: usize, input: &PositionalFile, header: &DicomHeader) {
     let image = Image::of(header);
     let frames = image.as_ref().map_or(1, |image| image.frames);
     let mut obstacle = image.as_ref().err().cloned();
@@ -157,7 +156,7 @@ fn add_file(series: &mut Series, file: usize, input: &File, header: &DicomHeader
 }
 
 /// Do the frames of nuclear medicine differ in anything but their slice, which none of them states?
-fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
+fn is_planar(input: &PositionalFile, header: &DicomHeader) -> Result<bool, ScanError> {
     let places = &header.offsets;
     if places.slice_vector.is_some() || places.frame_vectors.iter().all(Option::is_none) {
         return Ok(false);
@@ -171,7 +170,7 @@ fn is_planar(input: &File, header: &DicomHeader) -> Result<bool, ScanError> {
 }
 
 /// Is the end of compressed pixels missing? A file that cannot be read says so when it is decoded.
-fn end_note(input: &File, header: &DicomHeader, image: &Image) -> Option<Note> {
+fn end_note(input: &PositionalFile, header: &DicomHeader, image: &Image) -> Option<Note> {
     let Storage::Coded(codec) = image.storage else { return None };
     let MissingEnd { fragments, lacking } = missing_end(input, &header.pixels?, codec).ok().flatten()?;
     let lost = match lacking {

@@ -8,7 +8,7 @@ use super::group::{Group, Key, Series, Slice};
 use super::layer::{Layer, Stack};
 use crate::fault::{Fault, bad, unfit};
 use crate::geom::Dims;
-use crate::platform::open_file;
+use crate::platform::PositionalFile;
 use crate::progress::Progress;
 use crate::source::dicom::image::describe::Image;
 use crate::source::dicom::image::pixels::{Padding, PixelLayout};
@@ -461,7 +461,7 @@ impl VolumeSource for DicomVolume {
             };
             let path = self.files.list().path(first.file as usize);
             let unusable = |fault: Fault| SourceError::from(fault.at(&path));
-            let input = open_file(&path)
+            let input = PositionalFile::open(&path)
                 .map_err(|cause| SourceError::from(SourceFault::Unreadable { path: path.clone(), cause }))?;
             let header = scan(&input).map_err(|error| unusable(bad!("{error}")))?;
             let image = Image::of(&header).map_err(|obstacle| unusable(of_image(&obstacle)))?;
