@@ -1,12 +1,12 @@
 //! One bit per voxel in an unnamed scratch file, rows padded to whole words.
 
-use crate::platform::PositionalFile;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use super::error::BuildError;
 use crate::builder::BuildFault;
 use crate::geom::Dims;
+use crate::platform::PositionalFile;
 use crate::scratch::unnamed_for;
 
 /// Occupancy of a volume: bit x of a row is word x / 64, bit x % 64; bits beyond the row are 0.

@@ -17,7 +17,6 @@
     reason = "coordinates are below 2^17, weights below 2^37"
 )]
 
-use crate::platform::PositionalFile;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
@@ -25,6 +24,7 @@ use std::sync::{Mutex, PoisonError};
 use super::place::LatticeGrid;
 use crate::builder::Progress;
 use crate::geom::Affine;
+use crate::platform::PositionalFile;
 use crate::scratch::{PageCache, unnamed};
 use crate::volume::{ScalarType, SourceError, SourceFault, VolumeInfo, VolumeSource};
 

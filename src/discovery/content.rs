@@ -1,10 +1,10 @@
 //! Names and copies of volumes by their content: what files are called, and where they lie, does not matter.
 
-use crate::platform::PositionalFile;
 use std::io;
 use std::path::{Path, PathBuf};
 
 use crate::csg::named_files;
+use crate::platform::PositionalFile;
 use crate::source::{Finding, StableHash, Subject};
 use crate::volume::VolumeInfo;
 

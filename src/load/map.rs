@@ -1,13 +1,13 @@
 //! The bytes of a finished file, mapped read-only: the only `unsafe` of the loader.
 #![allow(unsafe_code)]
 
-use crate::platform::PositionalFile;
 use std::io;
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
 
 use super::{LoadError, LoadFault};
 use crate::platform;
+use crate::platform::PositionalFile;
 
 /// The bytes of a file that are read in place: mapped read-only, or in memory if they are few ([`Model::open`]);
 /// dereferences to them through `AsRef`.

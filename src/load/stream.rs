@@ -1,11 +1,11 @@
 //! Reading by position, and sequential cursors over parts of a file, in small fixed memory.
 
-use crate::platform::PositionalFile;
 use std::io;
 
 use crate::format::FormatError;
 use crate::load::LoadFault;
 use crate::platform::FileExt;
+use crate::platform::PositionalFile;
 
 use super::LoadError;
 

@@ -1,6 +1,5 @@
 //! Shared by the headers of several formats: lines of text, numbers, units, and the names of data files.
 
-use crate::platform::PositionalFile;
 use std::fs;
 use std::io::{self, BufRead, Read};
 use std::path::{Component, Path, PathBuf};
@@ -10,6 +9,7 @@ use super::files::FileList;
 use super::stored::{Section, section};
 use crate::budget::Bytes;
 use crate::fault::{Fault, bad};
+use crate::platform::PositionalFile;
 use crate::text::mark_bytes;
 use crate::text::names::FOLLOW_LINKS;
 use crate::volume::{Result, SourceError, SourceFault};

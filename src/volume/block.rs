@@ -1,10 +1,10 @@
 //! Blocks of rows: whether a request is sound, and how one is read from a file of plain samples.
 
-use crate::platform::PositionalFile;
 use std::io;
 use std::ops::Range;
 
 use super::VolumeInfo;
+use crate::platform::PositionalFile;
 
 /// Reads a block of a slice whose rows of `nx` samples start at byte `base`: full rows in one call,
 /// part of them row by row; `out` holds nothing else.

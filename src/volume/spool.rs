@@ -3,13 +3,13 @@
 //! The scratch file is as long as the volume is in memory; it is not compressed, because the builder reads
 //! it in tiles, at the speed of the page cache, which does not count as the process's memory.
 
-use crate::platform::PositionalFile;
 use std::io;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::{Result, ScalarType, SourceError};
 use crate::geom::Dims;
+use crate::platform::PositionalFile;
 use crate::scratch::unnamed_for;
 use crate::volume::{SourceFault, read_block};
 

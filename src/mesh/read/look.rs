@@ -1,7 +1,8 @@
 //! Looks of triangles, and materials.
 
-use crate::platform::PositionalFile;
 use std::sync::Arc;
+
+use crate::platform::PositionalFile;
 
 /// Marks a triangle without a material.
 pub(in crate::mesh) const NO_MATERIAL: u32 = u32::MAX;

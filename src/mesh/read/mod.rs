@@ -34,12 +34,12 @@ mod vertices;
 mod xml;
 mod zip;
 
-use crate::platform::PositionalFile;
 use std::path::{Path, PathBuf};
 
 use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::mesh::read::stop::unknown_format;
+use crate::platform::PositionalFile;
 use crate::text::{plain_head, shown};
 use crate::volume::{SourceError, SourceFault};
 pub(super) use linked::missing;

@@ -2,8 +2,6 @@
 //!
 //! Colours are those of vertices; where these have none, those of faces.
 
-use crate::platform::PositionalFile;
-
 use super::Limits;
 use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
@@ -15,6 +13,7 @@ use crate::fault::bad;
 use crate::mesh::read::stop::{
     bad_index, count_lies, cut_short, no_coordinates, no_faces, only_points, unknown_format,
 };
+use crate::platform::PositionalFile;
 use crate::text::plain_head;
 
 const MAX_HEADER: u64 = 64 << 10;

@@ -1,10 +1,9 @@
 //! STL: binary if its length is that of the triangles that it states, or if it does not begin like text, else text.
 
-use crate::platform::PositionalFile;
-
 use super::stop::{Each, Stop, finite};
 use super::stream::{Stream, Token, Words, mark};
 use crate::mesh::read::stop::{count_lies, cut_short, not_finite};
+use crate::platform::PositionalFile;
 use crate::text::plain_head;
 
 /// Bytes before the first triangle, and of each.

@@ -1,11 +1,11 @@
 //! A file from a place to its end: bytes, or the words and numbers of text.
 
-use crate::platform::PositionalFile;
 use std::io;
 
 use super::stop::Stop;
 use crate::fault::{Fault, bad};
 use crate::mesh::read::stop::{bad_text, bad_text_because, cut_short, not_a_number, quoted};
+use crate::platform::PositionalFile;
 use crate::text::mark_bytes;
 
 /// Bytes read at a time.

@@ -1,6 +1,5 @@
 //! OFF, and its common parts with other text formats: vertices and triangles wait in scratch files.
 
-use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::polygon;
@@ -10,6 +9,7 @@ use super::vertex_looks::VertexLooks;
 use super::vertices::{FEW_PAGES, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
 use crate::mesh::read::stop::{bad_index, count_lies, only_points};
+use crate::platform::PositionalFile;
 
 /// Vertices, and triangles that name them.
 #[derive(Debug)]

@@ -1,10 +1,10 @@
 //! Vertices by number: looked up where they are stored, through a small cache of pages.
 
-use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::stop::Stop;
 use crate::mesh::read::stop::bad_index;
+use crate::platform::PositionalFile;
 use crate::scratch::{Appended, PageCache};
 
 /// Vertices of a page, and pages that are held; a prime number, so that runs of pages at even distances do not

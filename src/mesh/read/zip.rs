@@ -3,7 +3,6 @@
 //! Numbers may have 64 bits, in small archives, too (4.3.14, 4.5.3). The list of members is gone through for every name, so that nothing is held. Names, lengths and offsets are those
 //! of the list at the end; of the header before a member only its own length counts.
 
-use crate::platform::PositionalFile;
 use std::io::{self, Read};
 
 use flate2::{Crc, Decompress, FlushDecompress, Status};
@@ -13,6 +12,7 @@ use super::stream::Stream;
 use crate::budget::Bytes;
 use crate::fault::bad;
 use crate::mesh::read::stop::{bad_archive, cut_short};
+use crate::platform::PositionalFile;
 
 /// Bytes of the record at the end, without its comment, and of the longest comment.
 const END: u64 = 22;

@@ -1,10 +1,11 @@
 //! Compressed streams as readers with small, fixed memory.
 
-use crate::platform::PositionalFile;
 use std::io::{self, BufRead, BufReader, Read};
 
 use bzip2::{Decompress, Status};
 use flate2::bufread::GzDecoder;
+
+use crate::platform::PositionalFile;
 
 /// Bytes of a file that are read at once.
 pub(super) const INPUT_BYTES: usize = 32 << 10;

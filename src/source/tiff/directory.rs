@@ -1,9 +1,9 @@
 //! Directories of a TIFF file, classic and BigTIFF, read by position; no list is longer than its file.
 
-use crate::platform::PositionalFile;
 use std::io;
 
 use crate::fault::{Fault, bad};
+use crate::platform::PositionalFile;
 use crate::volume::Endian;
 
 /// Most entries of one directory: real ones have some 20.

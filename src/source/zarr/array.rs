@@ -1,6 +1,5 @@
 //! The metadata of an array, of Zarr 2 and 3.
 
-use crate::platform::PositionalFile;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
@@ -10,6 +9,7 @@ use super::Read;
 use super::packing::{Packing, damaged, short};
 
 use crate::fault::{Fault, bad};
+use crate::platform::PositionalFile;
 use crate::source::headed::sample_type;
 use crate::source::stored::Samples;
 use crate::volume::{Endian, ScalarType};

@@ -1,6 +1,5 @@
 //! How the bytes of a chunk are packed, and chunks unpacked in pieces.
 
-use crate::platform::PositionalFile;
 use std::io::{self, Read as _};
 use std::ops::Range;
 
@@ -9,6 +8,7 @@ use super::blosc::Buffers;
 use super::{Read, blosc};
 
 use crate::fault::bad;
+use crate::platform::PositionalFile;
 use crate::source::stored::section;
 
 /// Bytes that are handed on at once.

@@ -1,6 +1,5 @@
 //! Rows read of chunks, which are unpacked when they are first asked for.
 
-use crate::platform::PositionalFile;
 use std::collections::HashMap;
 use std::io;
 use std::ops::Range;
@@ -11,6 +10,7 @@ use super::array::{Array, Place};
 use super::blosc::Buffers;
 use super::packing::{PIECE, short};
 use crate::budget::Reservation;
+use crate::platform::PositionalFile;
 use crate::scratch::unnamed;
 use crate::source::header::unreadable;
 use crate::source::stored::Samples;

@@ -1,6 +1,5 @@
 //! Bytes of a glTF file: its own, those of files next to it, and those written into its text.
 
-use crate::platform::PositionalFile;
 use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -16,6 +15,7 @@ use super::json::{Accessor, Described, Embedded, Shape};
 use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_reference, buffer_lies, count_lies, outside};
+use crate::platform::PositionalFile;
 
 /// Longest distance of two items.
 const MAX_STRIDE: u64 = 252;

@@ -2,7 +2,6 @@
 //!
 //! Data that are written into it stay where they are: of such a string only its place is kept.
 
-use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
@@ -12,6 +11,7 @@ use super::super::Limits;
 use super::super::stop::Stop;
 use super::super::stream::{Stream, mark};
 use crate::mesh::read::stop::{bad_text, cut_short, gltf_version};
+use crate::platform::PositionalFile;
 
 /// Memory of an object of the description, and of an item of a list, at most.
 const OBJECT_BYTES: u64 = 320;

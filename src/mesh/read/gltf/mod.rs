@@ -16,7 +16,6 @@ mod json;
 mod looks;
 mod posed;
 
-use crate::platform::PositionalFile;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -32,6 +31,7 @@ use crate::geom::Affine;
 use crate::mesh::read::stop::{
     bad_transform, buffer_lies, gltf_version, recursion, too_many_triangles, unread_extension,
 };
+use crate::platform::PositionalFile;
 use buffers::{Buffers, Items, Resolver, Section, item, out_of_range};
 use json::{Described, Mesh, Node, Primitive, Shape};
 use posed::{BentMeshes, Copies, bent_meshes};

@@ -2,7 +2,6 @@
 //!
 //! Missing files are left out and reported, as in every viewer: they are often not passed on.
 
-use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -15,6 +14,7 @@ use super::super::vertex_looks::light;
 use super::super::{Limits, Summary};
 use super::NONE;
 use crate::fault::FaultKind;
+use crate::platform::PositionalFile;
 use crate::text::shown;
 
 /// Memory of a material without its name, about.

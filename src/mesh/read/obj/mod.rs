@@ -5,7 +5,6 @@
 
 mod materials;
 
-use crate::platform::PositionalFile;
 use std::path::Path;
 
 use super::look::{Look, NO_MATERIAL};
@@ -17,6 +16,7 @@ use super::vertex_looks::{VertexLooks, light, single};
 use super::vertices::{FEW_PAGES, Pages, Spool, Vertices};
 use super::{Limits, Summary};
 use crate::mesh::read::stop::{only_points, unknown_format};
+use crate::platform::PositionalFile;
 use materials::Materials;
 
 /// Marks a corner without a place or a normal.

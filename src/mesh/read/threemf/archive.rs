@@ -1,6 +1,5 @@
 //! From an archive to its texts: the root, and those that its parts name.
 
-use crate::platform::PositionalFile;
 use std::io::Read;
 use std::sync::Arc;
 
@@ -13,6 +12,7 @@ use super::Contents;
 use super::marked::leave_out;
 use super::model::Reader;
 use crate::mesh::read::stop::bad_reference;
+use crate::platform::PositionalFile;
 
 /// Where a text is if nothing says it, and what says it (ECMA-376-2, 9.3).
 const USUAL: &str = "3D/3dmodel.model";

@@ -1,7 +1,6 @@
 //! Side files of slicers, which mark parts of objects that are not printed: blockers and enforcers of supports,
 //! modifiers of settings, and volumes to be cut away.
 
-use crate::platform::PositionalFile;
 use std::io::Read;
 
 use super::super::stop::Stop;
@@ -9,6 +8,7 @@ use super::super::xml::{Event, Xml};
 use super::super::zip::Archive;
 use super::model::Reader;
 use super::{IDENTITY, Instance, Object};
+use crate::platform::PositionalFile;
 
 /// Names of PrusaSlicer and its relatives, and of Bambu Studio and OrcaSlicer.
 const FILES: [&str; 4] = [

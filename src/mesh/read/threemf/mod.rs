@@ -14,7 +14,6 @@ mod archive;
 mod marked;
 mod model;
 
-use crate::platform::PositionalFile;
 use std::collections::BTreeMap;
 
 use super::gltf::{MAX_TRIANGLES, MAX_TRIANGLES_PER_BYTE};
@@ -26,6 +25,7 @@ use super::vertices::{FEW_PAGES, PAGES, Pages, Vertices};
 use super::{Limits, Summary};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{bad_index, bad_reference, bad_transform, recursion, too_many_triangles};
+use crate::platform::PositionalFile;
 
 /// Bytes of a triangle in its file: corners, and with looks the values at these and what they mean.
 const RECORD: usize = 12;

@@ -1,7 +1,8 @@
 //! A small window over a file of any size.
 
-use crate::platform::PositionalFile;
 use std::io;
+
+use crate::platform::PositionalFile;
 
 /// Bytes held at a time: most headers up to the first long value fit one read.
 pub(crate) const WINDOW_BYTES: usize = 8 << 10;
