@@ -13,22 +13,55 @@ use crate::error::Error;
 use crate::format::Quantity;
 use crate::load::Model;
 use crate::measure::write_values;
+use crate::platform;
 use crate::progress::Progress;
 
-/// Cells that a thread takes at a time, and cells after which it looks at the pages that are resident.
+/// Cells that a thread takes at a time.
 const CHUNK: usize = 4096;
-const PART: usize = 512;
 
 /// Pages of the models are given back when the process has more than this.
 const RESIDENT_BYTES: u64 = 13 << 19;
 
+/// Most steps between two looks at the resident memory, and by how much that may grow meanwhile.
+const MAX_STEPS: u64 = 512;
+const GROWTH_BYTES: u64 = 256 << 10;
+
 /// Bytes of a table that are written at once.
 const TEXT_BYTES: usize = 64 << 10;
 
-/// Gives the pages of models back when there are many.
-pub(super) fn relieve(models: &[&Model]) {
-    if resident_bytes() > RESIDENT_BYTES {
+/// Gives the pages of models back when there are many. How often it looks depends on how many come meanwhile.
+#[derive(Debug)]
+pub(super) struct PageRelief<'a> {
+    models: &'a [&'a Model],
+    resident: u64,
+    part: u64,
+    left: u64,
+}
+
+impl<'a> PageRelief<'a> {
+    pub(super) fn new(models: &'a [&'a Model]) -> Self {
         models.iter().for_each(|model| model.give_back());
+        Self { models, resident: resident_bytes(), part: 1, left: 1 }
+    }
+
+    /// To be called after each step of a pass: a cell, or a few.
+    #[inline]
+    pub(super) fn step(&mut self) {
+        self.left -= 1;
+        if self.left == 0 {
+            self.look();
+        }
+    }
+
+    #[cold]
+    fn look(&mut self) {
+        let resident = resident_bytes();
+        let grown = resident.saturating_sub(self.resident).max(GROWTH_BYTES / 2);
+        self.part = (self.part * GROWTH_BYTES / grown).clamp(1, MAX_STEPS);
+        (self.resident, self.left) = (resident, self.part);
+        if resident > RESIDENT_BYTES {
+            self.models.iter().for_each(|model| model.give_back());
+        }
     }
 }
 
@@ -50,31 +83,32 @@ impl Pass<'_> {
         &self,
         workers: impl IntoIterator<Item = W>,
         row: impl Fn(u64, [u32; 3]) -> R,
-        work: impl Fn(&mut W, &mut [R]) + Sync,
+        work: impl Fn(&mut W, &mut R) + Sync,
         mut each: impl FnMut(&R) -> Result<(), Error>,
     ) -> Result<(), Error> {
         let Some(measured) = self.models.first() else { return Ok(()) };
-        let mut cells = measured.voxels();
-        let mut workers: Vec<(W, Vec<R>)> =
-            workers.into_iter().map(|worker| (worker, Vec::with_capacity(CHUNK))).collect();
-        let work = |(worker, rows): &mut (W, Vec<R>)| {
-            for part in rows.chunks_mut(PART) {
-                work(worker, part);
-                relieve(self.models);
+        let mut cells = measured.voxels().places();
+        platform::give_back();
+        let with_rows = |worker| (worker, PageRelief::new(self.models), Vec::with_capacity(CHUNK));
+        let mut workers: Vec<(W, PageRelief<'_>, Vec<R>)> = workers.into_iter().map(with_rows).collect();
+        let work = |(worker, relief, rows): &mut (W, PageRelief<'_>, Vec<R>)| {
+            for row in rows {
+                work(worker, row);
+                relief.step();
             }
         };
         loop {
             let mut count = 0;
-            for (_, rows) in &mut workers {
+            for (_, _, rows) in &mut workers {
                 rows.clear();
-                rows.extend(cells.by_ref().take(CHUNK).map(|cell| row(cell.number, cell.voxel)));
+                rows.extend(cells.by_ref().take(CHUNK).map(|(number, cell)| row(number, cell)));
                 count += rows.len();
             }
             if count == 0 {
                 return Ok(());
             }
             thread::scope(|scope| {
-                let mut busy = workers.iter_mut().filter(|(_, rows)| !rows.is_empty());
+                let mut busy = workers.iter_mut().filter(|(_, _, rows)| !rows.is_empty());
                 let own = busy.next();
                 busy.for_each(|worker| drop(scope.spawn(|| work(worker))));
                 own.map(work)
@@ -83,7 +117,7 @@ impl Pass<'_> {
             if self.progress.stopped() {
                 return Err(Error::Stopped);
             }
-            workers.iter().flat_map(|(_, rows)| rows).try_for_each(&mut each)?;
+            workers.iter().flat_map(|(_, _, rows)| rows).try_for_each(&mut each)?;
         }
     }
 }

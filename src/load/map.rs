@@ -36,6 +36,8 @@ pub(crate) fn survive_torn_files() {
 struct Mapped {
     _watched: Option<platform::Watched>,
     map: memmap2::Mmap,
+    /// True once pages have been given back.
+    gave_back: AtomicBool,
 }
 
 /// Changes when a file is written to: its size and its time of change.
@@ -84,6 +86,7 @@ impl Mapping {
         Ok(Self(Held::Mapped(Mapped {
             _watched: SURVIVES.load(Ordering::Relaxed).then(|| platform::Watched::new(&map)).flatten(),
             map,
+            gave_back: AtomicBool::new(false),
         })))
     }
 
@@ -96,6 +99,9 @@ impl Mapping {
     /// looked at again comes back from the system's cache. If the system refuses, the pages stay.
     pub fn give_back(&self) {
         if let Held::Mapped(mapped) = &self.0 {
+            if !mapped.gave_back.swap(true, Ordering::Relaxed) {
+                platform::part_mapping(&mapped.map);
+            }
             platform::give_back_pages(&mapped.map);
         }
     }
@@ -113,19 +119,24 @@ impl AsRef<[u8]> for Mapping {
 
 #[cfg(test)]
 mod tests {
+    use std::io::Write;
+
     use super::*;
     use crate::budget::mapped_rss_bytes;
 
     #[test]
     fn pages_are_resident_once_they_are_read_and_until_they_are_given_back() {
         let file = tempfile::tempfile().unwrap();
-        file.set_len(8 << 20).unwrap();
+        // At once, so that the system's cache holds large pieces.
+        (&file).write_all(&vec![0; 8 << 20]).unwrap();
         let mapping = Mapping::of(&file.into()).unwrap();
         assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
         assert!(mapping.as_ref()[..3 << 20].iter().all(|byte| *byte == 0));
         // The system maps some pages more than are asked for.
-        assert!((3 << 20..4 << 20).contains(&mapped_rss_bytes(mapping.as_ref()).unwrap()));
+        assert!((3 << 20..=4 << 20).contains(&mapped_rss_bytes(mapping.as_ref()).unwrap()));
         mapping.give_back();
         assert_eq!(mapped_rss_bytes(mapping.as_ref()), Some(0));
+        assert_eq!(mapping.as_ref()[5 << 20], 0);
+        assert!(mapped_rss_bytes(mapping.as_ref()).unwrap() <= 256 << 10);
     }
 }

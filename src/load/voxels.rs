@@ -106,6 +106,21 @@ impl<'a> StoredVoxels<'a> {
         None
     }
 
+    /// Number and index of the next one.
+    fn next_place(&mut self) -> Option<(u64, [u32; 3])> {
+        if self.number >= self.view.voxel_count() {
+            return None;
+        }
+        let voxel = self.next_cell()?;
+        self.number += 1;
+        Some((self.number - 1, voxel))
+    }
+
+    /// Numbers and indices alone.
+    pub(crate) fn places(mut self) -> impl Iterator<Item = (u64, [u32; 3])> {
+        std::iter::from_fn(move || self.next_place())
+    }
+
     fn normal(&self, voxel: VoxelIndex) -> Option<[f64; 3]> {
         let stored = match self.view.cells() {
             Some(cells) => cells.normal(voxel.get()),
@@ -123,12 +138,7 @@ impl Iterator for StoredVoxels<'_> {
     type Item = StoredVoxel;
 
     fn next(&mut self) -> Option<StoredVoxel> {
-        if self.number >= self.view.voxel_count() {
-            return None;
-        }
-        let voxel = self.next_cell()?;
-        let number = self.number;
-        self.number += 1;
+        let (number, voxel) = self.next_place()?;
         let [slope, intercept] = self.value_scale;
         let index = VoxelIndex::new(number);
         Some(StoredVoxel {

@@ -47,7 +47,7 @@ struct Pair {
 }
 
 /// Fits samples of one surface (in its mm) to another one, from a first placement on; `None` if it is stopped, which is asked
-/// once a round.
+/// before each sample.
 ///
 /// Memory: 200 bytes a sample. Cost: some ten rounds of a few microseconds a sample.
 ///
@@ -58,7 +58,7 @@ pub(crate) fn fit(
     first: Affine,
     search: &mut Search<'_>,
     most_mm: f64,
-    is_stopped: &dyn Fn() -> bool,
+    is_stopped: &mut dyn FnMut() -> bool,
 ) -> Result<Option<Fit>, Fault> {
     if samples.len() < MIN_SAMPLES {
         return Err(unfit!(
@@ -70,10 +70,9 @@ pub(crate) fn fit(
     let mut fit = Fit { placement: first, rounds: 0, rms: [0.0; 2], free: Vec::new() };
     let finest = search.surface.space.finest;
     loop {
-        if is_stopped() {
+        let Some(mut pairs) = pairs(samples, &fit.placement, &mut seeds, (search, is_stopped)) else {
             return Ok(None);
-        }
-        let mut pairs = pairs(samples, &fit.placement, &mut seeds, search);
+        };
         let all = rms(&pairs);
         if fit.rounds == 0 {
             fit.rms[0] = all;
@@ -105,16 +104,19 @@ fn apart(rms: f64) -> Fault {
     )
 }
 
-/// Samples with a counterpart that is not turned away.
+/// Samples with a counterpart that is not turned away; `None` if `is_stopped` says so.
 fn pairs(
     samples: &[Sample],
     placement: &Affine,
     seeds: &mut [Option<Place>],
-    search: &mut Search<'_>,
-) -> Vec<Pair> {
+    (search, is_stopped): (&mut Search<'_>, &mut dyn FnMut() -> bool),
+) -> Option<Vec<Pair>> {
     let space = search.surface.space;
     let mut pairs = Vec::with_capacity(samples.len());
     for (sample, seed) in samples.iter().zip(seeds) {
+        if is_stopped() {
+            return None;
+        }
         let at = placement.apply(sample.point);
         let normal = space.direction_to_frame(placement.apply_vector(sample.normal));
         search.start_at(*seed);
@@ -133,7 +135,7 @@ fn pairs(
             area: sample.area,
         });
     }
-    pairs
+    Some(pairs)
 }
 
 fn rms(pairs: &[Pair]) -> f64 {

@@ -37,3 +37,6 @@ pub(crate) fn read_parts(file: &File, parts: &mut [IoSliceMut<'_>], offset: u64)
     }
     Ok(all)
 }
+
+/// Nothing to do: pages come as they are asked for.
+pub(crate) fn part_mapping(_: &memmap2::Mmap) {}

@@ -1,11 +1,10 @@
 //! The cells of a model that are farthest from the other one, whose corners are measured, too.
 
-use super::super::pass::relieve;
+use super::super::pass::PageRelief;
 use super::rule::{Measured, Row, Rule};
 
-/// Cells whose corners are measured, and those after which pages are looked at.
+/// Cells whose corners are measured.
 const MAX_CELLS: usize = 1024;
-const RELIEF: usize = 16;
 
 /// The farthest cells of a pass: distance in the order of its bits, number, place.
 ///
@@ -43,15 +42,15 @@ impl Farthest {
         self.cells.truncate(MAX_CELLS);
         let mut greatest = f64::from_bits(self.cells.first()?.0);
         let mut search = other.surface.search();
-        for (at, (_, number, cell)) in self.cells.into_iter().enumerate() {
-            if at % RELIEF == 0 {
-                relieve(&[one.model, other.model]);
-            }
+        let models = [one.model, other.model];
+        let mut relief = PageRelief::new(&models);
+        for (_, number, cell) in self.cells {
             one.surface.facets(one.surface.cell_place(number, cell), |_, facet| {
                 facet.corners(|corner| {
                     let place = rule.place(one, other, (corner, facet.normal));
                     let value = rule.measure(&mut search, place).map_or(0.0, |(value, _)| value.abs());
                     greatest = greatest.max(value);
+                    relief.step();
                 });
             });
         }

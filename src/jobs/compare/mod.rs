@@ -10,7 +10,7 @@ use std::time::Instant;
 
 use super::export::refuse_input;
 use super::opened::refuse_larger_leaves;
-use super::pass::{Pass, Records, relieve};
+use super::pass::{PageRelief, Pass, Records};
 use crate::budget::{MemoryCap, peak_rss_bytes};
 use crate::builder::{BuildOptions, Threshold};
 use crate::enclosed::extent;
@@ -226,7 +226,7 @@ impl Job<'_> {
         let pass = Pass { models: &[one.model, other.model], progress: self.progress };
         let workers = (0..self.request.threads.max(1)).map(|_| other.surface.search());
         let row = |number, cell| Row { number, cell, ..Row::default() };
-        pass.run(workers, row, |search, rows| rule.fill(&one, &other, search, rows), each)
+        pass.run(workers, row, |search, row| rule.fill(&one, &other, search, row), each)
     }
 
     /// Where the actual model lies.
@@ -236,16 +236,18 @@ impl Job<'_> {
             return Ok(given);
         }
         let stride = self.one.model.header().voxels.div_ceil(SAMPLES).max(1);
-        let chosen = self.one.model.voxels().filter(|cell| cell.number % stride == 0);
+        let chosen = self.one.model.voxels().places().filter(|(number, _)| number % stride == 0);
         let identity = Affine::from_spacing([1.0; 3]);
         let samples: Vec<Sample> = chosen
-            .map(|cell| self.one.row(cell.number, cell.voxel, &identity))
+            .map(|(number, cell)| self.one.row(number, cell, &identity))
             .filter(|(row, _)| !row.is_border)
             .map(|(row, normal)| Sample { point: row.at_mm, normal, area: row.area_mm2 })
             .collect();
         let mut search = self.other.surface.search();
-        let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &|| {
-            self.relieve();
+        let models = self.models();
+        let mut relief = PageRelief::new(&models);
+        let found = fit(&samples, given.affine(), &mut search, radius_mm * MAX_REST, &mut || {
+            relief.step();
             self.progress.stopped()
         });
         let Some(found) = found.map_err(|fault| fault.at(self.paths[0]))? else {
@@ -260,9 +262,8 @@ impl Job<'_> {
         })
     }
 
-    /// Gives the pages of both models back when there are many.
-    fn relieve(&self) {
-        relieve(&[self.one.model, self.other.model]);
+    fn models(&self) -> [&Model; 2] {
+        [self.one.model, self.other.model]
     }
 
     /// The greatest distance of the nominal from the actual model, if it is asked for.
@@ -285,21 +286,23 @@ impl Job<'_> {
     fn worst(&self, records: &mut Records<'_>, rule: &Rule, p95: Option<f64>) -> Result<Vec<Worst>, Error> {
         let mut places = Places::default();
         let p95 = p95.unwrap_or(f64::INFINITY);
-        for (cell, value) in self.one.model.voxels().zip(records.values()?) {
+        let models = self.models();
+        let mut relief = PageRelief::new(&models);
+        for ((number, cell), value) in self.one.model.voxels().places().zip(records.values()?) {
             let [value, u95] = value.map_err(|cause| Error::Output { path: std::env::temp_dir(), cause })?;
             let is_out = match self.request.tolerance_mm {
                 Some([lo, hi]) => value < lo || value > hi,
                 None => value.abs() > p95,
             };
             if is_out {
-                let (row, _) = self.one.row(cell.number, cell.voxel, &rule.placement);
+                let (row, _) = self.one.row(number, cell, &rule.placement);
                 if row.area_mm2 <= 0.0 {
                     continue;
                 }
                 let (at, range) = (row.at_mm, [row.at_mm; 2]);
-                let (rank, number, area) = (value.abs(), cell.number, row.area_mm2);
+                let (rank, area) = (value.abs(), row.area_mm2);
                 places.add(
-                    cell.voxel,
+                    cell,
                     &PlaceOut {
                         rank,
                         number,
@@ -312,9 +315,7 @@ impl Job<'_> {
                     },
                 );
             }
-            if cell.number % 65_536 == 0 {
-                self.relieve();
-            }
+            relief.step();
         }
         Ok(places.finish().iter().take(self.request.worst).map(Worst::of).collect())
     }

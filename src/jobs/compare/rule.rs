@@ -140,28 +140,25 @@ impl Rule {
         Some((signed, found))
     }
 
-    /// Measures the cells of rows that hold their numbers and places.
+    /// Measures the cell of a row that holds its number and index.
     pub(super) fn fill(
         &self,
         one: &Measured<'_>,
         other: &Measured<'_>,
         search: &mut Search<'_>,
-        rows: &mut [Row],
+        row: &mut Row,
     ) {
-        for row in rows {
-            let (made, normal) = one.row(row.number, row.cell, &self.placement);
-            *row = made;
-            if row.is_border {
-                continue;
-            }
-            let space = other.surface.space;
-            let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
-            let Some((value, found)) = self.measure(search, place) else { continue };
-            row.value = Some(value);
-            let own = one.doubt.squares_mm2(one.surface.view, row.number);
-            let others =
-                || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
-            row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
+        let (made, normal) = one.row(row.number, row.cell, &self.placement);
+        *row = made;
+        if row.is_border {
+            return;
         }
+        let space = other.surface.space;
+        let place = (space.to_frame(row.at_mm), space.direction_to_frame(normal));
+        let Some((value, found)) = self.measure(search, place) else { return };
+        row.value = Some(value);
+        let own = one.doubt.squares_mm2(one.surface.view, row.number);
+        let others = || other.doubt.squares_mm2(other.surface.view, other.surface.cell(found.place.number));
+        row.squares = own.zip(others()).map(|(a, b)| [a[0] + b[0], a[1] + b[1]]);
     }
 }

@@ -8,7 +8,7 @@ use std::io::{self, BufReader, BufWriter, Read, Seek, Write};
 
 use super::components::Noted;
 use crate::error::Error;
-use crate::jobs::pass::relieve;
+use crate::jobs::pass::PageRelief;
 use crate::load::Model;
 use crate::measure::nearest::{Query, Surface};
 use crate::progress::Progress;
@@ -16,7 +16,7 @@ use crate::progress::Progress;
 /// Bytes of a noted cell.
 const NOTE_BYTES: usize = 24;
 
-/// Cells after which pages are looked at.
+/// Cells after which a stop is looked for.
 const PART: usize = 1024;
 
 /// Number of a component that bounds the outside, and of one that was left out.
@@ -90,6 +90,8 @@ impl Notes {
         }
         let mut gaps = vec![f64::INFINITY; pores + 1];
         let mut search = surface.search();
+        let models = [model];
+        let mut relief = PageRelief::new(&models);
         for (at, noted) in self.read().map_err(unreadable)?.enumerate() {
             let Noted { serial, number, cell } = noted.map_err(unreadable)?;
             let Some(gap) =
@@ -104,11 +106,9 @@ impl Notes {
             let place = surface.cell_place(number, cell);
             ask(surface.sample(place).point);
             surface.facets(place, |_, facet| facet.corners(&mut ask));
-            if at % PART == 0 {
-                relieve(&[model]);
-                if progress.stopped() {
-                    return Err(Error::Stopped);
-                }
+            relief.step();
+            if at % PART == 0 && progress.stopped() {
+                return Err(Error::Stopped);
             }
         }
         Ok(gaps.split_off(1))

@@ -171,9 +171,7 @@ impl<'a> Job<'a> {
         let pass = Pass { models: &[self.model], progress: self.progress };
         let workers = (0..self.request.threads.max(1)).map(|_| gauge.surface.search());
         let row = |number, cell| Row { number, cell, ..Row::default() };
-        let work = |search: &mut Search<'a>, rows: &mut [Row]| {
-            rows.iter_mut().for_each(|row| row.fill(&gauge, search))
-        };
+        let work = |search: &mut Search<'a>, row: &mut Row| row.fill(&gauge, search);
         pass.run(workers, row, work, |row| {
             found.add(row);
             let (kept, shown) = match row.thickness {

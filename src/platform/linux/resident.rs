@@ -66,6 +66,21 @@ fn give_code_back() {
     }
 }
 
+/// Least piece of a mapping whose pages come together, and most pieces.
+const PIECE_BYTES: usize = 256 << 10;
+const MAX_PIECES: usize = 1024;
+
+/// Parts a mapping, so that sixteen pages come at a time.
+///
+/// Linux 6.18 maps up to 2 MiB around a page that is touched, where its cache holds as much in one piece, but not beyond the
+/// mapping's end. So every other piece is advised of what it does anyway.
+pub(crate) fn part_mapping(map: &memmap2::Mmap) {
+    let piece = PIECE_BYTES.max(map.len().div_ceil(MAX_PIECES).next_multiple_of(PIECE_BYTES));
+    for at in (0..map.len()).step_by(2 * piece) {
+        let _ = map.advise_range(memmap2::Advice::NoHugePage, at, piece.min(map.len() - at));
+    }
+}
+
 /// Lets go those of a list of mappings that are segments of one loaded object: the program, or a library.
 ///
 /// # Safety
