@@ -29,17 +29,20 @@ impl Facet {
         dot(self.normal, minus(point, self.middle)) - self.offset
     }
 
-    /// A lower bound of a point's squared distance: the facet lies within its box, and within a disc around the foot of the
-    /// box's middle.
+    /// False only if a point's squared distance is more than `most`: the facet lies within its box, and within a disc around
+    /// the foot of the box's middle.
     #[inline]
-    pub(super) fn bound(&self, point: [f64; 3]) -> f64 {
+    pub(super) fn may_reach(&self, point: [f64; 3], most: f64) -> bool {
         let from = minus(point, self.middle);
-        let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
         let height = dot(self.normal, from) - self.offset;
+        let over: [f64; 3] = std::array::from_fn(|a| (from[a].abs() - self.half[a]).max(0.0));
+        if dot(over, over).max(height * height) > most {
+            return false;
+        }
         let across = add_scaled(from, -(height + self.offset), self.normal);
-        let radius = (dot(self.half, self.half) - self.offset * self.offset).max(0.0).sqrt();
-        let beyond = (dot(across, across).sqrt() - radius).max(0.0);
-        dot(over, over).max(height * height + beyond * beyond)
+        let (across, radius) =
+            (dot(across, across), (dot(self.half, self.half) - self.offset * self.offset).max(0.0));
+        across <= radius || height * height + (across.sqrt() - radius.sqrt()).powi(2) <= most
     }
 
     /// The nearest point of the facet, and its squared distance.
@@ -161,9 +164,14 @@ impl Polygon {
                 kept.count += 1;
             }
         };
+        let heights = self.corners.map(|x| slope[0] * x[0] + slope[1] * x[1] - most);
+        if heights.iter().take(self.count).all(|height| *height <= 0.0) {
+            return self;
+        }
         for i in 0..self.count {
-            let (one, other) = (self.corners[i], self.corners[(i + 1) % self.count]);
-            let [at, next] = [one, other].map(|x| slope[0] * x[0] + slope[1] * x[1] - most);
+            let after = if i + 1 < self.count { i + 1 } else { 0 };
+            let (one, other) = (self.corners[i], self.corners[after]);
+            let (at, next) = (heights[i], heights[after]);
             if at <= 0.0 {
                 add(one);
             }

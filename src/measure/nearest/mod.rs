@@ -13,9 +13,11 @@
 //! | [`facet`] | a plane clipped to its box: bound, nearest point, area |
 //! | [`space`] | the frame |
 //! | [`tree`] | the search: from the last answer's cell, nearest child first |
+//! | [`bricks`] | decoded facets of the bricks that were asked last |
 //! | [`side`] | inside or outside |
 //! | [`overlap`] | how far two bodies overlap, or are apart |
 
+mod bricks;
 mod facet;
 mod overlap;
 mod side;
@@ -170,14 +172,20 @@ impl<'a> Surface<'a> {
 #[expect(clippy::cast_possible_truncation, reason = "numbers of corners")]
 fn octants(corners: &[i8; CORNERS], middle: [f64; 3], half: [f64; 3], mut each: impl FnMut(u8, Facet)) {
     let small = half.map(|h| h / 2.0);
+    // Eight times the values at places of half an edge along z, y and x.
+    let between = |a: i32, b: i32| [2 * a, a + b, 2 * b];
+    let along = |c: usize| between(i32::from(corners[c]), i32::from(corners[c + 1]));
+    let rows = [0, 4].map(|c| {
+        let [near, far] = [along(c), along(c + 2)];
+        let columns = [0, 1, 2].map(|x| between(near[x], far[x]));
+        [0, 1, 2].map(|y| [0, 1, 2].map(|x: usize| columns[x][y]))
+    });
+    let layers = [0, 1, 2].map(|y: usize| [0, 1, 2].map(|x: usize| between(rows[0][y][x], rows[1][y][x])));
+    let values = [0, 1, 2].map(|z: usize| layers.map(|row| row.map(|column| column[z])));
     for octant in 0..CORNERS as u8 {
-        // Sums of whole numbers: eight times the values at the octant's corners.
         let value = |corner: usize| {
-            let at: [i32; 3] = std::array::from_fn(|a| i32::from(octant >> a & 1) + (corner as i32 >> a & 1));
-            (0..CORNERS).fold(0, |sum, c| {
-                let weight = |a: usize| if c >> a & 1 == 1 { at[a] } else { 2 - at[a] };
-                sum + weight(0) * weight(1) * weight(2) * i32::from(corners[c])
-            })
+            let at: [usize; 3] = std::array::from_fn(|a| usize::from(octant >> a & 1) + (corner >> a & 1));
+            values[at[2]][at[1]][at[0]]
         };
         let values: [i32; CORNERS] = std::array::from_fn(value);
         let mean: i32 = values.iter().sum();

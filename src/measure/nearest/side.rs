@@ -48,8 +48,8 @@ impl Search<'_> {
             return Side::On;
         }
         let Some(cell) = surface.cell_at(point) else { return Side::Outside };
-        if let Some(place) = self.at(cell) {
-            return Side::of(surface.is_behind(place, point));
+        if let Some(is_behind) = self.behind_own(cell, point) {
+            return Side::of(is_behind);
         }
         if found.height.abs() > ALONG * distance && !surface.has_corners(found.place) {
             return Side::of(found.height < 0.0);
@@ -71,7 +71,7 @@ impl Search<'_> {
 
 impl Surface<'_> {
     /// The cell of the grid that a place of the frame lies in.
-    fn cell_at(&self, point: [f64; 3]) -> Option<[u32; 3]> {
+    pub(super) fn cell_at(&self, point: [f64; 3]) -> Option<[u32; 3]> {
         let cell: [f64; 3] = std::array::from_fn(|a| point[a] / self.space.spacing[a]);
         let is_within = (0..3).all(|a| cell[a] >= 0.0 && cell[a] < f64::from(self.dims[a]));
         #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "within the grid")]
@@ -79,7 +79,7 @@ impl Surface<'_> {
     }
 
     /// Is a point of a cell, or of a larger leaf, behind the surface in it?
-    fn is_behind(&self, place: Place, point: [f64; 3]) -> bool {
+    pub(super) fn is_behind(&self, place: Place, point: [f64; 3]) -> bool {
         if place.level == 0
             && let CellShape::Corners(corners) = self.cells.shape(self.cell(place.number))
         {

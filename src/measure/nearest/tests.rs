@@ -137,7 +137,8 @@ fn nearest_points_lie_on_planes_and_in_boxes_and_none_is_nearer() {
         let (square, at) = facet.nearest(point);
         let is_within = |p: [f64; 3]| (0..3).all(|a| (p[a] - facet.middle[a]).abs() <= half[a] + 1e-12);
         assert!(facet.height(at).abs() < 1e-12 && is_within(at), "{facet:?} {at:?}");
-        assert!(facet.bound(point) <= square * (1.0 + 1e-12) + 1e-12);
+        assert!(facet.may_reach(point, square * (1.0 + 1e-12) + 1e-12));
+        assert!(!facet.may_reach(point, facet.height(point).powi(2) * (1.0 - 1e-9) - 1e-12));
         // Points of the facet: places of the box drawn onto the plane.
         for _ in 0..200 {
             let any: [f64; 3] =

@@ -1,15 +1,20 @@
 //! The search for the nearest point: depth first, the nearest child first, what is farther than the best left out.
 //!
-//! The last answer's cell is asked first: its distance is a true bound. The descent begins at the smallest box that holds
-//! the ball of this radius; the way to that box is kept, and repaired between neighbours.
+//! The point's own cell, or else the last answer's, is asked first: its distance is a true bound. Where the ball of this
+//! radius meets few cells these are asked, decoded already for a point before ([`bricks`]). Otherwise the descent begins at
+//! the smallest box that holds the ball; the way to that box is kept, and repaired between neighbours.
 
 use crate::geom::{BoxIndex, Octant, dot};
 use crate::load::NodeView;
 
+use super::bricks::{self, Bricks, Kept};
 use super::{Facet, Place, Surface};
 
 /// Most levels of boxes.
 const MAX_LEVELS: usize = 17;
+
+/// Most bricks along an axis of the cells that are asked without a descent.
+const MAX_BRICKS: u32 = 3;
 
 /// Least part of a distance that is along the normal, for the normal to say the side.
 pub(super) const ALONG: f64 = 0.8;
@@ -70,24 +75,6 @@ impl Found {
         (self.height.abs() > ALONG * distance).then_some(distance.copysign(self.height))
     }
 
-    /// Keeps a facet's nearest point if it is before the best one, and within the limit, a squared distance.
-    #[inline]
-    pub(super) fn offer(
-        best: &mut Option<Self>,
-        limit: &mut f64,
-        point: [f64; 3],
-        facet: &Facet,
-        (place, part): (Place, u8),
-    ) {
-        let (square, at) = facet.nearest(point);
-        if square > *limit || best.is_some_and(|best| best.is_before(square, place, part)) {
-            return;
-        }
-        *limit = square;
-        let (normal, height) = (facet.normal, facet.height(point));
-        *best = Some(Self { square, point: at, normal, place, part, height });
-    }
-
     /// Nearer; of those as near the one of the lower number, then part.
     #[inline]
     fn is_before(&self, square: f64, place: Place, part: u8) -> bool {
@@ -97,22 +84,34 @@ impl Found {
 
 /// A search that keeps what it found last, as the start of the next one.
 ///
-/// Memory: some boxes of each level. Cost: a microsecond where the surface is nearer than a few cells; at a distance of
+/// Memory: some boxes of each level, and 200 KiB of facets. Cost: a microsecond where the surface is nearer than a few cells; at a distance of
 /// d cells it meets some 2 pi d.
 #[derive(Clone, Debug)]
 pub(crate) struct Search<'a> {
     pub(crate) surface: Surface<'a>,
     waiting: Vec<(f64, Place)>,
     way: Way,
+    bricks: Bricks,
     seed: Option<Place>,
-    best: Option<Found>,
+    best: Best,
+}
+
+/// The nearest point so far.
+#[derive(Clone, Copy, Debug)]
+struct Best {
+    found: Option<Found>,
+    /// The greatest squared distance, or the one that was found.
     limit: f64,
+    /// A squared distance that is nothing but rounding.
+    rounding: f64,
 }
 
 impl<'a> Search<'a> {
     pub(super) fn new(surface: Surface<'a>) -> Self {
-        let (way, limit) = (Way::new(&surface), f64::INFINITY);
-        Self { surface, waiting: Vec::new(), way, seed: None, best: None, limit }
+        let finest = surface.space.finest;
+        let best = Best { found: None, limit: f64::INFINITY, rounding: 1e-10 * finest * finest };
+        let (way, bricks) = (Way::new(&surface), Bricks::default());
+        Self { surface, waiting: Vec::new(), way, bricks, seed: None, best }
     }
 
     /// Starts the next search at a cell in place of the last answer's.
@@ -122,29 +121,75 @@ impl<'a> Search<'a> {
 
     /// The nearest point of the surface to a point of the frame, or `None` within the given distance.
     pub(crate) fn nearest(&mut self, point: [f64; 3], query: &Query<'_>) -> Option<Found> {
-        self.best = None;
-        self.limit = query.within * query.within;
+        (self.best.found, self.best.limit) = (None, query.within * query.within);
         if self.surface.view.is_empty() || !point.iter().all(|c| c.is_finite()) {
             return None;
         }
-        let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
-        if let Some(seed) = self.seed {
+        let own = self.surface.cell_at(point).filter(|_| self.has_bricks() && query.among.is_none());
+        let own = own.and_then(|cell| self.kept(cell, point, query));
+        if let (None, Some(seed)) = (own, self.seed) {
             self.ask(seed, point, query);
-            if self.best.is_some() {
-                let range = self.range(point, self.slack().sqrt());
-                start = range.map_or(start, |range| self.start(range));
-            }
         }
-        self.descend(start, point, query);
-        if let Some(found) = &self.best {
+        let asked = own.or(self.seed);
+        let mut start = Place { number: BoxIndex::ROOT, low: [0; 3], level: self.surface.view.depth() };
+        if self.best.found.is_some()
+            && let Some(range) = self.range(point, self.best.slack().sqrt())
+        {
+            if query.among.is_none() && self.has_bricks() && is_small(range) {
+                self.ask_range(range, asked, point, query);
+                self.seed = self.best.found.map(|found| found.place);
+                return self.best.found;
+            }
+            start = self.start(range);
+        }
+        self.descend(start, asked, point, query);
+        if let Some(found) = &self.best.found {
             self.seed = Some(found.place);
         }
-        self.best
+        self.best.found
+    }
+
+    /// True where all cells lie in bricks.
+    #[inline]
+    fn has_bricks(&self) -> bool {
+        !self.surface.view.has_leaves() && self.surface.view.depth() >= bricks::LEVELS
+    }
+
+    /// Asks the cell that a point lies in, if it is there.
+    fn kept(&mut self, cell: [u32; 3], point: [f64; 3], query: &Query<'_>) -> Option<Place> {
+        let Self { surface, way, bricks, best, .. } = self;
+        let kept = bricks.cell(surface, way, cell)?;
+        best.ask(&kept, point, query);
+        Some(kept.place)
+    }
+
+    /// Asks the cells of a range but the one that was asked.
+    fn ask_range(&mut self, range: [[u32; 3]; 2], asked: Option<Place>, point: [f64; 3], query: &Query<'_>) {
+        let Self { surface, way, bricks, best, .. } = self;
+        bricks.range(surface, way, range, |kept| {
+            if asked != Some(kept.place) {
+                best.ask(&kept, point, query);
+            }
+        });
     }
 
     /// The box of the tree in which a cell of the grid lies: a cell, a larger leaf, or `None` where it is empty.
     pub(super) fn at(&mut self, cell: [u32; 3]) -> Option<Place> {
-        self.way.go(&self.surface, cell)
+        self.way.go(&self.surface, cell, 0)
+    }
+
+    /// Whether a point is behind the surface of the cell, or larger leaf, that it lies in; `None` where that is empty.
+    pub(super) fn behind_own(&mut self, cell: [u32; 3], point: [f64; 3]) -> Option<bool> {
+        if self.has_bricks() {
+            let Self { surface, way, bricks, .. } = self;
+            let kept = bricks.cell(surface, way, cell)?;
+            return Some(match kept.facets {
+                [(_, facet)] if !kept.has_corners => facet.height(point) <= 0.0,
+                _ => surface.is_behind(kept.place, point),
+            });
+        }
+        let place = self.at(cell)?;
+        Some(self.surface.is_behind(place, point))
     }
 
     /// First and last cell of the grid within `reach` of a point of the frame; `None` if the grid is elsewhere.
@@ -168,26 +213,19 @@ impl<'a> Search<'a> {
     /// The smallest box that holds a range of cells, as far as the tree goes.
     fn start(&mut self, [first, last]: [[u32; 3]; 2]) -> Place {
         let apart = (0..3).fold(0, |apart, a| apart | (first[a] ^ last[a]));
-        self.way.go(&self.surface, first);
+        self.way.go(&self.surface, first, 0);
         self.way.place(u32::BITS - apart.leading_zeros())
     }
 
-    /// The best squared distance, and a little for what is as near but for rounding.
-    #[inline]
-    fn slack(&self) -> f64 {
-        let finest = self.surface.space.finest;
-        self.limit * (1.0 + 1e-10) + 1e-10 * finest * finest
-    }
-
-    fn descend(&mut self, start: Place, point: [f64; 3], query: &Query<'_>) {
+    fn descend(&mut self, start: Place, asked: Option<Place>, point: [f64; 3], query: &Query<'_>) {
         self.waiting.clear();
         self.waiting.push((0.0, start));
         while let Some((square, place)) = self.waiting.pop() {
-            if square > self.slack() {
+            if square > self.best.slack() {
                 continue;
             }
             if place.level == 0 || self.surface.is_leaf(place) {
-                if self.seed != Some(place) || self.best.is_none() {
+                if asked != Some(place) {
                     self.ask(place, point, query);
                 }
                 continue;
@@ -203,7 +241,7 @@ impl<'a> Search<'a> {
         let infobyte = self.surface.view.infobyte(node);
         let first = self.surface.view.first_child(node);
         let (level, spacing) = (place.level - 1, self.surface.space.spacing);
-        let (edge, most) = (f64::from(1_u32 << level), self.slack());
+        let (edge, most) = (f64::from(1_u32 << level), self.best.slack());
         // Squared distances to the low and high half along each axis.
         let halves: [[f64; 2]; 3] = std::array::from_fn(|a| {
             let low = f64::from(place.low[a]) * spacing[a];
@@ -244,18 +282,49 @@ impl<'a> Search<'a> {
                 return;
             }
         }
-        surface.facets(place, |part, facet| {
-            if facet.bound(point) > self.slack() || !query.accepts(facet.normal) {
-                return;
-            }
-            Found::offer(&mut self.best, &mut self.limit, point, &facet, (place, part));
-        });
+        surface.facets(place, |part, facet| self.best.offer(&facet, (place, part), point, query));
     }
+}
+
+impl Best {
+    /// The best squared distance, and a little for what is as near but for rounding.
+    #[inline]
+    fn slack(&self) -> f64 {
+        self.limit * (1.0 + 1e-10) + self.rounding
+    }
+
+    #[inline]
+    fn ask(&mut self, kept: &Kept<'_>, point: [f64; 3], query: &Query<'_>) {
+        for (part, facet) in kept.facets {
+            self.offer(facet, (kept.place, *part), point, query);
+        }
+    }
+
+    /// Keeps a facet's nearest point if it is before the best one, within the limit, and counts.
+    #[inline]
+    fn offer(&mut self, facet: &Facet, (place, part): (Place, u8), point: [f64; 3], query: &Query<'_>) {
+        if !facet.may_reach(point, self.slack()) || !query.accepts(facet.normal) {
+            return;
+        }
+        let (square, at) = facet.nearest(point);
+        if square > self.limit || self.found.is_some_and(|best| best.is_before(square, place, part)) {
+            return;
+        }
+        let (normal, height) = (facet.normal, facet.height(point));
+        self.limit = square;
+        self.found = Some(Found { square, point: at, normal, place, part, height });
+    }
+}
+
+/// True for cells in few bricks.
+#[inline]
+fn is_small([first, last]: [[u32; 3]; 2]) -> bool {
+    (0..3).all(|a| (last[a] >> bricks::LEVELS) - (first[a] >> bricks::LEVELS) < MAX_BRICKS)
 }
 
 /// The boxes on the way from the root to a cell.
 #[derive(Clone, Debug)]
-struct Way {
+pub(super) struct Way {
     cell: [u32; 3],
     boxes: [BoxIndex; MAX_LEVELS],
     /// The lowest level of which the box is known.
@@ -270,16 +339,16 @@ impl Way {
         Self { cell: [0; 3], boxes: [BoxIndex::ROOT; MAX_LEVELS], reached: depth, depth }
     }
 
-    /// Follows the way to a cell of the grid, from where it parts from the one before.
-    fn go(&mut self, surface: &Surface<'_>, cell: [u32; 3]) -> Option<Place> {
+    /// Follows the way to a cell of the grid, from where it parts from the one before, to the box of a level.
+    pub(super) fn go(&mut self, surface: &Surface<'_>, cell: [u32; 3], end: u32) -> Option<Place> {
         let apart = (0..3).fold(0, |apart, a| apart | (cell[a] ^ self.cell[a]));
         let mut level = (u32::BITS - apart.leading_zeros()).max(self.reached).min(self.depth);
         self.cell = cell;
         loop {
             self.reached = level;
             let place = self.place(level);
-            if level == 0 || surface.is_leaf(place) {
-                return Some(place);
+            if level <= end || surface.is_leaf(place) {
+                return Some(if level < end { self.place(end) } else { place });
             }
             level -= 1;
             let high = cell.map(|c| c >> level & 1);
