@@ -47,8 +47,8 @@ fn are_uneven(affine: &Affine) -> bool {
 pub struct Measures {
     /// First voxel of the skin along each axis, and the one after the last.
     pub voxels: [[u32; 3]; 2],
-    /// Least and greatest coordinate (LPS) of the surface: of the skin's voxels, of the part of cells that is inside, of the
-    /// cells between labels. Over 2048 voxels a side of boxes 1/2048 of the grid wide, so never too tight.
+    /// Least and greatest coordinate (LPS) of the surface: of the skin's voxels, of the part of cells that is inside or
+    /// has a label. Over 2048 voxels a side of boxes 1/2048 of the grid wide, so never too tight.
     pub box_mm: [[f64; 3]; 2],
     /// Area of the skin, walls of enclosed cavities included, with its error; a sheet one voxel thick counts
     /// once. `None` without normals, and of voxels that are too uneven.

@@ -67,6 +67,8 @@ struct Header {
     origin: Vec<f64>,
     matrix: Vec<f64>,
     unit: String,
+    /// Slope and offset of the values, where they are stated.
+    intensity: [Option<f64>; 2],
     /// Kinds of the axes, in lower case; empty if they are not stated.
     kinds: Vec<String>,
     /// True if frames have fields of their own.
@@ -98,6 +100,7 @@ impl Header {
             origin: Vec::new(),
             matrix: Vec::new(),
             unit: String::new(),
+            intensity: [None; 2],
             kinds: Vec::new(),
             is_sequence: false,
             placed_one_by_one: false,
@@ -157,6 +160,8 @@ impl Header {
             "elementsize" => self.element_size = numbers(key, value)?,
             "offset" | "position" | "origin" => self.origin = numbers(key, value)?,
             "transformmatrix" | "rotation" | "orientation" => self.matrix = numbers(key, value)?,
+            "elementtointensityfunctionslope" => self.intensity[0] = Some(number(key, value)?),
+            "elementtointensityfunctionoffset" => self.intensity[1] = Some(number(key, value)?),
             "distanceunits" => self.unit = value.to_owned(),
             "kinds" => self.kinds = value.split_whitespace().map(str::to_lowercase).collect(),
             _ => {
@@ -281,6 +286,12 @@ impl Header {
         }
         if spacing.is_empty() {
             notes.push(Note::no_spacing("the header"));
+        }
+        let (slope, offset) = (self.intensity[0].unwrap_or(1.0), self.intensity[1].unwrap_or(0.0));
+        if (slope, offset) != (1.0, 0.0) {
+            notes.push(Note::new(format!(
+                "the header states that values are {slope} x the samples + {offset}; this is not applied, as in ITK"
+            )));
         }
         let mut scale = 1.0;
         if !self.unit.is_empty() && !self.unit.contains('?') {

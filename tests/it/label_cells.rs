@@ -189,7 +189,7 @@ fn balls_have_their_areas_and_numbers_and_walls_their_bound() {
     assert_eq!(command::build(&[&input], Path::new(&at("m.oct")), &["--labels", "all"]).code, 0);
     let info = oct(&["info", &at("m.oct"), "--json"]).json();
     assert_eq!(info["not_measured"], "labels");
-    assert!((info["bounding_box_mm"][1][0].as_f64().unwrap() - 29.8).abs() < 0.6, "{info}");
+    assert!((info["bounding_box_mm"][1][0].as_f64().unwrap() - 29.8).abs() < 0.15, "{info}");
     for (label, radius) in info["labels"].as_array().unwrap().iter().zip([7.0_f64, 7.5]) {
         let due = 4.0 * std::f64::consts::PI * radius * radius;
         let [area, error] = ["area_mm2", "area_error_mm2"].map(|key| label[key].as_f64().unwrap());

@@ -46,6 +46,17 @@ fn seldom_forms_give_the_same_model() {
         let noted = notes.iter().any(|note| note.contains("bytes behind the"));
         assert!(made == expected && noted == (more >= 50), "{more}: {notes:?}");
     }
+    fs::write(folder.path().join("m.mtl"), "newmtl a\nKd 1 0 0\n").unwrap();
+    for (name, text, words) in [
+        ("a.off", format!("{}\n3 0 1 2\n", off.trim_end()), "has more behind the"),
+        ("a.ply", format!("{}\n3 0 1 2\n", ply.trim_end()), "has more behind the"),
+        ("a.off", format!("{} 1 0 0\n", off.trim_end()), "has colours, which are not read from OFF"),
+        ("a.obj", format!("mtllib m.mtl m.mtl\n{obj}"), ""),
+    ] {
+        let (_, notes) = build(folder.path(), name, text.as_bytes()).unwrap();
+        let notes = notes.join("; ");
+        assert!(notes.contains(words) && !notes.contains("not there"), "{name}: {notes}");
+    }
     for form in ["ascii", "binary_little_endian", "binary_big_endian"] {
         for (at, seldom) in
             [seldom_ply(&body, form, 0), seldom_ply(&body, form, 1), seldom_ply(&body, form, 2)]
@@ -245,6 +256,10 @@ fn supports_are_left_out_with_a_note() {
     let parts = [("_rels/.rels", RELATIONS.into(), 8), ("3D/a.model", no.into(), 8)];
     let told = build(folder.path(), "a.3mf", &containers::archive(&parts)).unwrap_err().to_string();
     assert!(told.contains("`printable` is `no`"), "{told}");
+    let parts =
+        [("_rels/.rels", RELATIONS.into(), 8), ("3D/a.model", both("type=\"suport\"", items).into(), 8)];
+    let (_, notes) = build(folder.path(), "a.3mf", &containers::archive(&parts)).unwrap();
+    assert!(notes.iter().any(|note| note.contains("the type suport")), "{notes:?}");
 }
 
 /// A notch of a face that is not convex stays open: the prism of a U, whichever corner its faces begin with.

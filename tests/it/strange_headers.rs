@@ -566,6 +566,7 @@ fn numbers_of_text_headers_that_are_none_or_one_too_many_are_refused_by_name() {
                 ("SPACING", "1,5 1 1"),
                 ("ORIGIN", "0 0"),
                 ("SPACING", "1 1 one"),
+                ("SPACING", "1 -1 1"),
                 ("POINT_DATA", "6o"),
                 ("POINT_DATA", "59"),
             ],

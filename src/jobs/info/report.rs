@@ -204,8 +204,8 @@ pub struct MeasuredFigures {
     pub not_measured: Option<NotMeasured>,
     /// First voxel of the skin along x, y, z, and the one after the last.
     pub bounding_box_voxels: Option<[[u32; 3]; 2]>,
-    /// Lowest and highest coordinates (LPS) of the surface, in mm: of the skin's voxels, of the part of cells that is inside,
-    /// of cells between labels; at most 1/2048 of the grid too wide, never too tight.
+    /// Lowest and highest coordinates (LPS) of the surface, in mm: of the skin's voxels, of the part of cells that is inside
+    /// or has a label; at most 1/2048 of the grid too wide, never too tight.
     pub bounding_box_mm: Option<[[f64; 3]; 2]>,
     /// Area of the skin, walls of cavities included; a sheet one voxel thick counts once; null without normals,
     /// and where voxels are more than 100 times as long along one axis as along another.

@@ -34,7 +34,8 @@ pub(in crate::jobs) fn measure_labels(
     affine: &Affine,
 ) -> Option<LabelMeasures> {
     let space = GridSpace::new(dims, affine).ok()?;
-    let Bounds { voxels, box_mm } = bounds(view, &space)?;
+    let Bounds { voxels, box_mm: cells_mm } = bounds(view, &space)?;
+    let mut box_mm = [[f64::INFINITY; 3], [f64::NEG_INFINITY; 3]];
     let weights = Weights::new(affine, &space, true);
     let mut slices = SkinSlices::new(view, voxels);
     let mut bends = Bends::new(table.len(), EDGE);
@@ -47,7 +48,16 @@ pub(in crate::jobs) fn measure_labels(
             let Some(found) = view.walls(voxel.voxel.get()) else { continue };
             let patch = voxel.code(view).and_then(|code| weights.patch(code, None, [voxel.y, voxel.x]));
             let patch = patch.filter(|_| found.planes().len() == 1);
-            for (labels, area) in areas(&found, &weights.columns) {
+            let faces = faces(&found);
+            let middle = [voxel.x, voxel.y, z].map(f64::from);
+            for u in labelled(&found, &faces) {
+                let at = affine.apply(std::array::from_fn(|a| middle[a] + u[a] / 2.0));
+                for (a, value) in at.into_iter().enumerate() {
+                    (box_mm[0][a], box_mm[1][a]) = (value.min(box_mm[0][a]), value.max(box_mm[1][a]));
+                }
+            }
+            for (labels, face) in faces {
+                let area = area(&face, &weights.columns);
                 for (label, front) in labels.into_iter().zip([false, true]) {
                     let Some(at) = place(label) else { continue };
                     walls[at].within += area;
@@ -67,6 +77,7 @@ pub(in crate::jobs) fn measure_labels(
         known.then_some((usual, error))
     };
     let areas_mm2 = walls.into_iter().zip(&bends.of_area).zip(table).map(of).collect();
+    let box_mm = if box_mm[0][0].is_finite() { box_mm } else { cells_mm };
     Some(LabelMeasures { voxels, box_mm, areas_mm2 })
 }
 
@@ -92,6 +103,19 @@ struct WallArea {
 
 /// The walls of a cell whose edges are these axes: the labels behind and in front, and the area.
 pub(in crate::jobs) fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 2], f64)> {
+    faces(walls).into_iter().map(|(labels, face)| (labels, area(&face, axes))).collect()
+}
+
+/// Corners of what has a label in a cell, in its own coordinates.
+fn labelled(walls: &Walls, faces: &[([u16; 2], Vec<[f64; 3]>)]) -> Vec<[f64; 3]> {
+    let corners = (0..8).filter(|corner| walls.corner(*corner) > 0);
+    let at = |corner: usize| std::array::from_fn(|a| if corner >> a & 1 == 1 { 1.0 } else { -1.0 });
+    let ends = faces.iter().filter(|(labels, _)| labels.contains(&0)).flat_map(|(_, face)| face);
+    corners.map(at).chain(ends.copied()).collect()
+}
+
+/// The walls of a cell: the labels behind and in front, and the polygon in the cell's own coordinates.
+fn faces(walls: &Walls) -> Vec<([u16; 2], Vec<[f64; 3]>)> {
     let planes = walls.planes();
     let mut found = Vec::new();
     for (i, plane) in planes.iter().enumerate() {
@@ -110,7 +134,7 @@ pub(in crate::jobs) fn areas(walls: &Walls, axes: &[[f64; 3]; 3]) -> Vec<([u16; 
                 normal[side / 2] = if side % 2 == 0 { 1 } else { -1 };
                 face = clipped(&face, &Plane { normal, offset: 1 }, false);
             }
-            found.push((labels, area(&face, axes)));
+            found.push((labels, face));
         }
     }
     found

@@ -40,7 +40,7 @@ use super::UpAxis;
 use super::corner::{Corner, EachCorners, PlaceVertex};
 use crate::mesh::read::stop::unknown_format;
 use crate::platform::PositionalFile;
-use crate::text::{plain_head, shown};
+use crate::text::plain_head;
 use crate::volume::{SourceError, SourceFault};
 pub(super) use linked::missing;
 pub(super) use look::{Image, Look, Material, NO_MATERIAL, Texture, Wrap, linear};
@@ -239,13 +239,14 @@ impl MeshFile {
                 None => Kind::StlText { file },
             },
             Format::Ply => {
-                let (open, texture) = ply::Ply::open(file, bytes, limits)?;
+                let (open, lacks) = ply::Ply::open(file, bytes, limits)?;
                 let looks = open.has_looks();
-                let texture = texture.filter(|_| limits.colors);
-                let lacks = texture.map(|name| format!("takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF", shown(&name))).into_iter().collect();
                 return Ok((Kind::Ply(open), Summary { looks, lacks, ..Summary::default() }));
             }
-            Format::Off => Kind::Off(text::Faces::off(&file, bytes, limits.scratch)?),
+            Format::Off => {
+                let (faces, lacks) = text::Faces::off(&file, bytes, limits)?;
+                return Ok((Kind::Off(faces), Summary { lacks, ..Summary::default() }));
+            }
             Format::Obj => return obj::open(&file, path, limits).map(|(o, s)| (Kind::Obj(Box::new(o)), s)),
             Format::Gltf => {
                 return gltf::open(file, bytes, path, limits).map(|(o, s)| (Kind::Gltf(Box::new(o)), s));

@@ -6,7 +6,7 @@ use super::Limits;
 use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words, head, mark};
-use super::text::{Faces, Fan, Polygons};
+use super::text::{Faces, Fan, Polygons, more_than};
 use super::vertex_looks::{VertexLooks, light};
 use super::vertices::{FEW_PAGES, MAX_RECORD, Number, PAGES, Pages, Spool, Vertices};
 use crate::fault::bad;
@@ -14,7 +14,7 @@ use crate::mesh::read::stop::{
     bad_index, count_lies, cut_short, no_coordinates, no_faces, only_points, unknown_format,
 };
 use crate::platform::PositionalFile;
-use crate::text::plain_head;
+use crate::text::{plain_head, shown};
 
 const MAX_HEADER: u64 = 64 << 10;
 
@@ -301,23 +301,26 @@ pub(super) fn check(file: PositionalFile, bytes: u64) -> Result<(), Stop> {
 }
 
 impl Ply {
-    /// A file, and the name of its texture.
+    /// A file, and what of it is left out.
     pub(super) fn open(
         file: PositionalFile,
         bytes: u64,
         limits: &Limits<'_>,
-    ) -> Result<(Self, Option<String>), Stop> {
+    ) -> Result<(Self, Vec<String>), Stop> {
         let mut header = Header::read(&file)?;
-        let texture = header.texture.take();
+        let texture = header.texture.take().filter(|_| limits.colors);
+        let mut lacks: Vec<String> = texture.map(|name| format!("takes colours from the texture {}, which is not read from PLY; the model lacks them: write it as OBJ or glTF", shown(&name))).into_iter().collect();
         let used = header.used(bytes)?;
         let open = if header.is_usual(used) {
             let mut binary = Binary::open(file, bytes, header, used)?;
             binary.face_colors = binary.face_colors.filter(|_| limits.colors);
             Self::Binary(binary)
         } else {
-            Self::Written(write_out(&file, bytes, &header, used, *limits)?)
+            let (faces, has_more) = write_out(&file, bytes, &header, used, *limits)?;
+            lacks.extend(has_more.then(|| more_than(header.elements[used[1]].count)));
+            Self::Written(faces)
         };
-        Ok((open, texture))
+        Ok((open, lacks))
     }
 
     pub(super) fn for_each(&self, each: &mut Each<'_>) -> Result<(), Stop> {
@@ -669,7 +672,7 @@ fn write_out(
     header: &Header,
     [vertex, face]: [usize; 2],
     Limits { scratch, looks, colors: colored, .. }: Limits<'_>,
-) -> Result<Faces, Stop> {
+) -> Result<(Faces, bool), Stop> {
     let mut values = match header.form {
         Form::Text => {
             let mut words = Words::new(file, header.end, header.line);
@@ -746,7 +749,12 @@ fn write_out(
             }
         }
     }
+    // Behind the faces other elements may follow.
+    let has_more = match &mut values {
+        Values::Text(words) if vertex.max(face) + 1 == header.elements.len() => words.has_more()?,
+        _ => false,
+    };
     let faces = Faces::of(vertices, triangles, written([colors, normals, of_triangles])?)?;
     faces.cut(polygons, None)?;
-    Ok(faces)
+    Ok((faces, has_more))
 }

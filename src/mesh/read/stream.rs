@@ -255,6 +255,17 @@ impl<'a> Words<'a> {
         if self.next()? == Token::Word { Err(self.one_more(what)) } else { Ok(()) }
     }
 
+    /// True if a word follows, on this line or a later one.
+    pub(super) fn has_more(&mut self) -> Result<bool, Stop> {
+        loop {
+            match self.next()? {
+                Token::Word => return Ok(true),
+                Token::LineEnd => {}
+                Token::End => return Ok(false),
+            }
+        }
+    }
+
     /// The numbers left in this line; there must be as many as one of `counts` says.
     pub(super) fn rest<const N: usize>(
         &mut self,

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use super::Limits;
 use super::polygon;
 use super::stop::{Each, EachLook, EachOf, Stop, finite};
 use super::stream::{Stream, Token, Words, numbers};
@@ -119,6 +120,8 @@ impl Records<'_> {
 /// What the first word of an OFF file says of the numbers of its vertices.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct OffKind {
+    /// True for vertices with colours.
+    colored: bool,
     /// Numbers of normals and places in textures behind the coordinates.
     more: usize,
     /// True for four coordinates, or as many as the file states.
@@ -132,6 +135,7 @@ fn off_word(word: &[u8]) -> Option<(OffKind, &[u8])> {
     for (prefix, more) in [(&b"ST"[..], 2), (b"C", 0), (b"N", 3)] {
         if let Some(behind) = rest.strip_prefix(prefix) {
             (rest, kind.more) = (behind, kind.more + more);
+            kind.colored |= prefix == b"C";
         }
     }
     for prefix in [b"4", b"n"] {
@@ -141,6 +145,13 @@ fn off_word(word: &[u8]) -> Option<(OffKind, &[u8])> {
     }
     let rest = rest.strip_prefix(b"OFF")?;
     rest.first().is_none_or(u8::is_ascii_digit).then_some((kind, rest))
+}
+
+/// The note on text behind the last face.
+pub(super) fn more_than(faces: u64) -> String {
+    format!(
+        "has more behind the {faces} faces that it states, which was left out; correct their number if faces are missing"
+    )
 }
 
 /// Does it begin as an OFF file? Empty lines and comments may come first.
@@ -193,8 +204,13 @@ impl Faces {
         Ok(())
     }
 
-    /// Reads an OFF file, with or without colours behind its vertices and faces.
-    pub(super) fn off(file: &PositionalFile, bytes: u64, scratch: &Path) -> Result<Self, Stop> {
+    /// Reads an OFF file, and what is left out of it: colours behind vertices and faces, and what follows its faces.
+    pub(super) fn off(
+        file: &PositionalFile,
+        bytes: u64,
+        limits: &Limits<'_>,
+    ) -> Result<(Self, Vec<String>), Stop> {
+        let scratch = limits.scratch;
         let mut words = Words::begin(file)?;
         words.must_anywhere()?;
         // The first word may be missing, or the first number may follow it at once.
@@ -232,12 +248,13 @@ impl Faces {
             return Err(count_lies(vertex_count.max(face_count), bytes / 6).into());
         }
         let (mut vertices, mut triangles) = (Spool::new(scratch), Spool::new(scratch));
-        let mut polygons = Polygons::new(scratch);
+        let (mut polygons, mut colored) = (Polygons::new(scratch), kind.colored);
         for _ in 0..vertex_count {
             words.must_anywhere()?;
             let x = words.as_number()?;
             let counts = [2, 5, 6].map(|count| count + kind.more);
-            let ([y, z], _) = words.rest("a vertex behind its first number", &counts)?;
+            let ([y, z], count) = words.rest("a vertex behind its first number", &counts)?;
+            colored |= count > counts[0];
             vertices.vertex([x, y, z])?;
         }
         for face in 0..face_count {
@@ -257,15 +274,20 @@ impl Faces {
             polygons.fan(first, triangles.count)?;
             if words.line() == line {
                 // The number of a colour, or its parts.
-                words.rest::<0>("the colour of a face", &[0, 1, 3, 4])?;
+                colored |= words.rest::<0>("the colour of a face", &[0, 1, 3, 4])?.1 > 0;
             } else if words.next()? == Token::Word {
                 // Colours stand behind faces of one line: the first line was short.
                 return Err(Words::wrong_at(line));
             }
         }
+        let mut lacks = Vec::new();
+        if colored && limits.colors {
+            lacks.push("has colours, which are not read from OFF; the model lacks them: write it as PLY, OBJ or glTF".into());
+        }
+        lacks.extend(words.has_more()?.then(|| more_than(face_count)));
         let faces = Self::of(vertices, triangles, VertexLooks::default())?;
         faces.cut(polygons, None)?;
-        Ok(faces)
+        Ok((faces, lacks))
     }
 
     /// Vertices and triangles that were written, and what vertices carry.

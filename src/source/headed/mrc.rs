@@ -132,7 +132,13 @@ fn header(head: &[u8; HEADER], encoding: Encoding) -> Read<Headed> {
         }
         affine
     } else {
-        notes.push(Note::no_spacing("the header"));
+        let [a, b, c] = cell;
+        notes.push(match cell.iter().any(|side| *side != 0.0) {
+            true => Note::spacing(format!(
+                "the header states a cell of {a} x {b} x {c} ångströms in {intervals:?} intervals, which makes no spacing; 1 mm is assumed"
+            )),
+            false => Note::no_spacing("the header"),
+        });
         Affine::from_spacing([1.0; 3])
     };
     // The bytes of the extended header.

@@ -97,7 +97,15 @@ impl Fields {
             }
             "DIMENSIONS" => self.size = Some(exactly("DIMENSIONS", rest)?),
             "ORIGIN" => self.origin = Some(exactly("ORIGIN", rest)?),
-            "SPACING" | "ASPECT_RATIO" => self.spacing = Some(exactly("SPACING", rest)?),
+            "SPACING" | "ASPECT_RATIO" => {
+                let spacing: [f64; 3] = exactly("SPACING", rest)?;
+                if let Some(step) = spacing.iter().find(|step| **step <= 0.0) {
+                    return Err(bad!(
+                        "its field SPACING has {step}, which is not above 0; write the samples in rising order"
+                    ));
+                }
+                self.spacing = Some(spacing);
+            }
             "POINT_DATA" => self.points = Some(number("POINT_DATA", rest)?),
             "CELL_DATA" if self.points.is_none() => return Err(unread("values of cells (CELL_DATA)", ELSE)),
             "SCALARS" if self.points.is_some() => self.samples = Some(scalars(words)?),

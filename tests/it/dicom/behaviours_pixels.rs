@@ -475,6 +475,9 @@ fn frame_counts_that_are_no_numbers_or_too_many_are_named() {
         let spec = Spec { frames, ..Spec::default() };
         assert_eq!(obstacle(&native(Syntax::ExplicitLe, spec, &[0; 8])), wanted);
     }
+    let spec = Spec { frames: "2", ..Spec::default() };
+    let more = obstacle(&native(Syntax::ExplicitLe, spec, &[0; 24]));
+    assert_eq!(more, "2 frames are stated, and the pixels of more are there: 24 bytes of 16");
     let spec = Spec { frames: "4294967295", ..Spec::default() };
     let file = encapsulated(RLE, spec, &[], &[rle16(&[1, 2, 3, 4])]);
     let error = Image::of(&header_of(&file)).unwrap_err().to_string();

@@ -101,6 +101,14 @@ impl<'a> Materials<'a> {
         if name.is_empty() {
             return Ok(());
         }
+        // Several names, where there is no file whose name has spaces.
+        let mut names = name.split_whitespace();
+        if names.clone().count() > 1
+            && names.clone().all(|name| name.to_lowercase().ends_with(".mtl"))
+            && open_linked(self.path, &name.replace('\\', "/"), self.limits.follow_links).is_err()
+        {
+            return names.try_for_each(|name| self.read(name));
+        }
         let Some((file, _)) = self.open(name)? else { return Ok(()) };
         self.materials(&file).map_err(|stop| stop.in_file(name))
     }

@@ -32,6 +32,9 @@ const KNOWN: [&[u8]; 6] = [
 const OBJECT_BYTES: u64 = 160;
 const PLACED_BYTES: u64 = 128;
 
+/// Types of objects that are built.
+const OBJECT_TYPES: [&[u8]; 3] = [b"model", b"surface", b"other"];
+
 const MIXED: &str =
     "has colours in several layers or mixtures, which are not read; those triangles have no colour";
 
@@ -193,7 +196,15 @@ impl<'a> Reader<'a> {
                         self.lack("gives the exact shape as slices, which are not read; the coarser mesh with them was built".to_owned());
                     }
                     object = Some((id, own));
-                    support = matches!(xml.raw(b"type"), Some(b"support" | b"solidsupport"));
+                    let kind = xml.raw(b"type").map(<[u8]>::trim_ascii);
+                    support = matches!(kind, Some(b"support" | b"solidsupport"));
+                    if let Some(other) = kind.filter(|kind| !support && !OBJECT_TYPES.contains(kind)) {
+                        let other: String = String::from_utf8_lossy(other).chars().take(40).collect();
+                        self.lack(format!(
+                            "gives an object the type {}, which is not known; it was built",
+                            shown(&other)
+                        ));
+                    }
                     self.left_out += u64::from(support);
                 }
                 b"mesh" => {

@@ -164,7 +164,7 @@ impl Image {
             planar: samples > 1 && header.planar == Some(1) && mapping != Mapping::Luma422,
             swapped: *syntax == TransferSyntax::ExplicitBe && allocated == 8 && pixels.words,
         };
-        image.check_length(pixels.available)?;
+        image.check_length(pixels.available, *syntax == TransferSyntax::Deflated)?;
         let by_position = syntax.is_native()
             && image.storage == Storage::Plain
             && mapping == Mapping::Values
@@ -232,7 +232,7 @@ impl Image {
 
     /// Is there room for all frames in the pixel element? Of a deflated file only an upper bound is known;
     /// what it lacks is noticed when it is unrolled.
-    fn check_length(&self, got: u64) -> Result<(), Obstacle> {
+    fn check_length(&self, got: u64, is_deflated: bool) -> Result<(), Obstacle> {
         let needed = match self.storage {
             Storage::Coded(_) => {
                 // Every frame has at least the head of one item.
@@ -251,6 +251,13 @@ impl Image {
                 frame.saturating_mul(self.frames.into()).div_ceil(8)
             }
         };
+        let more = got.saturating_sub(needed);
+        if self.frames > 1 && !is_deflated && self.storage == Storage::Plain && more >= self.frame_bytes() {
+            return Err(Obstacle::new(format!(
+                "{} frames are stated, and the pixels of more are there: {got} bytes of {needed}",
+                self.frames
+            )));
+        }
         if got >= needed {
             return Ok(());
         }
