@@ -38,7 +38,7 @@ impl Mesh {
     ) -> Result<f64, Stopped> {
         let goal = Goal { triangles: Some(triangles), error_mm: None };
         let fine = Surface::new(take(&mut self.vertices), take(&mut self.faces));
-        let (few, apart) = reduce(fine, goal, voxel_mm, progress)?;
+        let (few, apart) = reduce(fine, goal, false, voxel_mm, progress)?;
         self.normals = few.olds.iter().filter_map(|old| self.normals.get(*old as usize).copied()).collect();
         self.colors = few.olds.iter().filter_map(|old| self.colors.get(*old as usize).copied()).collect();
         (self.vertices, self.faces) = (few.at, few.faces);

@@ -17,7 +17,7 @@
 //! | `signs` | samples inside |
 //! | `cases` | the 256 cases of a cube, and its patches |
 //! | `patch` | where a patch lies in its cube, and its normal |
-//! | `decimate` | fewer triangles: within a bound brick by brick, or to a number |
+//! | `decimate` | fewer triangles, within a distance or to a number |
 //! | `dual` | vertices and triangles, layer by layer |
 //! | `labels` | the same for models of labels, a part for each label |
 //! | `mask` | NRRD and NIfTI |
@@ -61,7 +61,7 @@ use crate::scratch;
 
 use apart::{Ground, Slices};
 use bits::Bits;
-use decimate::{Decimator, Goal, Whole};
+use decimate::{Goal, Whole};
 use dual::Mesher;
 use mask::{Mask, MaskForm};
 use patch::{Layer, singles};
@@ -183,8 +183,10 @@ pub(crate) struct Exported {
     pub(crate) fine_triangles: u64,
     /// Greatest distance between the surfaces of both, in mm, where it was measured.
     pub(crate) distance_mm: Option<f64>,
-    /// Bound of it, where it was not.
+    /// Bound of it.
     pub(crate) within_mm: Option<f64>,
+    /// True where each edge has two triangles, corners at one place being one, where the surface was in memory.
+    pub(crate) is_closed: Option<bool>,
     /// Separate parts of the surface that were left out, where it was in memory.
     pub(crate) parts_gone: Option<u64>,
     /// Voxels set in a mask.
@@ -215,10 +217,6 @@ impl From<io::Error> for ExportStop {
         Self::Output(cause)
     }
 }
-
-/// Cells of a model up to which a whole surface begins within this part of a voxel of the fine one; larger ones within half a
-/// voxel.
-const FIRST: [(u64, f64); 2] = [(1 << 20, 0.0), (1 << 24, 0.1)];
 
 /// Slices after which the model's pages leave memory.
 const SLICES_KEPT: u32 = 4;
@@ -284,10 +282,10 @@ impl Exporter<'_> {
                 return self.mask(out, mask, bounds, fates, progress);
             }
             let mut sink = sink(form, out, scratch, [normals, colors])?;
-            let made = if self.triangles.is_some() || self.error_mm.is_some_and(|mm| mm > self.voxel_mm()) {
-                self.whole(bounds, sink.as_mut(), scratch, fates, progress)?
+            let made = if self.triangles.is_some() || self.error_mm.is_some() {
+                self.whole(bounds, sink.as_mut(), fates, progress)?
             } else {
-                self.within(self.error_mm, bounds, sink.as_mut(), scratch, fates, progress)?
+                self.feed(bounds, sink.as_mut(), fates, progress)?
             };
             if made.is_some() {
                 sink.finish()?;
@@ -296,61 +294,37 @@ impl Exporter<'_> {
         })
     }
 
-    /// The least distance of two samples, in mm.
-    fn voxel_mm(&self) -> f64 {
-        self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min)
-    }
-
-    /// All triangles, or fewer within a distance.
-    fn within(
-        &self,
-        error_mm: Option<f64>,
-        bounds: Bounds,
-        sink: &mut dyn Sink,
-        scratch: &Path,
-        fates: Option<(u64, Fates)>,
-        progress: &dyn Progress,
-    ) -> Result<Option<Exported>, ExportStop> {
-        let Some(error_mm) = error_mm else { return self.feed(bounds, sink, fates, progress) };
-        let to_samples = self.to_mm(bounds).inverse().ok_or(ExportStop::Damaged)?;
-        let waiting = scratch::unnamed(scratch)?;
-        let mut decimator = Decimator::new(sink, to_samples, error_mm, self.voxel_mm(), waiting);
-        let Some(fine) = self.feed(bounds, &mut decimator, fates, progress)? else { return Ok(None) };
-        let (vertices, triangles) = decimator.finish()?;
-        let within_mm = Some(error_mm);
-        Ok(Some(Exported { vertices, triangles, fine_triangles: fine.triangles, within_mm, ..fine }))
-    }
-
-    /// Fewer triangles, made of all of them in memory, or of those that a small distance leaves of a large surface.
+    /// Fewer triangles, made of all of them in memory, or of those that slabs leave of a large surface.
     fn whole(
         &self,
         bounds: Bounds,
         sink: &mut dyn Sink,
-        scratch: &Path,
         fates: Option<(u64, Fates)>,
         progress: &dyn Progress,
     ) -> Result<Option<Exported>, ExportStop> {
-        let (mut whole, voxel_mm) = (Whole::default(), self.voxel_mm());
-        let part = FIRST
-            .into_iter()
-            .find(|(cells, _)| self.view.voxel_count() <= *cells)
-            .map_or(0.5, |found| found.1);
-        let first_mm = self.error_mm.map_or(part * voxel_mm, |mm| (part * voxel_mm).min(mm / 2.0));
-        let first = Some(first_mm).filter(|mm| *mm > 0.0);
-        let Some(made) = self.within(first, bounds, &mut whole, scratch, fates, progress)? else {
-            return Ok(None);
-        };
-        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm.map(|mm| mm - first_mm) };
-        let apart = whole.reduce(goal, voxel_mm, progress)?;
+        let voxel_mm = self.affine.spacing_mm().into_iter().fold(f64::INFINITY, f64::min);
+        let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
+        let mut whole = Whole::new(goal, voxel_mm, progress);
+        let fed = self.feed(bounds, &mut whole, fates, progress);
+        // What slabs return to the mesher is an error of output.
+        progress.check()?;
+        let Some(made) = fed? else { return Ok(None) };
+        let apart = whole.reduce()?;
         let (vertices, triangles) = whole.hand_on(sink)?;
-        let (distance_mm, parts_gone) = (apart.distance_mm, Some(apart.parts_gone));
-        let counts = Exported { vertices, triangles, parts_gone, ..made };
-        Ok(Some(match first {
-            Some(mm) => Exported { within_mm: Some(distance_mm + mm), ..counts },
-            None => {
-                let (fine_triangles, distance_mm) = (made.triangles, Some(distance_mm));
-                Exported { fine_triangles, distance_mm, ..counts }
-            }
+        let (measured, bound) = if apart.is_bound {
+            (None, Some(apart.distance_mm))
+        } else {
+            (Some(apart.distance_mm), self.error_mm)
+        };
+        Ok(Some(Exported {
+            vertices,
+            triangles,
+            fine_triangles: made.triangles,
+            distance_mm: measured,
+            within_mm: bound,
+            is_closed: Some(whole.is_closed()),
+            parts_gone: Some(apart.parts_gone),
+            ..made
         }))
     }
 

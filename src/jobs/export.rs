@@ -74,13 +74,15 @@ pub struct ExportReport {
     /// Triangles before they were made fewer within an error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fine_triangles: Option<u64>,
-    /// Greatest distance in mm between the surface and that of the fine triangles, where it was measured: for a number of
-    /// triangles, and errors above one voxel, of models of up to a million cells.
+    /// Greatest distance in mm between the surface and that of the fine triangles as measured, up to some 8 million of these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
-    /// Bound of that distance where it was not measured.
+    /// Bound of that distance: the error, or what is known where it was not measured.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_mm: Option<f64>,
+    /// True where each edge has two triangles, corners at one place being one; for triangles that were made fewer.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub closed: Option<bool>,
     /// Separate parts of the surface that were left out for a number of triangles, the smallest ones.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub parts_gone: Option<u64>,
@@ -113,11 +115,9 @@ pub struct ExportReport {
 /// inside and those outside. Of cells it is true below the voxel, of skin voxels it lies half-way between samples. Larger
 /// leaves are taken apart into cells: it lies on their planes, as far from the surface as these do.
 ///
-/// Within an error of at most a voxel, edges are collapsed by meshoptimizer, brick by brick of 32^3 voxels, whose borders
-/// stay: memory some MiB for each of up to four threads, temporary disk 68 bytes a corner of 32 layers, cost some
-/// microseconds a triangle. To a number of triangles, or within a larger error, the whole surface is in memory, some 220
-/// bytes a triangle; of more than a million cells the triangles that a tenth of a voxel leaves, of more than 16 million
-/// those that half a voxel leaves.
+/// To make triangles fewer, the surface is in memory, some 220 bytes a triangle, up to 8 million of these (1.8 GB); of a
+/// larger surface slabs of so many triangles are reduced first, within a part of the error or a quarter of a voxel, and
+/// then what they leave. Cost: some microseconds a triangle.
 ///
 /// A model of labels becomes a closed part for each label, with its name and colour where the format has them; where two
 /// labels touch, both have the same triangles. As a mask it becomes the map of its labels again.
@@ -225,6 +225,7 @@ fn report(
         fine_triangles: Some(made.fine_triangles).filter(|count| *count > 0),
         distance_mm: made.distance_mm,
         within_mm: made.within_mm,
+        closed: made.is_closed,
         parts_gone: made.parts_gone,
         inside_voxels: made.inside,
         unknown_voxels: made.unknown,
@@ -457,7 +458,9 @@ impl ExportReport {
         if let Some(fine) = self.fine_triangles {
             let apart = self.distance_mm.map(|mm| format!(", at most {} mm from them (measured)", Short(mm)));
             let within = || self.within_mm.map(|mm| format!(", within {} mm of them", Short(mm)));
-            text += &format!("  of {fine} fine triangles{}\n", apart.or_else(within).unwrap_or_default());
+            let closed = self.closed.map_or("", |closed| if closed { ", closed" } else { ", not closed" });
+            text +=
+                &format!("  of {fine} fine triangles{}{closed}\n", apart.or_else(within).unwrap_or_default());
         }
         if let Some(apart) = self.apart_voxels {
             text += &format!("  larger leaves: up to {} voxel from the surface\n", Short(apart));

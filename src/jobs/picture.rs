@@ -240,7 +240,11 @@ fn shown_of(bodies: &Bodies<'_>, request: &RenderRequest, seen: BTreeSet<Seen>) 
 
 /// Title and legend around a picture.
 fn frame_of(bodies: &Bodies<'_>, path: &Path, outputs: &Outputs<'_>, request: &RenderRequest) -> Frame {
-    let title = outputs.title_of(path, |direction| bodies.support(direction));
+    let support = |direction| {
+        let all = bodies.parts.iter().map(|part| part.support_of_inside(direction));
+        all.fold(f64::NEG_INFINITY, f64::max)
+    };
+    let title = outputs.title_of(path, support);
     let (size, ground) = (bodies.size(request), bodies.ground(request));
     Frame::new(size, ground, title, bodies.legend.clone(), bodies.ramp.clone())
 }

@@ -176,6 +176,11 @@ impl<'a> Part<'a> {
         self.space.support(self.view, direction)
     }
 
+    /// [`Part::support`] of what is inside, as `oct info` measures extents.
+    pub(crate) fn support_of_inside(&self, direction: [f64; 3]) -> f64 {
+        self.space.support_of_inside(self.view, direction)
+    }
+
     /// [`Part::support`] of boxes of 2^`finest` voxels.
     pub(crate) fn support_to(&self, direction: [f64; 3], finest: u32) -> f64 {
         self.space.support_to(self.view, direction, finest)

@@ -15,6 +15,7 @@ const ROUNDS: u32 = 64;
 const NONE: u32 = u32::MAX;
 
 /// Corners, and triangles by their numbers.
+#[derive(Clone)]
 pub(in crate::export) struct Surface {
     pub(in crate::export) at: Vec<[f32; 3]>,
     pub(in crate::export) faces: Vec<[u32; 3]>,
@@ -82,7 +83,7 @@ impl Surface {
         surface
     }
 
-    fn compact(&mut self) {
+    pub(super) fn compact(&mut self) {
         let (mut news, mut kept) = (vec![None; self.at.len()], Vec::new());
         for corner in self.faces.as_flattened_mut() {
             let old = *corner;
@@ -95,12 +96,13 @@ impl Surface {
         self.olds = kept.iter().map(|old| self.olds[*old]).collect();
     }
 
-    pub(super) fn corners(&self, face: &[u32; 3]) -> [[f64; 3]; 3] {
-        face.map(|corner| self.place(corner))
+    pub(super) fn corners(&self, [a, b, c]: &[u32; 3]) -> [[f64; 3]; 3] {
+        [self.place(*a), self.place(*b), self.place(*c)]
     }
 
     fn place(&self, corner: u32) -> [f64; 3] {
-        self.at[corner as usize].map(f64::from)
+        let [x, y, z] = self.at[corner as usize];
+        [x, y, z].map(f64::from)
     }
 
     /// Twice the area of a triangle, as a vector out of the solid.
@@ -372,7 +374,7 @@ fn exchange(partners: &mut [u32], crowded: &[Vec<u32>], fans: &[u32]) -> bool {
 mod tests {
     use super::*;
 
-    /// What is reduced brick by brick has corners at one place, which would be moved apart.
+    /// Slabs have the corners on their borders twice; these would be moved apart.
     #[test]
     fn corners_at_one_place_are_one_and_triangles_with_two_of_them_go() {
         let places = [[0.0; 3], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];

@@ -1,12 +1,39 @@
 //! How far a point is from triangles: a tree of boxes around them.
 
-use super::near::Facet;
+use crate::geom::{Nearest, add_scaled, dot, nearest_on_triangle};
 
 /// Most triangles of a leaf.
 const LEAF: usize = 4;
 
 /// In place of the second half of a leaf.
 const NO_HALF: u32 = u32::MAX;
+
+/// A triangle made ready for many points.
+pub(super) struct Facet {
+    a: [f64; 3],
+    ab: [f64; 3],
+    ac: [f64; 3],
+    products: [f64; 3],
+}
+
+impl Facet {
+    pub(super) fn new([a, b, c]: [[f64; 3]; 3]) -> Self {
+        let (ab, ac) = (add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
+        Self { a, ab, ac, products: [dot(ab, ab), dot(ab, ac), dot(ac, ac)] }
+    }
+
+    /// Squared distance of a point.
+    #[inline]
+    pub(super) fn square(&self, p: [f64; 3]) -> f64 {
+        let ap = add_scaled(p, -1.0, self.a);
+        let [v, w] = match nearest_on_triangle([dot(self.ab, ap), dot(self.ac, ap)], self.products) {
+            Nearest::Border(weights) => weights,
+            Nearest::Face([va, vb, vc]) => [vb, vc].map(|area| area / (va + vb + vc)),
+        };
+        let away = add_scaled(add_scaled(ap, -v, self.ab), -w, self.ac);
+        dot(away, away)
+    }
+}
 
 /// Triangles in a tree of boxes, halved along their longest axis.
 ///
@@ -26,10 +53,7 @@ struct Node {
 
 impl Node {
     fn square(&self, p: [f64; 3]) -> f64 {
-        (0..3).fold(0.0, |sum, a| {
-            let over = (f64::from(self.low[a]) - p[a]).max(p[a] - f64::from(self.high[a])).max(0.0);
-            sum + over * over
-        })
+        box_square([self.low, self.high], p)
     }
 }
 
@@ -52,6 +76,12 @@ impl Tree {
         best
     }
 
+    /// The middle of a triangle, as of a point without triangles.
+    pub(super) fn middle(&self, number: usize) -> [f32; 3] {
+        let [a, b, c] = self.triangles.get(number).copied().unwrap_or_default();
+        std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
+    }
+
     fn descend(&self, at: usize, p: [f64; 3], best: &mut f64, seed: &mut usize, enough: f64) {
         let Some(node) = self.nodes.get(at) else { return };
         if *best <= enough {
@@ -62,15 +92,20 @@ impl Tree {
             // Where a leaf has fewer, triangles of the next one do no harm.
             let end = (first + LEAF).min(self.triangles.len());
             for (number, triangle) in (first..end).zip(&self.triangles[first..end]) {
-                let square = square(triangle, p);
-                if square < *best {
-                    (*best, *seed) = (square, number);
+                if box_square(around(triangle), p) < *best {
+                    let square = square(triangle, p);
+                    if square < *best {
+                        (*best, *seed) = (square, number);
+                    }
                 }
             }
             return;
         }
-        let mut halves = [at + 1, node.second as usize].map(|half| (self.nodes[half].square(p), half));
-        halves.sort_unstable_by(|a, b| a.0.total_cmp(&b.0));
+        let (one, other) = (at + 1, node.second as usize);
+        let mut halves = [(self.nodes[one].square(p), one), (self.nodes[other].square(p), other)];
+        if halves[1].0 < halves[0].0 {
+            halves.swap(0, 1);
+        }
         for (square, half) in halves {
             if square < *best {
                 self.descend(half, p, best, seed, enough);
@@ -80,8 +115,36 @@ impl Tree {
 }
 
 /// Squared distance of a point from a triangle.
-fn square(triangle: &[[f32; 3]; 3], p: [f64; 3]) -> f64 {
-    Facet::new(triangle.map(|corner| corner.map(f64::from))).square(p)
+#[inline]
+fn square([a, b, c]: &[[f32; 3]; 3], p: [f64; 3]) -> f64 {
+    Facet::new([double(a), double(b), double(c)]).square(p)
+}
+
+#[inline(always)]
+fn double([x, y, z]: &[f32; 3]) -> [f64; 3] {
+    [f64::from(*x), f64::from(*y), f64::from(*z)]
+}
+
+/// The box around a triangle.
+#[inline(always)]
+fn around([a, b, c]: &[[f32; 3]; 3]) -> [[f32; 3]; 2] {
+    let (mut low, mut high) = (*a, *a);
+    for k in 0..3 {
+        low[k] = a[k].min(b[k]).min(c[k]);
+        high[k] = a[k].max(b[k]).max(c[k]);
+    }
+    [low, high]
+}
+
+/// Squared distance of a point from a box.
+#[inline(always)]
+fn box_square([low, high]: [[f32; 3]; 2], p: [f64; 3]) -> f64 {
+    let mut sum = 0.0;
+    for ((low, high), p) in low.iter().zip(high).zip(p) {
+        let over = (f64::from(*low) - p).max(p - f64::from(high)).max(0.0);
+        sum += over * over;
+    }
+    sum
 }
 
 /// Adds the node of some triangles, the first of which has this number.

@@ -1,24 +1,46 @@
-//! Fewer triangles of a whole surface in memory: to a number, or within any distance.
+//! Fewer triangles of a surface in memory, to a number or within a distance.
 //!
 //! Edges are collapsed by meshoptimizer (quadric error metrics, Garland and Heckbert 1997), which moves the corners that
-//! stay to where its metric is least; no borders of bricks are left. The metric is no distance. That is measured afterwards:
-//! from corners and middles of the triangles before to those after, and from points of these, half a voxel apart, back.
-//! Where the surface came to touch itself, it is taken apart (sheets).
+//! stay to where its metric is least. The metric is no distance, and in single precision it says little of small distances on
+//! large bodies. So to stay within a distance, patches are reduced by themselves, and less where that is too far; then other
+//! patches, whose middles are the borders of the first. Where the surface came to touch itself, it is taken apart (sheets).
+//! Then the distance is measured: from corners and middles of the triangles before to those after, and from points of these,
+//! half a voxel apart, back.
 
+use std::collections::{BTreeMap, HashMap};
 use std::io;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 use meshopt::{SimplifyOptions, SimplifyVertex};
 use rayon::prelude::*;
 
-use super::patch::lattice;
 use super::sheets::Surface;
 use super::tree::Tree;
 use crate::export::write::{Sink, Vertex};
+use crate::geom::{add_scaled, cross, dot};
 use crate::progress::{Progress, Stopped};
 
-/// Limits of the metric, as parts of the distance, tried one after the other.
-const TRIES: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
+/// Patches of so many voxels a side are reduced within a distance, first some, then others.
+const PATCH: f64 = 32.0;
+
+/// Borders of the patches in sides, and what is left to these of the distance.
+const PASSES: [(f64, f64); 2] = [(0.0, 0.7), (0.5, 0.28)];
+
+/// Limits of the metric in a patch, as parts of the distance, tried one after the other.
+const TRIES: [f64; 2] = [0.6, 0.3];
+
+/// The same for the whole surface.
+const LIMITS: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
+
+/// Triangles of a slab in memory.
+const SLAB: usize = 1 << 23;
+
+/// What is left to the slabs of the distance, or voxels where there is no limit.
+const OF_SLAB: f64 = 0.8;
+const SLAB_VOXELS: f64 = 0.25;
+
+/// Rows of points on a triangle, and points in a row, at most.
+const MAX_POINTS: f64 = 256.0;
 
 /// Triangles of the smallest closed surface.
 const LEAST: usize = 4;
@@ -31,6 +53,9 @@ const ROUNDS: u32 = 8;
 
 /// Voxels by which corners at one place are moved apart, and units of their last bit at least.
 const APART: (f64, f32) = (0.01, 4.0 * f32::EPSILON);
+
+/// The same as a part of the distance, at most.
+const APART_OF_ERROR: f64 = 0.01;
 
 /// How often fine corners are kept around the places that are farthest away, and what part of the greatest distance these have.
 const REFINEMENTS: u32 = 3;
@@ -51,42 +76,101 @@ pub(in crate::export) struct Goal {
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
     pub(in crate::export) parts_gone: u64,
+    /// True where the distance is the sum of those of two reductions.
+    pub(in crate::export) is_bound: bool,
 }
 
-/// A surface in memory.
-#[derive(Debug, Default)]
-pub(in crate::export) struct Whole {
+/// A surface in memory; what is behind `slab` corners and triangles has not been reduced yet.
+pub(in crate::export) struct Whole<'a> {
     vertices: Vec<Vertex>,
     faces: Vec<[u32; 3]>,
+    slab: [usize; 2],
+    /// Triangles of a slab.
+    most: usize,
+    /// What numbers of corners are less here than where they come from.
+    shift: u32,
+    goal: Goal,
+    voxel_mm: f64,
+    progress: &'a dyn Progress,
+    /// Greatest distance of a slab.
+    slab_mm: Option<f64>,
 }
 
-impl Sink for Whole {
+impl Sink for Whole<'_> {
+    fn layer(&mut self, first: u32) -> io::Result<()> {
+        if self.faces.len() - self.slab[1] < self.most {
+            return Ok(());
+        }
+        let next = self.vertices[first.wrapping_sub(self.shift) as usize..].to_vec();
+        self.slab().map_err(|Stopped| io::ErrorKind::Interrupted)?;
+        self.shift = first.wrapping_sub(number(self.vertices.len()));
+        self.vertices.extend(next);
+        Ok(())
+    }
+
     fn vertex(&mut self, vertex: &Vertex) -> io::Result<()> {
         self.vertices.push(*vertex);
         Ok(())
     }
 
     fn triangle(&mut self, corners: [u32; 3], _: [[f32; 3]; 3]) -> io::Result<()> {
-        self.faces.push(corners);
+        self.faces.push(corners.map(|corner| corner.wrapping_sub(self.shift)));
         Ok(())
     }
 }
 
-impl Whole {
+impl<'a> Whole<'a> {
+    pub(in crate::export) fn new(goal: Goal, voxel_mm: f64, progress: &'a dyn Progress) -> Self {
+        let (vertices, faces) = (Vec::new(), Vec::new());
+        Self { vertices, faces, slab: [0; 2], most: SLAB, shift: 0, goal, voxel_mm, progress, slab_mm: None }
+    }
+
     /// Makes the triangles fewer.
-    pub(in crate::export) fn reduce(
-        &mut self,
-        goal: Goal,
-        voxel_mm: f64,
-        progress: &dyn Progress,
-    ) -> Result<Apart, Stopped> {
-        let places = self.vertices.iter().map(|vertex| vertex.at).collect();
-        let fine = Surface::new(places, std::mem::take(&mut self.faces));
-        let (few, apart) = reduce(fine, goal, voxel_mm, progress)?;
-        let vertex = |(old, at): (&u32, &[f32; 3])| Vertex { at: *at, ..self.vertices[*old as usize] };
-        self.vertices = few.olds.iter().zip(&few.at).map(vertex).collect();
-        self.faces = few.faces;
+    pub(in crate::export) fn reduce(&mut self) -> Result<Apart, Stopped> {
+        if self.slab_mm.is_some() {
+            self.slab()?;
+        }
+        let slab_mm = self.slab_mm.unwrap_or_default();
+        self.slab = [0; 2];
+        let goal = Goal { error_mm: self.goal.error_mm.map(|mm| mm - slab_mm), ..self.goal };
+        let apart = self.reduced(goal, false)?;
+        Ok(Apart { distance_mm: apart.distance_mm + slab_mm, is_bound: self.slab_mm.is_some(), ..apart })
+    }
+
+    /// Makes the triangles of the slab fewer; edges of one triangle stay.
+    fn slab(&mut self) -> Result<(), Stopped> {
+        let mm = self.goal.error_mm.map_or(f64::INFINITY, |mm| OF_SLAB * mm);
+        let mm = if self.goal.triangles.is_some() { mm.min(SLAB_VOXELS * self.voxel_mm) } else { mm };
+        let apart = self.reduced(Goal { triangles: None, error_mm: Some(mm) }, true)?;
+        self.slab_mm = Some(self.slab_mm.unwrap_or_default().max(apart.distance_mm));
+        self.slab = [self.vertices.len(), self.faces.len()];
+        Ok(())
+    }
+
+    fn reduced(&mut self, goal: Goal, is_open: bool) -> Result<Apart, Stopped> {
+        let [first, faces] = self.slab;
+        let start = number(first);
+        let mut faces = self.faces.split_off(faces);
+        faces.as_flattened_mut().iter_mut().for_each(|corner| *corner -= start);
+        let places = self.vertices[first..].iter().map(|vertex| vertex.at).collect();
+        let (few, apart) = reduce(Surface::new(places, faces), goal, is_open, self.voxel_mm, self.progress)?;
+        let vertex =
+            |(old, at): (&u32, &[f32; 3])| Vertex { at: *at, ..self.vertices[first + *old as usize] };
+        let vertices: Vec<_> = few.olds.iter().zip(&few.at).map(vertex).collect();
+        self.vertices.truncate(first);
+        self.vertices.extend(vertices);
+        self.faces.extend(few.faces.iter().map(|face| face.map(|corner| start + corner)));
         Ok(apart)
+    }
+
+    /// Has each edge two triangles? Once the surface is reduced, no corners are at one place.
+    pub(in crate::export) fn is_closed(&self) -> bool {
+        let edge = |a: u32, b: u32| u64::from(a) << 32 | u64::from(b);
+        let all = |[a, b, c]: &[u32; 3]| [edge(*a, *b), edge(*b, *c), edge(*c, *a)];
+        let mut edges: Vec<u64> = self.faces.iter().flat_map(all).collect();
+        edges.par_sort_unstable();
+        edges.windows(2).all(|pair| pair[0] != pair[1])
+            && edges.iter().all(|edge| edges.binary_search(&edge.rotate_left(32)).is_ok())
     }
 
     /// Hands on corners and triangles; their numbers.
@@ -101,12 +185,18 @@ impl Whole {
     }
 }
 
-/// Makes triangles fewer and moves their corners.
+fn number(count: usize) -> u32 {
+    u32::try_from(count).unwrap_or(u32::MAX)
+}
+
+/// Makes triangles fewer and moves their corners. `is_open`: true for a part of a surface, whose border stays, and which is
+/// not repaired.
 ///
 /// Memory: some 220 bytes a fine triangle.
 pub(in crate::export) fn reduce(
     fine: Surface,
     goal: Goal,
+    is_open: bool,
     voxel_mm: f64,
     progress: &dyn Progress,
 ) -> Result<(Surface, Apart), Stopped> {
@@ -125,8 +215,11 @@ pub(in crate::export) fn reduce(
         anchors[part as usize] = Some(corners);
         corners.iter().for_each(|corner| locks[*corner as usize] = SimplifyVertex::Lock);
     }
-    let tree = Tree::new(fine.triangles().collect());
-    let reducer = Reducer { fine, tree, parts, anchors, wanted, voxel_mm, progress };
+    let tree = Tree::new(if is_open { Vec::new() } else { fine.triangles().collect() });
+    let size = fine.at.as_flattened().iter().fold(0.0_f32, |most, c| most.max(c.abs()));
+    let step = goal.error_mm.map_or(f64::INFINITY, |mm| APART_OF_ERROR * mm).min(APART.0 * voxel_mm);
+    let step = step.max(f64::from(APART.1 * size));
+    let reducer = Reducer { fine, tree, parts, anchors, wanted, is_open, step, voxel_mm, progress };
     let found = match goal.error_mm {
         Some(mm) => reducer.within(mm, &locks)?,
         None => reducer.refined(&mut locks)?,
@@ -136,7 +229,7 @@ pub(in crate::export) fn reduce(
     };
     let parts_gone = reducer.is_gone(&surface).into_iter().filter(|gone| *gone).count() as u64;
     surface.olds.iter_mut().for_each(|old| *old = reducer.fine.olds[*old as usize]);
-    Ok((surface, Apart { distance_mm, parts_gone }))
+    Ok((surface, Apart { distance_mm, parts_gone, is_bound: false }))
 }
 
 /// Hands over points of an item.
@@ -158,6 +251,9 @@ struct Reducer<'a> {
     /// Corners of each part that stay; `None` if the part is left out.
     anchors: Vec<Option<[u32; 4]>>,
     wanted: usize,
+    is_open: bool,
+    /// By how many mm corners at one place are moved apart.
+    step: f64,
     voxel_mm: f64,
     progress: &'a dyn Progress,
 }
@@ -165,28 +261,120 @@ struct Reducer<'a> {
 impl Reducer<'_> {
     /// Within a distance; `None` if no such surface is found.
     fn within(&self, mm: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
+        if self.wanted > LEAST {
+            // Patches might have fewer triangles than are wanted.
+            let start = self.start();
+            for part in LIMITS {
+                if let Some(fewer) = self.reduced(&start, part * mm, mm, locks)?
+                    && fewer.distance_mm <= mm
+                {
+                    return Ok(Some(fewer));
+                }
+            }
+            return Ok(None);
+        }
+        let mut surface = self.start();
+        for (shift, part) in PASSES {
+            self.patches(&mut surface, shift, part * mm, locks);
+            self.progress.check()?;
+        }
+        surface.compact();
+        if self.is_open {
+            return Ok(Some(Fewer { surface, distance_mm: mm, worst: Vec::new() }));
+        }
+        if !surface.repair(self.step) {
+            return Ok(None);
+        }
+        let (distance_mm, worst) = self.distance(&surface, mm)?;
+        Ok(Some(Fewer { surface, distance_mm, worst }).filter(|fewer| fewer.distance_mm <= mm))
+    }
+
+    /// All parts that are not left out, with the numbers of the fine surface.
+    fn start(&self) -> Surface {
+        let is_kept = |face: &&[u32; 3]| self.anchors[self.parts[face[0] as usize] as usize].is_some();
+        let faces = self.fine.faces.iter().filter(is_kept).copied().collect();
+        Surface { at: self.fine.at.clone(), faces, olds: (0..).take(self.fine.at.len()).collect() }
+    }
+
+    /// Makes the triangles of each patch fewer, within a distance; borders of patches stay. `shift`: of their
+    /// borders, in sides.
+    fn patches(&self, all: &mut Surface, shift: f64, mm: f64, locks: &[SimplifyVertex]) {
+        let side = PATCH * self.voxel_mm;
+        let mut patches: BTreeMap<_, Vec<[u32; 3]>> = BTreeMap::new();
+        for face in &all.faces {
+            #[expect(clippy::cast_possible_truncation, reason = "bounded by the model")]
+            let place = all.at[face[0] as usize].map(|c| (f64::from(c) / side + shift).floor() as i64);
+            patches.entry(place).or_default().push(*face);
+        }
+        let patches: Vec<_> = patches.into_values().collect();
+        let fewer: Vec<_> = patches.par_iter().map(|faces| self.patch(all, faces, mm, locks)).collect();
+        all.faces.clear();
+        for Surface { at, faces, olds } in fewer {
+            all.faces.extend(faces.iter().map(|face| face.map(|corner| olds[corner as usize])));
+            olds.iter().zip(at).for_each(|(old, at)| all.at[*old as usize] = at);
+        }
+    }
+
+    /// Some triangles made fewer within a distance.
+    fn patch(&self, all: &Surface, faces: &[[u32; 3]], mm: f64, locks: &[SimplifyVertex]) -> Surface {
+        let mut at = HashMap::new();
+        let mut fine = Surface { at: Vec::new(), faces: faces.to_vec(), olds: Vec::new() };
+        for corner in fine.faces.as_flattened_mut() {
+            let old = *corner;
+            *corner = *at.entry(old).or_insert_with(|| {
+                fine.at.push(all.at[old as usize]);
+                fine.olds.push(old);
+                number(fine.at.len() - 1)
+            });
+        }
+        let locks: Vec<_> = fine.olds.iter().map(|old| locks[*old as usize]).collect();
+        let tree = Tree::new(fine.triangles().collect());
         for part in TRIES {
-            if let Some(fewer) = self.reduced(part * mm, locks)?
-                && fewer.distance_mm <= mm
-            {
-                return Ok(Some(fewer));
+            if self.progress.stopped() {
+                break;
+            }
+            let (at, faces, olds) = (fine.at.clone(), fine.faces.clone(), fine.olds.clone());
+            let mut few = Surface { at, faces, olds };
+            few.collapse(0, part * mm, &locks);
+            if few.faces.len() == fine.faces.len() {
+                break;
+            }
+            if self.is_near(&fine, &tree, &few, mm) {
+                few.compact();
+                return few;
             }
         }
-        Ok(None)
+        fine
+    }
+
+    /// Are two surfaces no farther apart, as far as is measured?
+    fn is_near(&self, fine: &Surface, tree: &Tree, few: &Surface, mm: f64) -> bool {
+        let (square, mut seed) = (mm * mm, 0);
+        let few_tree = Tree::new(few.triangles().collect());
+        let mut near = |tree: &Tree, p| tree.square(p, &mut seed, square) <= square;
+        fine.at.iter().all(|at| near(&few_tree, at.map(f64::from)))
+            && fine.faces.iter().all(|face| near(&few_tree, middle(fine.corners(face))))
+            && few.faces.iter().all(|face| lattice(few.corners(face), 0.5 * self.voxel_mm, |p| near(tree, p)))
+    }
+
+    /// Keeps fine corners within a voxel of some places.
+    fn lock(&self, start: &Surface, locks: &mut [SimplifyVertex], worst: &[[f32; 3]]) {
+        let places = Tree::new(worst.iter().map(|place| [*place; 3]).collect());
+        let square = self.voxel_mm * self.voxel_mm;
+        let is_near = |at: &[f32; 3]| places.square(at.map(f64::from), &mut 0, square) <= square;
+        let near: Vec<bool> = start.at.par_iter().map(is_near).collect();
+        for (old, _) in start.olds.iter().zip(near).filter(|(_, near)| *near) {
+            locks[*old as usize] = SimplifyVertex::Lock;
+        }
     }
 
     /// As many triangles as are wanted, with fine corners at the places that would be farthest away.
     fn refined(&self, locks: &mut [SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
-        let Some(mut best) = self.reduced(f64::INFINITY, locks)? else { return Ok(None) };
+        let start = self.start();
+        let Some(mut best) = self.reduced(&start, f64::INFINITY, 0.0, locks)? else { return Ok(None) };
         for _ in 0..REFINEMENTS {
-            let places = Tree::new(best.worst.iter().map(|place| [*place; 3]).collect());
-            let square = self.voxel_mm * self.voxel_mm;
-            locks.par_iter_mut().zip(&self.fine.at).for_each(|(lock, at)| {
-                if places.square(at.map(f64::from), &mut 0, square) <= square {
-                    *lock = SimplifyVertex::Lock;
-                }
-            });
-            if let Some(next) = self.reduced(f64::INFINITY, locks)?
+            self.lock(&start, locks, &best.worst);
+            if let Some(next) = self.reduced(&start, f64::INFINITY, 0.0, locks)?
                 && next.distance_mm < best.distance_mm
                 && next.surface.faces.len() <= best.surface.faces.len().max(self.wanted)
             {
@@ -196,22 +384,28 @@ impl Reducer<'_> {
         Ok(Some(best))
     }
 
-    fn reduced(&self, limit: f64, locks: &[SimplifyVertex]) -> Result<Option<Fewer>, Stopped> {
+    /// With the metric below a limit in mm, and a distance that need not be exact below half of `mm`.
+    fn reduced(
+        &self,
+        start: &Surface,
+        limit: f64,
+        mm: f64,
+        locks: &[SimplifyVertex],
+    ) -> Result<Option<Fewer>, Stopped> {
         self.progress.check()?;
-        let Some(surface) = self.collapsed(limit, locks)? else { return Ok(None) };
-        let (distance_mm, worst) = self.distance(&surface)?;
+        let Some(surface) = self.collapsed(start, limit, locks)? else { return Ok(None) };
+        let (distance_mm, worst) = self.distance(&surface, mm)?;
         Ok(Some(Fewer { surface, distance_mm, worst }))
     }
 
     /// About so many triangles as are wanted, or as many as keep the metric below a limit in mm; `None` if none are left.
-    fn collapsed(&self, limit: f64, locks: &[SimplifyVertex]) -> Result<Option<Surface>, Stopped> {
-        let fine = &self.fine;
-        let is_kept = |face: &&[u32; 3]| self.anchors[self.parts[face[0] as usize] as usize].is_some();
-        let faces = fine.faces.iter().filter(is_kept).copied().collect();
-        let olds = (0..).take(fine.at.len()).collect();
-        let mut surface = Surface { at: fine.at.clone(), faces, olds };
-        let size = fine.at.as_flattened().iter().fold(0.0_f32, |most, c| most.max(c.abs()));
-        let step = (APART.0 * self.voxel_mm).max(f64::from(APART.1 * size));
+    fn collapsed(
+        &self,
+        start: &Surface,
+        limit: f64,
+        locks: &[SimplifyVertex],
+    ) -> Result<Option<Surface>, Stopped> {
+        let mut surface = start.clone();
         for round in 0..ROUNDS {
             let before = surface.faces.len();
             // Where so few triangles are not reached otherwise, parts may go.
@@ -220,11 +414,14 @@ impl Reducer<'_> {
             let locks: Vec<_> = surface.olds.iter().map(lock).collect();
             surface.collapse(self.wanted, limit, &locks);
             self.progress.check()?;
-            surface.cancel();
+            // Within a distance, sheets without thickness stay.
+            if limit.is_infinite() {
+                surface.cancel();
+            }
             let gone =
                 self.is_gone(&surface).into_iter().zip(&self.anchors).filter(|(gone, _)| *gone && !is_last);
-            gone.filter_map(|(_, anchors)| *anchors).for_each(|corners| surface.add(fine, corners));
-            if !surface.repair(step) {
+            gone.filter_map(|(_, anchors)| *anchors).for_each(|corners| surface.add(&self.fine, corners));
+            if !surface.repair(self.step) {
                 return Ok(None);
             }
             let count = surface.faces.len();
@@ -244,36 +441,52 @@ impl Reducer<'_> {
         is_gone
     }
 
-    /// The greatest distance of a surface from the fine one, or of that one from it, and points near which it is not much
-    /// smaller.
-    fn distance(&self, few: &Surface) -> Result<(f64, Vec<[f32; 3]>), Stopped> {
+    /// The greatest distance of a surface from the fine one, or of that one from it, and places of the fine one where it is not
+    /// much smaller; below half of `mm` it may be too great.
+    fn distance(&self, few: &Surface, mm: f64) -> Result<(f64, Vec<[f32; 3]>), Stopped> {
         let tree = Tree::new(few.triangles().collect());
-        let most = AtomicU64::new(0);
-        let mut all = self.farthest(&self.fine.at, &tree, &most, &|at, point| point(at.map(f64::from)));
-        all.extend(self.farthest(&self.fine.faces, &tree, &most, &|face, point| {
-            let [a, b, c] = self.fine.corners(face);
-            point(std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0));
+        let far = Far { most: AtomicU64::new(0), least: 0.25 * mm * mm, progress: self.progress };
+        let mut all = far.places(&self.fine.at, &tree, false, &|at, point| point(at.map(f64::from)));
+        all.extend(far.places(&self.fine.faces, &tree, false, &|face, point| {
+            point(middle(self.fine.corners(face)));
         }));
-        all.extend(self.farthest(&few.faces, &self.tree, &most, &|face, point| {
+        all.extend(far.places(&few.faces, &self.tree, true, &|face, point| {
             lattice(few.corners(face), 0.5 * self.voxel_mm, |p| {
                 point(p);
                 true
             });
         }));
         self.progress.check()?;
-        let most = f64::from_bits(most.into_inner());
-        all.retain(|(square, _)| *square > WORST * WORST * most);
+        let enough = far.enough();
+        all.retain(|(square, _)| *square > enough);
+        let most = f64::from_bits(far.most.into_inner());
         Ok((most.sqrt(), all.into_iter().map(|(_, at)| at).collect()))
     }
+}
 
-    /// The point of each chunk of items that is farthest from a surface: its squared distance, and where it is. Raises `most`,
-    /// the bits of the greatest one; those that are much smaller are not exact.
+/// A search for the points that are farthest from a surface.
+struct Far<'a> {
+    /// The bits of the greatest squared distance so far.
+    most: AtomicU64,
+    /// Squared distance below which none need be exact.
+    least: f64,
+    progress: &'a dyn Progress,
+}
+
+impl Far<'_> {
+    /// A squared distance below which none need be exact.
+    fn enough(&self) -> f64 {
+        self.least.max(WORST * WORST * f64::from_bits(self.most.load(Ordering::Relaxed)))
+    }
+
+    /// The point of each chunk of items that is farthest from a surface: its squared distance, and where it is, or `there`,
+    /// about where the surface is nearest to it.
     #[expect(clippy::cast_possible_truncation, reason = "back to single precision")]
-    fn farthest<T: Sync>(
+    fn places<T: Sync>(
         &self,
         items: &[T],
         from: &Tree,
-        most: &AtomicU64,
+        there: bool,
         points: &Points<'_, T>,
     ) -> Vec<(f64, [f32; 3])> {
         let chunks = items.par_chunks(CHUNK).map(|items| {
@@ -281,20 +494,45 @@ impl Reducer<'_> {
             if self.progress.stopped() {
                 return worst;
             }
-            let enough = WORST * WORST * f64::from_bits(most.load(Ordering::Relaxed));
+            let enough = self.enough();
             for item in items {
                 points(item, &mut |p| {
                     let square = from.square(p, &mut seed, enough);
                     if square > worst.0 {
-                        worst = (square, p.map(|c| c as f32));
+                        worst = (square, if there { from.middle(seed) } else { p.map(|c| c as f32) });
                     }
                 });
             }
-            most.fetch_max(worst.0.to_bits(), Ordering::Relaxed);
+            self.most.fetch_max(worst.0.to_bits(), Ordering::Relaxed);
             worst
         });
         chunks.collect()
     }
+}
+
+fn middle([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
+    std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
+}
+
+/// Do all points of a triangle hold, in rows `step` mm apart or less, and as far from each other?
+#[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
+fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
+    let ways = [0, 1, 2].map(|k| add_scaled(corners[(k + 1) % 3], -1.0, corners[k]));
+    let squares = ways.map(|way| dot(way, way));
+    let longest = (0..3).max_by(|i, j| squares[*i].total_cmp(&squares[*j])).unwrap_or(0);
+    let [a, along, aside] = [corners[longest], ways[longest], ways[(longest + 2) % 3].map(|c| -c)];
+    let [length, area] = [along, cross(along, aside)].map(|v| dot(v, v).sqrt());
+    // Without a length there is no number.
+    let parts = |length: f64| (length / step).ceil().clamp(1.0, MAX_POINTS).max(1.0) as u32;
+    let rows = parts(area / length);
+    (0..=rows).all(|row| {
+        let up = f64::from(row) / f64::from(rows);
+        let points = parts((1.0 - up) * length);
+        (0..=points).all(|point| {
+            let right = (1.0 - up) * f64::from(point) / f64::from(points);
+            holds(add_scaled(add_scaled(a, up, aside), right, along))
+        })
+    })
 }
 
 impl Surface {
@@ -306,7 +544,8 @@ impl Surface {
     fn collapse(&mut self, wanted: usize, limit: f64, locks: &[SimplifyVertex]) {
         #[expect(clippy::cast_possible_truncation, reason = "what it gives is measured")]
         let limit = limit.min(f64::from(f32::MAX)) as f32;
-        let (target, options) = (3 * wanted.min(self.faces.len()), SimplifyOptions::ErrorAbsolute);
+        let (target, options) =
+            (3 * wanted.min(self.faces.len()), SimplifyOptions::ErrorAbsolute | SimplifyOptions::LockBorder);
         let (indices, places) = (self.faces.as_flattened_mut(), &mut self.at[..]);
         let count = meshopt::simplify_with_update(
             indices,
@@ -326,9 +565,9 @@ impl Surface {
 
 #[cfg(test)]
 mod tests {
+    use super::*;
     use crate::export::Mesh;
-    use crate::export::decimate::near::Facet;
-    use crate::geom::{add_scaled, cross, dot};
+    use crate::export::decimate::tree::Facet;
     use crate::progress::Silent;
     use crate::{BuildOptions, Dims, Model, Threshold, Voxels};
     use std::collections::HashSet;
@@ -348,6 +587,43 @@ mod tests {
     }
 
     #[test]
+    fn slabs_are_reduced_by_themselves_and_then_together() {
+        let fine = noise();
+        let mut faces = fine.faces.clone();
+        faces.sort_by_key(|face| face.iter().max().copied());
+        let mut firsts: Vec<u32> = faces.iter().filter_map(|face| face.iter().min().copied()).collect();
+        for at in (1..firsts.len()).rev() {
+            firsts[at - 1] = firsts[at - 1].min(firsts[at]);
+        }
+        let goal = Goal { triangles: None, error_mm: Some(0.3) };
+        let counts = [5000, usize::MAX].map(|most| {
+            let mut whole = Whole { most, ..Whole::new(goal, 1.0, &Silent) };
+            let mut vertices = fine.vertices.iter().map(|at| Vertex { at: *at, ..Vertex::default() });
+            let mut count = 0;
+            for (face, first) in faces.iter().zip(&firsts) {
+                whole.layer(*first).unwrap();
+                for vertex in vertices.by_ref().take((face.iter().max().unwrap() + 1 - count) as usize) {
+                    whole.vertex(&vertex).unwrap();
+                    count += 1;
+                }
+                whole.triangle(*face, [[0.0; 3]; 3]).unwrap();
+            }
+            let apart = whole.reduce().unwrap();
+            assert_eq!((apart.is_bound, apart.parts_gone), (most < usize::MAX, 0));
+            assert!(apart.distance_mm <= 0.3, "{}", apart.distance_mm);
+            assert!(whole.is_closed() && is_closed(&whole.faces));
+            whole.faces.len()
+        });
+        assert!(counts[1] < counts[0] && counts[0] < fine.faces.len(), "{counts:?}");
+    }
+
+    fn is_closed(faces: &[[u32; 3]]) -> bool {
+        let edges: HashSet<_> =
+            faces.iter().flat_map(|face| [0, 1, 2].map(|k| [face[k], face[(k + 1) % 3]])).collect();
+        edges.len() == 3 * faces.len() && edges.iter().all(|[a, b]| edges.contains(&[*b, *a]))
+    }
+
+    #[test]
     fn noise_has_no_more_triangles_than_were_asked_for_and_is_closed() {
         let fine = noise();
         assert!(fine.faces.len() > 20_000, "{}", fine.faces.len());
@@ -360,14 +636,12 @@ mod tests {
             let places: HashSet<_> = mesh.vertices.iter().map(|at| at.map(|c| (c + 0.0).to_bits())).collect();
             assert_eq!(places.len(), mesh.vertices.len());
             assert_eq!(mesh.normals.len(), mesh.vertices.len());
-            let mut edges = HashSet::new();
+            assert!(is_closed(&mesh.faces));
             for face in &mesh.faces {
                 let [a, b, c] = face.map(|corner| place(&mesh, corner));
                 let normal = cross(add_scaled(b, -1.0, a), add_scaled(c, -1.0, a));
                 assert!(dot(normal, normal) > 0.0);
-                assert!((0..3).all(|k| edges.insert([face[k], face[(k + 1) % 3]])), "an edge twice");
             }
-            assert!(edges.iter().all(|[a, b]| edges.contains(&[*b, *a])), "an open edge");
             let facets: Vec<_> = mesh.faces.iter().map(|f| Facet::new(f.map(|c| place(&mesh, c)))).collect();
             let far = |at: &[f32; 3]| {
                 let squares = facets.iter().map(|facet| facet.square(at.map(f64::from)));
