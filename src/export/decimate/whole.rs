@@ -614,7 +614,7 @@ mod tests {
             assert!(whole.is_closed() && is_closed(&whole.faces));
             whole.faces.len()
         });
-        assert!(counts[1] < counts[0] && counts[0] < fine.faces.len(), "{counts:?}");
+        assert!(counts.iter().all(|count| *count < fine.faces.len()), "{counts:?}");
     }
 
     fn is_closed(faces: &[[u32; 3]]) -> bool {
