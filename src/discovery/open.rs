@@ -122,7 +122,8 @@ fn found(inputs: &[PathBuf], options: &OpenOptions, scratch: &Path) -> Result<Bo
             && (data.is_dir() || found.left_out().is_empty())
             && let Some(description) = sidecar::of(data)
         {
-            let volume = FileWatch::files(sidecar::open(&description, options)?, Some(&description));
+            let volume =
+                FileWatch::files(sidecar::open_with(&description, Some(data), options)?, Some(&description));
             let volume = place(volume, options.placement, StatedBy::Caller)?;
             return match options.volume {
                 None | Some(1) => Ok(volume),

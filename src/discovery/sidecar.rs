@@ -10,7 +10,7 @@
 //! | `spacing`, `spacing_mm` | `[0.5, 0.5, 1.2]` or `"0.5x0.5x1.2"`, mm | 1 mm |
 //! | `skip` | bytes at the head of every file | 0 |
 //! | `orientation` | three letters such as `"LPS"` | `LPS` |
-//! | `file` | name of the data, in the same folder | the file or folder of the same stem |
+//! | `file` | name of the data, in the same folder | the file or folder of the same stem, of several the one of the due length |
 //!
 //! Files that say what they hold, but not where it lies, need less: `stack.json` with `spacing` or `orientation`
 //! (and without `dims` and `dtype`) states these for `stack.npy`, `stack.tif`, or a folder `stack` of PNG or
@@ -158,6 +158,27 @@ impl Sidecar {
         let options = RawOptions { dims, scalar, endian, spacing_mm, skip, orientation };
         Ok(Self { options, file, unknown: keys.unknown(&KEYS), stated })
     }
+
+    /// The data of the stem; of several the one of the due length.
+    ///
+    /// # Errors
+    /// Several have it.
+    fn only_data(&self, path: &Path) -> Result<Option<PathBuf>> {
+        let all = all_data_of(path);
+        let is_due =
+            |data: &&PathBuf| RawVolume::described(&[(*data).clone()], &self.options, Some(path)).is_ok();
+        let due: Vec<&PathBuf> = if all.len() > 1 { all.iter().filter(is_due).collect() } else { Vec::new() };
+        if let [first, second, ..] = due.as_slice() {
+            let [first, second] = [first, second].map(|data| {
+                data.file_name().unwrap_or_default().to_string_lossy().escape_debug().to_string()
+            });
+            return Err(unusable(
+                path,
+                bad!("describes {first} as well as {second}; name one of them with the key file"),
+            ));
+        }
+        Ok(due.first().copied().or(all.first()).cloned())
+    }
 }
 
 /// A volume whose notes name keys that are not known.
@@ -220,13 +241,26 @@ pub(super) fn describes(data: &Path) -> bool {
 /// Opens the volume that a side-car describes, placed as is asked for where it does not say.
 ///
 /// # Errors
-/// The side-car is faulty, or its data is missing or of another length.
+/// The side-car is faulty, or its data is missing, of another length, or one of several.
 pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSource>> {
+    open_with(path, None, how)
+}
+
+/// As [`open`], of this file of samples where the side-car names none.
+///
+/// # Errors
+/// As [`open`].
+pub(super) fn open_with(
+    path: &Path,
+    asked: Option<&Path>,
+    how: &OpenOptions,
+) -> Result<Box<dyn VolumeSource>> {
     let sidecar =
         read(path).ok_or_else(|| unusable(path, bad!("is not a description of a raw volume any more")))??;
-    let data = match &sidecar.file {
-        Some(name) => path.with_file_name(name),
-        None => data_of(path).ok_or_else(|| unusable(path, bad!("describes a raw volume, but no data file with the same stem is in its folder; name it with the key file")))?,
+    let data = match (&sidecar.file, asked) {
+        (Some(name), _) => path.with_file_name(name),
+        (None, Some(asked)) => asked.to_path_buf(),
+        (None, None) => sidecar.only_data(path)?.ok_or_else(|| unusable(path, bad!("describes a raw volume, but no data file with the same stem is in its folder; name it with the key file")))?,
     };
     if !how.follow_links && !stays(path, &data) {
         let data = data.file_name().map(|n| n.to_string_lossy().into_owned()).unwrap_or_default();
@@ -250,28 +284,31 @@ pub(super) fn open(path: &Path, how: &OpenOptions) -> Result<Box<dyn VolumeSourc
 
 /// The file or folder of the same stem; of several the first by name.
 pub(super) fn data_of(sidecar: &Path) -> Option<PathBuf> {
-    let stem = sidecar.file_stem()?;
+    all_data_of(sidecar).into_iter().next()
+}
+
+/// The files or the folder of the same stem, by name.
+fn all_data_of(sidecar: &Path) -> Vec<PathBuf> {
+    let Some(stem) = sidecar.file_stem() else { return Vec::new() };
     let exact = sidecar.with_file_name(stem);
     // `head.raw.json` means `head.raw`, `head.json` a folder `head`.
     if exact.exists() {
-        return Some(exact);
+        return vec![exact];
     }
-    let mut found: Option<PathBuf> = None;
-    for entry in
-        fs::read_dir(sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."))).ok()?
-    {
-        let Ok(entry) = entry else { continue };
+    let folder = sidecar.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+    let mut found = Vec::new();
+    for entry in fs::read_dir(folder).into_iter().flatten().flatten() {
         let name = PathBuf::from(entry.file_name());
         let path = sidecar.with_file_name(&name);
         if name.file_stem() == Some(stem)
             && !is_named_so(&name)
             && !name.extension().is_some_and(|e| e == "oct" || e == "png")
             && path.is_file()
-            && found.as_ref().is_none_or(|best| path < *best)
         {
-            found = Some(path);
+            found.push(path);
         }
     }
+    found.sort_unstable();
     found
 }
 
@@ -437,5 +474,18 @@ mod tests {
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
         assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
+        // Of several the one of the due length, or the one that was asked for.
+        fs::write(at("a.dat"), [0; 9]).unwrap();
+        assert!(open(&at("a.json"), &OpenOptions::default()).is_ok());
+        fs::write(at("a.dat"), [0; 8]).unwrap();
+        let told = open(&at("a.json"), &OpenOptions::default()).err().unwrap().to_string();
+        assert!(told.contains("a.dat as well as a.raw"), "{told}");
+        for (name, due) in [("a.raw", 1), ("a.dat", 0)] {
+            let asked = at(name);
+            let volume = open_with(&at("a.json"), Some(&asked), &OpenOptions::default()).unwrap();
+            let mut row = [7; 2];
+            volume.read_rows(0, 0..1, 0..2, &mut row).unwrap();
+            assert_eq!(row, [due; 2], "{name}");
+        }
     }
 }
