@@ -102,7 +102,7 @@ pub struct CompareOutputs<'a> {
 /// Compares two models, or inputs that models can be built of: each cell of the actual model with the nearest point of
 /// the nominal one. Deviations are in mm, positive outside the nominal; places are in its millimetres.
 ///
-/// Memory: 8 MiB, and 200 KiB a thread; inputs that are built take `memory`. Temporary disk: 16 bytes a cell, and the
+/// Memory: 8 MiB, and 600 KiB a thread; inputs that are built take `memory`. Temporary disk: 16 bytes a cell, and the
 /// models that are built. Cost: a microsecond a cell where the surfaces are near.
 ///
 /// # Errors

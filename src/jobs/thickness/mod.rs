@@ -108,7 +108,7 @@ struct Row {
 
 /// Measures the thickness below each cell of a model.
 ///
-/// Memory: 8 MiB, and 200 KiB a thread. Temporary disk: 8 bytes a cell, and a packed model unpacked. Cost: microseconds a
+/// Memory: 8 MiB, and 600 KiB a thread. Temporary disk: 8 bytes a cell, and a packed model unpacked. Cost: microseconds a
 /// cell; by balls as many as their voxels are wide.
 ///
 /// # Errors
