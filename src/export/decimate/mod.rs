@@ -4,7 +4,7 @@
 //!   layers --> a slab in memory --fewer triangles (whole)--> slabs --once more (whole)--> repaired (sheets) --> file
 //! ```
 //!
-//! A surface of up to [`SLAB`](whole::SLAB) triangles is reduced as a whole. Of a larger one slabs of whole layers, whose
+//! A surface of up to eight million triangles is reduced as a whole. Of a larger one slabs of whole layers, whose
 //! borders stay, are reduced within a part of the distance, and then all of them once more.
 
 mod sheets;
