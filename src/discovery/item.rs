@@ -18,7 +18,7 @@ use crate::fault::bad;
 use crate::mesh;
 use crate::source::dicom::{Recognition, open_series, recognise};
 use crate::source::{
-    FORMATS, FileList, Finding, HEAD_BYTES, PositionalFiles, RawVolume, STACKS, Slices, StableHash, Subject,
+    FORMATS, FileList, Finding, HEAD_BYTES, InputFiles, RawVolume, STACKS, Slices, StableHash, Subject,
 };
 use crate::synthetic;
 use crate::volume::{Result, SourceError, SourceFault, VolumeSource};
@@ -187,7 +187,7 @@ impl ItemOpener<'_> {
             ItemKind::Tree => vec![self.tree()],
             ItemKind::Synthetic => {
                 let hash = StableHash::new().part(self.path.as_os_str().as_bytes()).finish();
-                let files = PositionalFiles { fingerprint: hash, ..PositionalFiles::default() };
+                let files = InputFiles { fingerprint: hash, ..InputFiles::default() };
                 let id = format!("synthetic-{:012x}", hash >> 16);
                 let opened = synthetic::open(self.path).map(|volume| vec![volume]);
                 findings(self.path, "synthetic", id, files, opened)
@@ -205,14 +205,14 @@ impl ItemOpener<'_> {
     }
 
     /// Its only file.
-    fn one(&self) -> PositionalFiles {
-        let mut files = PositionalFiles::default();
+    fn one(&self) -> InputFiles {
+        let mut files = InputFiles::default();
         files.add(self.path, self.first.size, self.first.changed);
         files
     }
 
     /// A header and what it names: the samples may change without it.
-    fn with_samples(&self, opened: &Volumes) -> PositionalFiles {
+    fn with_samples(&self, opened: &Volumes) -> InputFiles {
         let mut files = self.one();
         each_sample(self.path, opened, &mut |data| {
             if let Ok(meta) = metadata(data) {
@@ -251,7 +251,7 @@ impl ItemOpener<'_> {
         let Some(format) = STACKS.get(at) else { return Ok(Vec::new()) };
         let mut found = Vec::new();
         for Slices { files: used, volumes } in (format.open)(list, &self.of.options) {
-            let mut files = PositionalFiles::default();
+            let mut files = InputFiles::default();
             for at in &used {
                 let (size, changed) = facts.get(*at).copied().unwrap_or_default();
                 files.add(names.name(*at), size, changed);
@@ -341,7 +341,7 @@ pub(super) fn finding(
     path: &Path,
     format: &'static str,
     id: String,
-    files: PositionalFiles,
+    files: InputFiles,
     subject: Result<Subject>,
 ) -> Finding {
     let volume = subject.as_ref().ok().and_then(Subject::volume);
@@ -365,7 +365,7 @@ fn findings(
     path: &Path,
     format: &'static str,
     id: String,
-    files: PositionalFiles,
+    files: InputFiles,
     opened: Volumes,
 ) -> Vec<Finding> {
     let several = opened.as_ref().is_ok_and(|volumes| volumes.len() != 1);

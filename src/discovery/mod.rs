@@ -38,7 +38,7 @@ pub use open::{open, open_unprepared};
 use std::path::{Path, PathBuf};
 
 use crate::identity::file_identity;
-use crate::source::{Finding, OpenOptions, PositionalFiles, STACKS, StableHash};
+use crate::source::{Finding, InputFiles, OpenOptions, STACKS, StableHash};
 use crate::text::names::ALL_VOLUMES;
 use crate::volume::{FileWatch, InfoOverride, Note, Result, SourceError, StatedBy, VolumeSource, place};
 use content::{hash_of, is_copy};
@@ -185,7 +185,7 @@ impl Catalogue {
         let Some(item) = self.items.get(index) else { return Vec::new() };
         let refused = |(path, error): (PathBuf, SourceError)| {
             let id = name("unknown", &|each| each(&path));
-            vec![finding(&path, "unknown", id, PositionalFiles::default(), Err(error))]
+            vec![finding(&path, "unknown", id, InputFiles::default(), Err(error))]
         };
         let before = self.stamp(item);
         let opened = self.open_item(item, name).unwrap_or_else(refused);

@@ -5,7 +5,7 @@ use std::ffi::OsStr;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use super::PositionalFiles;
+use super::InputFiles;
 use super::sidecar::{candidates, is_named_so, keys_of, unparsed, with_unknown};
 use super::walk::changed;
 use crate::fault::{Fault, bad};
@@ -101,7 +101,7 @@ impl PlacementSidecar {
     }
 
     /// Counts the side-car among the files of a volume, so that a change of it is noticed.
-    pub(super) fn add_to(&self, files: &mut PositionalFiles) {
+    pub(super) fn add_to(&self, files: &mut InputFiles) {
         if let Ok(meta) = fs::metadata(&self.path) {
             files.add(&self.path, meta.len(), changed(&meta));
         }

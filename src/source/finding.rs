@@ -30,7 +30,7 @@ pub struct Finding {
     /// Size in voxels, as far as the headers state it; refused volumes have one, too.
     pub size: Option<[u32; 3]>,
     /// The input files, to see whether they changed.
-    pub files: PositionalFiles,
+    pub files: InputFiles,
     /// Why its pixels may carry text, such as the patient's name, if there is a reason to think so.
     pub burned_in: Option<BurnedIn>,
     /// Which of the volumes of its input it is, from 0, those that are passed over included.
@@ -76,7 +76,7 @@ impl BurnedIn {
 
 /// The files behind a volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct PositionalFiles {
+pub struct InputFiles {
     /// How many.
     pub count: u64,
     /// Their bytes together.
@@ -85,7 +85,7 @@ pub struct PositionalFiles {
     pub fingerprint: u64,
 }
 
-impl PositionalFiles {
+impl InputFiles {
     /// Takes in one more file; `changed` are bits that differ when its time of change does.
     pub(crate) fn add(&mut self, path: &Path, size: u64, changed: u64) {
         let name = path.file_name().map(OsStrExt::as_bytes).unwrap_or_default();

@@ -40,7 +40,7 @@ mod tiff;
 mod zarr;
 
 pub(crate) use files::{FileList, base_name};
-pub use finding::{BurnedIn, Finding, PositionalFiles};
+pub use finding::{BurnedIn, Finding, InputFiles};
 pub(crate) use formats::{FORMATS, STACKS, Slices, header_of_samples};
 pub(crate) use header::stays;
 pub(crate) use known::Known;

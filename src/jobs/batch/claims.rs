@@ -95,7 +95,7 @@ impl Drop for Turn<'_> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::source::PositionalFiles;
+    use crate::source::InputFiles;
 
     fn finding(id: &str) -> Finding {
         Finding {
@@ -105,7 +105,7 @@ mod tests {
             kind: "nrrd".into(),
             part: None,
             size: None,
-            files: PositionalFiles::default(),
+            files: InputFiles::default(),
             burned_in: None,
             at: 0,
             more: 0,

@@ -16,7 +16,7 @@ use crate::source::dicom::series::gaps::ImageName;
 use crate::source::files::FileList;
 use crate::source::finding::safe_name;
 use crate::source::stable_hash::StableHash;
-use crate::source::{Finding, OpenOptions, PositionalFiles, Subject};
+use crate::source::{Finding, InputFiles, OpenOptions, Subject};
 use crate::text::shown;
 use crate::volume::{Note, Result, SourceError, VolumeSource};
 
@@ -59,7 +59,7 @@ pub(crate) fn open_series(files: FileList, facts: &[(u64, u64)], options: &OpenO
             kind: "DICOM image".into(),
             part: None,
             size: None,
-            files: PositionalFiles::default(),
+            files: InputFiles::default(),
             burned_in: None,
             at: 0,
             more: 0,
@@ -114,7 +114,7 @@ fn finding(series: &Series, group: &Group, part: &Part, notes: &[Note], options:
     let mut numbers: Vec<u32> = slices.iter().map(|s| s.file).collect();
     numbers.sort_unstable();
     numbers.dedup();
-    let mut files = PositionalFiles::default();
+    let mut files = InputFiles::default();
     for file in &numbers {
         let (size, changed) = series.facts.get(*file as usize).copied().unwrap_or_default();
         files.add(series.files.name(*file as usize), size, changed);
