@@ -474,7 +474,7 @@ mod tests {
         fs::write(at("s/2"), [1; 4]).unwrap();
         fs::write(at("s.toml"), "dims = [2, 2, 2]\ndtype = \"u8\"").unwrap();
         assert!(describes(&at("s")) && open(&at("s.toml"), &OpenOptions::default()).is_ok());
-        // Of several the one of the due length, or the one that was asked for.
+        // Several files of the stem: the due length decides, or the name that was asked for.
         fs::write(at("a.dat"), [0; 9]).unwrap();
         assert!(open(&at("a.json"), &OpenOptions::default()).is_ok());
         fs::write(at("a.dat"), [0; 8]).unwrap();

@@ -306,7 +306,7 @@ impl Exporter<'_> {
         let goal = Goal { triangles: self.triangles, error_mm: self.error_mm };
         let mut whole = Whole::new(goal, voxel_mm, progress);
         let fed = self.feed(bounds, &mut whole, fates, progress);
-        // What slabs return to the mesher is an error of output.
+        // Slabs report a stop to the mesher as an error of output.
         progress.check()?;
         let Some(made) = fed? else { return Ok(None) };
         let apart = whole.reduce()?;

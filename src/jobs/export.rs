@@ -74,7 +74,7 @@ pub struct ExportReport {
     /// Triangles before they were made fewer within an error.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub fine_triangles: Option<u64>,
-    /// Greatest distance in mm between the surface and that of the fine triangles as measured, up to some 8 million of these.
+    /// Greatest distance in mm between the written surface and the fine triangles, as measured up to some 8 million of these.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub distance_mm: Option<f64>,
     /// Bound of that distance: the error, or what is known where it was not measured.

@@ -73,7 +73,7 @@ impl PositionalFile {
         open_file(path).map(Self)
     }
 
-    /// What the system knows of it.
+    /// Its length, times and kind.
     pub(crate) fn metadata(&self) -> io::Result<Metadata> {
         self.0.metadata()
     }
@@ -83,7 +83,7 @@ impl PositionalFile {
         Placed::new(&self.0, at)
     }
 
-    /// The file itself, to be mapped.
+    /// The system's file, to be mapped.
     pub(crate) fn whole(&self) -> &File {
         &self.0
     }
@@ -100,7 +100,7 @@ impl PositionalFile {
         self.0.write_all_at(bytes, offset)
     }
 
-    /// The same file, opened once more.
+    /// A second handle of the file.
     pub(crate) fn try_clone(&self) -> io::Result<Self> {
         self.0.try_clone().map(Self)
     }

@@ -1,4 +1,4 @@
-//! What systems do that have no files without a name, and no call that fills several buffers.
+//! Stand-ins for files without a name and for reads into several buffers, on systems that have neither.
 
 use std::fs::File;
 use std::io::{self, IoSliceMut};

@@ -35,7 +35,7 @@ const LIMITS: [f64; 6] = [1.0, 0.7, 0.5, 0.3, 0.15, 0.07];
 /// Triangles of a slab in memory.
 const SLAB: usize = 1 << 23;
 
-/// What is left to the slabs of the distance, or voxels where there is no limit.
+/// Part of the distance that slabs may use, and voxels that they may use where it has no limit.
 const OF_SLAB: f64 = 0.8;
 const SLAB_VOXELS: f64 = 0.25;
 
@@ -76,7 +76,7 @@ pub(in crate::export) struct Goal {
 pub(in crate::export) struct Apart {
     pub(in crate::export) distance_mm: f64,
     pub(in crate::export) parts_gone: u64,
-    /// True where the distance is the sum of those of two reductions.
+    /// True where the distance is a sum over two reductions: one of slabs, one of their union.
     pub(in crate::export) is_bound: bool,
 }
 
@@ -87,7 +87,7 @@ pub(in crate::export) struct Whole<'a> {
     slab: [usize; 2],
     /// Triangles of a slab.
     most: usize,
-    /// What numbers of corners are less here than where they come from.
+    /// Difference between a corner's number at the mesher and its number here.
     shift: u32,
     goal: Goal,
     voxel_mm: f64,
@@ -163,7 +163,7 @@ impl<'a> Whole<'a> {
         Ok(apart)
     }
 
-    /// Has each edge two triangles? Once the surface is reduced, no corners are at one place.
+    /// True if each edge has two triangles. Once the surface is reduced, no corners are at one place.
     pub(in crate::export) fn is_closed(&self) -> bool {
         let edge = |a: u32, b: u32| u64::from(a) << 32 | u64::from(b);
         let all = |[a, b, c]: &[u32; 3]| [edge(*a, *b), edge(*b, *c), edge(*c, *a)];
@@ -347,7 +347,7 @@ impl Reducer<'_> {
         fine
     }
 
-    /// Are two surfaces no farther apart, as far as is measured?
+    /// True if no measured point of either surface is farther than `mm` from the other.
     fn is_near(&self, fine: &Surface, tree: &Tree, few: &Surface, mm: f64) -> bool {
         let (square, mut seed) = (mm * mm, 0);
         let few_tree = Tree::new(few.triangles().collect());
@@ -514,7 +514,7 @@ fn middle([a, b, c]: [[f64; 3]; 3]) -> [f64; 3] {
     std::array::from_fn(|k| (a[k] + b[k] + c[k]) / 3.0)
 }
 
-/// Do all points of a triangle hold, in rows `step` mm apart or less, and as far from each other?
+/// True if `holds` for all points of a triangle, in rows `step` mm apart or less, and as far from each other.
 #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss, reason = "bounded")]
 fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) -> bool) -> bool {
     let ways = [0, 1, 2].map(|k| add_scaled(corners[(k + 1) % 3], -1.0, corners[k]));
@@ -522,7 +522,7 @@ fn lattice(corners: [[f64; 3]; 3], step: f64, mut holds: impl FnMut([f64; 3]) ->
     let longest = (0..3).max_by(|i, j| squares[*i].total_cmp(&squares[*j])).unwrap_or(0);
     let [a, along, aside] = [corners[longest], ways[longest], ways[(longest + 2) % 3].map(|c| -c)];
     let [length, area] = [along, cross(along, aside)].map(|v| dot(v, v).sqrt());
-    // Without a length there is no number.
+    // A flat triangle gives NaN here, which counts as one row.
     let parts = |length: f64| (length / step).ceil().clamp(1.0, MAX_POINTS).max(1.0) as u32;
     let rows = parts(area / length);
     (0..=rows).all(|row| {

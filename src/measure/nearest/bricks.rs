@@ -45,7 +45,7 @@ fn within(brick: [u32; 3], [first, last]: [[u32; 3]; 2]) -> u64 {
     })
 }
 
-/// Place of a cell among those of its brick, in Morton order.
+/// Place of a cell within its brick, in Morton order.
 #[inline]
 fn place_in(cell: [u32; 3]) -> u32 {
     (0..3).fold(0, |v, a| v | (cell[a] & 1) << a | (cell[a] >> 1 & 1) << (a + 3))

@@ -40,7 +40,7 @@ pub(crate) fn resident_bytes() -> u64 {
     current_rss_bytes()
 }
 
-/// Resident memory of this process that is no file's, in bytes, as far as the system tells them apart.
+/// Resident memory of this process without pages of files, in bytes, as far as the system tells them apart.
 pub(crate) fn own_rss_bytes() -> u64 {
     usage().map_or(0, |usage| usage.ri_phys_footprint.min(usage.ri_resident_size))
 }

@@ -1,4 +1,4 @@
-//! What Linux and macOS share.
+//! Items that Linux and macOS share.
 
 mod files;
 mod torn;
