@@ -1,4 +1,4 @@
-//! Rays per second of the traversal's forms, beside the oracle; and that all agree.
+//! Rays per second of the traversal's forms, and that all agree.
 //!
 //! `cargo bench --bench rays -- MODEL.oct... [--size 1024] [--rounds 5] [--threads 1,2] [--random 200000]`
 //!
@@ -21,21 +21,24 @@ use infobyte::render::selfcheck::{Random, random_ray};
 use infobyte::render::sight::Sight;
 use infobyte::render::surface::Skin;
 use infobyte::render::tile::{TILE, Tile, Tracer};
-use infobyte::render::traverse::{Hit, first_hit_sealed};
+use infobyte::render::traverse::Hit;
 use infobyte::render::{Camera, GridSpace, Projection, ViewPoint, single};
 
 /// What is measured.
 #[derive(Clone, Copy, PartialEq)]
 enum Way {
-    Oracle,
     Single(Form),
     Tile(Form),
 }
 
 impl Way {
+    fn form(self) -> Form {
+        let (Self::Single(form) | Self::Tile(form)) = self;
+        form
+    }
+
     fn name(self) -> String {
         match self {
-            Self::Oracle => "oracle".into(),
             Self::Single(form) => format!("single {}", form.name()),
             Self::Tile(form) => format!("tile {}", form.name()),
         }
@@ -143,10 +146,7 @@ fn frame(
                 for ray in 0..TILE * TILE {
                     let (x, y) = (corner.0 + ray % TILE, corner.1 + ray / TILE);
                     let Some(exact) = sight.ray(x as f64 + 0.5, y as f64 + 0.5) else { continue };
-                    let trace = match way {
-                        Way::Single(form) => single::trace(form, view, &Skin, &exact, 0),
-                        _ => first_hit_sealed(view, &exact, 0),
-                    };
+                    let trace = single::trace(way.form(), view, &Skin, &exact, 0);
                     add(&mut sum, number(ray), trace.hit.as_ref());
                 }
             }
@@ -178,10 +178,7 @@ fn incoherent(view: &ModelView<'_>, rays: &[Ray], way: Way, groups: &Mutex<Vec<f
     for (least, (group, rays)) in groups.iter_mut().zip(rays.chunks(GROUP).enumerate()) {
         let start = Instant::now();
         for (i, ray) in rays.iter().enumerate() {
-            let trace = match way {
-                Way::Single(form) => single::trace(form, view, &Skin, ray, 0),
-                _ => first_hit_sealed(view, ray, 0),
-            };
+            let trace = single::trace(way.form(), view, &Skin, ray, 0);
             add(&mut sum, (group * GROUP + i) as u64, trace.hit.as_ref());
         }
         *least = least.min(start.elapsed().as_secs_f64());
@@ -224,8 +221,7 @@ fn compare(
 fn main() {
     let settings = settings();
     let forms: Vec<Form> = Form::available().collect();
-    let mut singles = vec![Way::Oracle];
-    singles.extend(forms.iter().map(|form| Way::Single(*form)));
+    let mut singles: Vec<Way> = forms.iter().map(|form| Way::Single(*form)).collect();
     let mut ways = singles.clone();
     ways.extend(forms.iter().map(|form| Way::Tile(*form)));
     let wanted = |ways: &mut Vec<Way>| {

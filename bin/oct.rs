@@ -239,7 +239,7 @@ impl Build {
         };
         let how = OpenOptions {
             raw,
-            gaps: args.which.gaps.policy(),
+            gaps: args.which.gaps.gaps,
             volume: args.which.volume,
             index: args.which.index.clone(),
             follow_links: args.which.links.follow_links,
@@ -267,7 +267,7 @@ fn batch(args: &args::BatchArgs) -> Result<ExitCode, Failure> {
         inputs: args.input.clone(),
         out: args.out.clone(),
         how: OpenOptions {
-            gaps: args.gaps.policy(),
+            gaps: args.gaps.gaps,
             placement: Placement { spacing_mm: args.spacing, orientation: args.orientation },
             follow_links: args.search.links.follow_links,
             all_volumes: args.search.all_volumes,
@@ -328,7 +328,7 @@ fn scan(args: &args::ScanArgs) -> Result<ExitCode, Failure> {
         format!("{notice}\n")
     };
     let how = OpenOptions {
-        gaps: args.gaps.policy(),
+        gaps: args.gaps.gaps,
         opening_bytes: Some(SCAN_OPENING_BYTES),
         follow_links: args.search.links.follow_links,
         all_volumes: args.search.all_volumes,

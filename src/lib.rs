@@ -178,7 +178,7 @@ pub mod volume;
 pub use budget::MemoryCap;
 pub use builder::{BuildOptions, BuildReport, Connectivity, Threshold};
 pub use clean::{CleanOptions, CleanReport};
-pub use error::{Error, UsageError};
+pub use error::Error;
 pub use exit::{ErrorReport, ExitKind};
 pub use export::Mesh;
 pub use format::{Channel, Channels};
@@ -307,7 +307,7 @@ pub fn build_subject(
 /// Renders a picture of a model. It depends only on the model and the request, not on the machine.
 ///
 /// # Errors
-/// [`Error::Render`] for an invalid camera or size, or a model without a volume; [`Error::Usage`] for labels or a section
+/// [`Error::Render`] for an invalid camera or size, or a model without a volume; [`Error::Said`] for labels or a section
 /// that the model has not; [`Error::Load`] if the model's file
 /// changes during the call, see [`Model::open`].
 pub fn render<D: AsRef<[u8]> + Sync>(

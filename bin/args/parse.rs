@@ -367,6 +367,14 @@ pub(super) fn section(text: &str) -> Result<Section, String> {
     }
 }
 
+/// A choice that is read by its name.
+pub(super) fn choice<T, const N: usize>(names: [&'static str; N]) -> impl TypedValueParser<Value = T>
+where
+    T: serde::de::DeserializeOwned + Clone + Send + Sync + 'static,
+{
+    PossibleValuesParser::new(names).try_map(|name| serde_json::from_value::<T>(name.into()))
+}
+
 pub(super) fn views() -> impl TypedValueParser<Value = NamedView> {
     PossibleValuesParser::new(NamedView::ALL.map(NamedView::name)).try_map(|name| name.parse())
 }

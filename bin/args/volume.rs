@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use clap::{Args, ValueEnum};
+use clap::Args;
 use infobyte::budget::{MemoryCap, parse_size};
 use infobyte::builder::{
     BuildOptions, Connectivity, Gradient, LabelChoice, Threshold, Tolerance, ViewedFrom,
@@ -64,8 +64,8 @@ pub(crate) struct BuildArgs {
     #[arg(long, value_name = "VOXELS", value_parser = parse::smooth, requires = "labels")]
     pub(crate) smooth: Option<f64>,
     /// Which mask or segment wins where several contain a voxel, when they are combined into one label map
-    #[arg(long, value_enum, default_value_t = OverlapArg::Last, requires = "labels")]
-    pub(crate) overlap: OverlapArg,
+    #[arg(long, value_parser = parse::choice::<Overlap, 3>(["first", "last", "refuse"]), default_value = "last", requires = "labels")]
+    pub(crate) overlap: Overlap,
     /// Peak resident memory of the whole process
     #[arg(long, value_name = "SIZE", default_value = "64MiB", value_parser = parse_size)]
     pub(crate) memory: u64,
@@ -351,45 +351,8 @@ pub(crate) struct SearchArgs {
 #[derive(Debug, Args)]
 pub(crate) struct GapArgs {
     /// If slices are missing or uneven: refuse, interpolate from their neighbours, or treat them as evenly spaced
-    #[arg(long, value_enum, default_value_t = Gaps::Error)]
-    pub(crate) gaps: Gaps,
-}
-
-impl GapArgs {
-    /// The policy of the library.
-    pub(crate) fn policy(&self) -> GapPolicy {
-        match self.gaps {
-            Gaps::Error => GapPolicy::Error,
-            Gaps::Fill => GapPolicy::Fill,
-            Gaps::Keep => GapPolicy::Keep,
-        }
-    }
-}
-
-/// What to do about gaps between slices.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Gaps {
-    Error,
-    Fill,
-    Keep,
-}
-
-/// Whose a voxel of several masks is.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum OverlapArg {
-    First,
-    Last,
-    Refuse,
-}
-
-impl OverlapArg {
-    pub(crate) fn policy(self) -> Overlap {
-        match self {
-            Self::First => Overlap::First,
-            Self::Last => Overlap::Last,
-            Self::Refuse => Overlap::Refuse,
-        }
-    }
+    #[arg(long, value_parser = parse::choice::<GapPolicy, 3>(["error", "fill", "keep"]), default_value = "error")]
+    pub(crate) gaps: GapPolicy,
 }
 
 /// What is done to the volume before it is built, in the order of these options.
@@ -474,7 +437,7 @@ impl BuildArgs {
             labels: self.labels.clone(),
             label_names,
             smooth: self.smooth.unwrap_or(MAX_SMOOTH),
-            overlap: self.overlap.policy(),
+            overlap: self.overlap,
             visible_from: self.visible_from.clone(),
             lod: self.lod == Switch::On,
             memory: MemoryCap::Process(self.memory),
@@ -582,31 +545,16 @@ pub(crate) struct GridArgs {
     #[arg(long, value_name = "UNIT", value_parser = parse::unit_mm)]
     pub(crate) unit: Option<f64>,
     /// Axis of the file's coordinates that is up: z (the default) or y; glTF and 3MF state theirs
-    #[arg(long, value_enum, value_name = "z|y")]
-    pub(crate) up: Option<FileUp>,
+    #[arg(long, value_parser = parse::choice::<UpAxis, 2>(["z", "y"]), value_name = "z|y")]
+    pub(crate) up: Option<UpAxis>,
     /// Inside is what the mesh winds around, or where a ray meets it an odd number of times; by default what suits
     /// the mesh. surface: only the voxels that the mesh itself crosses, for open sheets and thin shells
-    #[arg(long, value_enum, value_name = "winding|parity|surface")]
-    pub(crate) fill: Option<FillRule>,
+    #[arg(long, value_parser = parse::choice::<Fill, 3>(["winding", "parity", "surface"]), value_name = "winding|parity|surface")]
+    pub(crate) fill: Option<Fill>,
     /// Keep walls thinner than a voxel: where a mesh passes between two neighbouring centres that are both outside,
     /// one of their voxels is inside, so that walls have no holes. Without effect on --fill surface
     #[arg(long)]
     pub(crate) keep_thin: bool,
-}
-
-/// Which voxels are inside a mesh.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FillRule {
-    Winding,
-    Parity,
-    Surface,
-}
-
-/// What is up in a mesh file.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum FileUp {
-    Z,
-    Y,
 }
 
 impl GridArgs {
@@ -639,16 +587,11 @@ impl GridArgs {
     }
 
     fn within(&self, whole: Option<([f64; 3], Dims)>, links: &LinkArgs) -> GridOptions {
-        let fill = self.fill.map(|rule| match rule {
-            FillRule::Winding => Fill::Winding,
-            FillRule::Parity => Fill::Parity,
-            FillRule::Surface => Fill::Surface,
-        });
         GridOptions {
             grid: self.choice(whole),
             unit_mm: self.unit.unwrap_or(1.0),
-            up: self.up.map_or(UpAxis::Z, |up| if up == FileUp::Y { UpAxis::Y } else { UpAxis::Z }),
-            fill,
+            up: self.up.unwrap_or_default(),
+            fill: self.fill,
             keep_thin: self.keep_thin,
             follow_links: links.follow_links,
         }

@@ -115,6 +115,11 @@ pub trait Solid: Sync {
     /// axis: occupancy is then asked of samples that do not exist, which are outside.
     fn dims(&self) -> Dims;
 
+    /// The solid that this one describes in another way: it says what is not said here.
+    fn inner(&self) -> Option<&dyn Solid> {
+        None
+    }
+
     /// The kind of the model's boxes. Items of cells describe cells: box i of an axis lies
     /// between samples i - 1 and i.
     fn surface(&self) -> SurfaceKind {
@@ -139,7 +144,7 @@ pub trait Solid: Sync {
 
     /// Bytes that a thread holds for the inputs of the solid, while it works and possibly after.
     fn input_bytes(&self) -> u64 {
-        0
+        self.inner().map_or(0, Solid::input_bytes)
     }
 
     /// A worker for columns as wide as the tile at most. Called on the thread that uses it.
@@ -147,7 +152,7 @@ pub trait Solid: Sync {
 
     /// Name of the solid in errors; it is not stored.
     fn name(&self) -> String {
-        self.metadata(&ScanSummary::default()).source.kind
+        self.inner().map_or_else(|| self.metadata(&ScanSummary::default()).source.kind, Solid::name)
     }
 
     /// The labels that the scan has found, of a solid that has them; their numbers rise.
@@ -159,24 +164,29 @@ pub trait Solid: Sync {
     }
 
     /// Every file that the solid is made of.
-    fn for_each_file(&self, _each: &mut dyn FnMut(&Path)) {}
+    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
+        if let Some(inner) = self.inner() {
+            inner.for_each_file(each);
+        }
+    }
 
     /// Is what the solid is made of still what it was? Asked before the model is given its name.
     ///
     /// # Errors
     /// The input that was changed meanwhile.
     fn check_unchanged(&self) -> Result<(), SourceError> {
-        Ok(())
+        self.inner().map_or(Ok(()), Solid::check_unchanged)
     }
 
     /// What is odd about the choice of what is inside.
     fn note(&self) -> Option<BuildNote> {
-        None
+        self.inner()?.note()
     }
 
     /// Why no voxel is inside, for the user.
     fn nothing_inside(&self) -> BuildError {
-        BuildError::from(BuildFault::nothing_inside(self.name()))
+        let own = || BuildError::from(BuildFault::nothing_inside(self.name()));
+        self.inner().map_or_else(own, Solid::nothing_inside)
     }
 }
 

@@ -4,15 +4,13 @@
 //! inside gives the crossing, and the first of the tree where two are crossed at one place. So neither boxes nor what
 //! is left of programs in them change a cell.
 
-use std::path::Path;
-
 use super::leaf::Leaf;
 use super::program::{self, Step};
 use super::sampled::Sampler;
 use super::solid::{CsgSolid, CsgWorker, Keep};
 use crate::builder::{
-    BuildError, CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice,
-    Solid, SolidWorker, Tile, VoxelBox,
+    CellEdge, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
+    SolidWorker, Tile, VoxelBox,
 };
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
@@ -28,6 +26,10 @@ impl Solid for CsgCells<'_> {
         self.dims
     }
 
+    fn inner(&self) -> Option<&dyn Solid> {
+        Some(&self.tree)
+    }
+
     fn surface(&self) -> SurfaceKind {
         SurfaceKind::Cells
     }
@@ -38,18 +40,6 @@ impl Solid for CsgCells<'_> {
 
     fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.tree.metadata(found)
-    }
-
-    fn name(&self) -> String {
-        self.tree.name()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.tree.for_each_file(each);
-    }
-
-    fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.tree.check_unchanged()
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
@@ -64,10 +54,6 @@ impl Solid for CsgCells<'_> {
             + (crossed + self.tree.most_steps() * size_of::<Step>()) as u64
     }
 
-    fn input_bytes(&self) -> u64 {
-        self.tree.input_bytes()
-    }
-
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
         Box::new(CellWorker {
             samples: self.tree.place.dims,
@@ -78,10 +64,6 @@ impl Solid for CsgCells<'_> {
             crossed: Vec::with_capacity(self.tree.program.len()),
             at_edge: Vec::with_capacity(self.tree.most_steps()),
         })
-    }
-
-    fn nothing_inside(&self) -> BuildError {
-        self.tree.nothing_inside()
     }
 }
 

@@ -108,12 +108,6 @@ static TABLE: &[ChannelRow] = &[
         is_stated: Some(|m| m.noise.is_some()),
         ..ChannelRow::plain(Channel::Steepness, "steepness", "steepnesses", *b"STEE", &[1])
     },
-    #[cfg(test)]
-    ChannelRow {
-        means: Some(Means { tag: *b"DLOD", name: "dummy_lod", rule: MeanRule::Number }),
-        illegal: Some(|item| item == [0xff; 4]),
-        ..ChannelRow::plain(Channel::Dummy, "dummy", "dummies", *b"DUMM", &[4])
-    },
 ];
 
 const _: () = assert!(super::cell::CORNERS == 8, "one byte for each corner");
@@ -358,15 +352,6 @@ impl Sum {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::builder::{
-        BuildOptions, ItemForm, OccupancyRows, ScanSummary, Silent, SkinSlice, Solid, SolidWorker, Tile,
-        VoxelBox, build_solid,
-    };
-    use crate::format::{FormatError, HEADER_BYTES, Header, SectionKind, table_bytes};
-    use crate::geom::{BoxIndex, Dims, Level, NodeIndex, Octant, VoxelIndex};
-    use crate::jobs::{info, pack};
-    use crate::load::{Fault, Frame, Model, NodeView, verify};
-    use crate::volume::SourceError;
 
     #[test]
     fn names_and_tags_are_told_apart_and_found() {
@@ -405,139 +390,5 @@ mod tests {
             MeanRule::Number.add_items(&mut sum, items, item);
             assert_eq!(u64::from_le_bytes(MeanRule::Number.mean(&sum)), mean);
         }
-    }
-
-    /// A cube with a dummy item for every skin voxel.
-    struct Cube;
-
-    #[derive(Default)]
-    struct CubeWorker {
-        dummies: Vec<u8>,
-    }
-
-    fn dummy([x, y, z]: [u32; 3]) -> u32 {
-        x * x + (y << 10) + (z << 24)
-    }
-
-    impl Solid for Cube {
-        fn dims(&self) -> Dims {
-            Dims::new(80, 70, 60).unwrap()
-        }
-
-        fn metadata(&self, _: &ScanSummary) -> Metadata {
-            Metadata::of_grid(self.dims(), "cube")
-        }
-
-        fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {
-            (channel == Channel::Dummy).then_some(ItemForm::AsIs { bytes: 4 })
-        }
-
-        fn worker_bytes(&self, _: &Tile) -> u64 {
-            0
-        }
-
-        fn worker(&self, _: &Tile) -> Box<dyn SolidWorker + '_> {
-            Box::new(CubeWorker::default())
-        }
-    }
-
-    impl SolidWorker for CubeWorker {
-        fn start(&mut self, _: &VoxelBox) -> Result<(), SourceError> {
-            Ok(())
-        }
-
-        fn occupancy(&mut self, rows: &mut OccupancyRows<'_>) -> Result<(), SourceError> {
-            for y in rows.y() {
-                let inside = (7..55).contains(&y) && (3..51).contains(&rows.z());
-                rows.set_row(y, if inside { 20..68 } else { 0..0 });
-            }
-            Ok(())
-        }
-
-        fn describe(&mut self, skin: &SkinSlice<'_>) -> Result<(), SourceError> {
-            self.dummies.clear();
-            self.dummies.extend(skin.voxels().flat_map(|voxel| dummy(voxel).to_le_bytes()));
-            Ok(())
-        }
-
-        fn items(&self, _: Channel) -> &[u8] {
-            &self.dummies
-        }
-    }
-
-    /// The voxels of the model below a box, in the order of their numbers.
-    fn voxels_below(m: &Model, at: BoxIndex, corner: [u32; 3], left: u32, found: &mut Vec<[u32; 3]>) {
-        if left == 0 {
-            found.push(corner);
-        }
-        for octant in Octant::ALL.into_iter().filter(|_| left > 0) {
-            if let Some(child) = m.child(at.node(), octant) {
-                let corner = std::array::from_fn(|a| corner[a] + (octant.high()[a] << (left - 1)));
-                voxels_below(m, child, corner, left - 1, found);
-            }
-        }
-    }
-
-    /// A row of the table is all that a channel needs: `Dummy` is named in no other file.
-    #[test]
-    fn a_new_row_is_built_loaded_verified_packed_and_shown() {
-        let folder = tempfile::tempdir().unwrap();
-        let at = |name: &str| folder.path().join(name);
-        let options =
-            BuildOptions { channels: Some(Channels::from([Channel::Dummy])), ..BuildOptions::default() };
-        let report = build_solid(&Cube, &options, &at("m.oct"), &Silent).unwrap();
-        assert_eq!(report.skin_voxels, 48 * 48 * 48 - 46 * 46 * 46);
-
-        let model = Model::open(at("m.oct")).unwrap();
-        verify(&model).unwrap();
-        let mut voxels = Vec::new();
-        voxels_below(&model, BoxIndex::ROOT, [0; 3], model.dims().depth(), &mut voxels);
-        let items = model.items(Channel::Dummy).unwrap();
-        assert_eq!((voxels.len() as u64, items.item_bytes()), (report.skin_voxels, 4));
-        for (number, voxel) in (0..).zip(&voxels) {
-            assert_eq!(items.get(number), Some(&dummy(*voxel).to_le_bytes()[..]), "{voxel:?}");
-        }
-        let (sum, count) = (voxels.iter().map(|v| u64::from(dummy(*v))).sum::<u64>(), voxels.len() as u64);
-        let mean = u32::try_from((2 * sum + count) / (2 * count)).unwrap();
-        assert_eq!(model.means(Channel::Dummy).unwrap().get(0), Some(&mean.to_le_bytes()[..]));
-
-        // The verifier looks at items and means of the row.
-        let wrong = |kind: SectionKind, bytes: [u8; 4]| {
-            let mut file = std::fs::read(at("m.oct")).unwrap();
-            let frame = Frame::read(&file[..]).unwrap();
-            let mut sections = frame.sections.clone();
-            let entry = sections.iter_mut().find(|e| e.kind == Some(kind)).unwrap();
-            let range = usize::try_from(entry.offset).unwrap()..usize::try_from(entry.end()).unwrap();
-            file[range.clone()][..4].copy_from_slice(&bytes);
-            (entry.stored_crc, entry.content_crc) =
-                (crc32c::crc32c(&file[range.clone()]), crc32c::crc32c(&file[range]));
-            let table = table_bytes(&sections);
-            let header = Header { table_crc: crc32c::crc32c(&table), ..frame.header };
-            file[HEADER_BYTES..HEADER_BYTES + table.len()].copy_from_slice(&table);
-            file[..HEADER_BYTES].copy_from_slice(&header.to_bytes());
-            match verify(&file[..]) {
-                Err(Fault::Format(fault)) => fault,
-                other => panic!("{other:?}"),
-            }
-        };
-        let channel = Channel::Dummy;
-        assert_eq!(
-            wrong(SectionKind::Voxels(channel), [0xff; 4]),
-            FormatError::IllegalItem { channel, voxel: VoxelIndex::new(0), item: u32::MAX.into() }
-        );
-        let (level, node) = (Level::ROOT, NodeIndex::ROOT);
-        let found = u32::from_le_bytes([1; 4]).into();
-        assert_eq!(
-            wrong(SectionKind::Means(channel), [1; 4]),
-            FormatError::MeanValue { channel, level, node, due: mean.into(), found }
-        );
-
-        pack::pack(&at("m.oct"), &at("p.oct")).unwrap();
-        let shown = info::read_info(&at("p.oct")).unwrap().json();
-        assert_eq!(shown.channels, ["dummy"]);
-        assert!(shown.model.channel_bytes["dummy"] > 0, "{shown:?}");
-        assert_eq!(shown.model.channel_bytes["dummy_lod"], 0);
-        pack::unpack(&at("p.oct"), &at("u.oct")).unwrap();
-        assert!(std::fs::read(at("u.oct")).unwrap() == std::fs::read(at("m.oct")).unwrap());
     }
 }

@@ -50,9 +50,6 @@ pub enum Channel {
     Label,
     /// How fast values rise across the surface of a cell, as the logarithm (SPEC 4.14).
     Steepness,
-    /// A row for the test below.
-    #[cfg(test)]
-    Dummy,
 }
 
 /// Kind of a section, in the order in which sections stand in a file.

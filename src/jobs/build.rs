@@ -31,7 +31,7 @@ use crate::builder::{
 use crate::clean::{CleanOptions, CleanReport};
 use crate::csg::{CsgInput, CsgOptions, Shape, Tree, check_links, memory_bound, read_tree, with_tree};
 use crate::discovery;
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::fault::{FaultKind, usage};
 use crate::format::{MAGIC, SurfaceKind};
 use crate::mesh::{
@@ -41,6 +41,7 @@ use crate::platform::{PositionalFile, give_back};
 use crate::render::NamedView;
 use crate::source::{OpenOptions, Subject, SubjectKind};
 use crate::text::data;
+use crate::text::names::{GRADIENT, OUTPUT};
 use crate::volume::{Preparation, SourceError, SourceFault, VolumeSource, Workspace, sentences};
 
 /// Bytes of mesh files beyond which a grid of 512 voxels would lose what they show: some million triangles.
@@ -230,7 +231,12 @@ fn refuse_own_input(inputs: &[PathBuf], output: &Path) -> Result<(), Error> {
         })
     };
     match inputs.iter().find(replaced) {
-        Some(_) => Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: true }.into()),
+        Some(_) => {
+            let fault = usage!(
+                "is the input, or part of it, and would be replaced by the model; name another file with {OUTPUT}"
+            );
+            Err(fault.at(output).into())
+        }
         None => Ok(()),
     }
 }
@@ -386,8 +392,8 @@ impl BuildJob<'_> {
         match asked.into_iter().find(|(_, given)| *given && self.options.labels.is_some()) {
             None => Ok(()),
             Some((asked, _)) => {
-                let path = PathBuf::from(&source.info().description.name);
-                Err(UsageError::CleanLabels { path, asked }.into())
+                let fault = usage!("labels are built without cleaning; leave out {asked}");
+                Err(fault.at(&source.info().description.name).into())
             }
         }
     }
@@ -455,7 +461,9 @@ impl BuildJob<'_> {
         }
         let volumes = self.open_volumes(&tree)?;
         if volumes.is_empty() && self.options.gradient() != Gradient::default() {
-            return Err(UsageError::GradientOfTree { path: path.to_path_buf() }.into());
+            let fault =
+                usage!("holds no volume, and normals are estimated for volumes only; leave out {GRADIENT}");
+            return Err(fault.at(path).into());
         }
         self.give_back();
         let volumes = volumes.iter().map(|(path, source)| (path.clone(), &**source)).collect();

@@ -15,7 +15,8 @@ use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::{BuildOptions, Progress};
 use crate::clean::CleanOptions;
-use crate::error::{Error, UsageError};
+use crate::error::Error;
+use crate::fault::usage;
 use crate::format::SurfaceKind;
 use crate::source::Subject;
 use crate::synthetic::SyntheticHead;
@@ -88,7 +89,7 @@ pub fn demo(
     threads: usize,
     progress: &dyn Progress,
 ) -> Result<DemoSummary, Error> {
-    let head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
+    let head = head_of(side)?;
     refuse_clash(&files.model, &[&files.picture, &files.thumbnail])?;
     let name = format!("synthetic head {side}");
     let (clean, grid) = (CleanOptions::default(), GridOptions::default());
@@ -118,7 +119,7 @@ pub fn demo(
 /// # Errors
 /// The size is out of range, or the file cannot be written; nothing is left behind then.
 pub fn write_raw(side: u32, path: &Path) -> Result<(), Error> {
-    let head = SyntheticHead::new(side).ok_or(UsageError::HeadSize { side })?;
+    let head = head_of(side)?;
     let failed = |cause| Error::Output { path: path.to_path_buf(), cause };
     let file = AtomicFile::create(path).map_err(failed)?;
     let mut out = BufWriter::with_capacity(1 << 18, file.file());
@@ -177,4 +178,9 @@ impl DemoSummary {
         ];
         rows.iter().map(|(name, text)| format!("{name:<24}{text}\n")).collect()
     }
+}
+
+fn head_of(side: u32) -> Result<SyntheticHead, Error> {
+    let refused = || usage!("a head of {side} voxels a side cannot be made; choose 1 to 65536");
+    Ok(SyntheticHead::new(side).ok_or_else(refused)?)
 }

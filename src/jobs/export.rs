@@ -2,6 +2,7 @@
 
 mod labels;
 
+pub(super) use labels::with_labels;
 pub use labels::{LabelSurface, export_each};
 
 use std::io::{self, BufWriter};
@@ -17,13 +18,15 @@ use super::verify::{verify_file, verify_unless_packed};
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
 use crate::builder::Tolerance;
-use crate::error::{Error, UsageError};
+use crate::error::{Error, keeps_part};
 use crate::export::{ExportFault, ExportForm, ExportStop, Exported, Exporter, Mesh};
+use crate::fault::{Fault, usage};
 use crate::geom::{Affine, Dims};
 use crate::load::{Model, ModelView, verify};
 use crate::page::{self, Shown, Way};
 use crate::progress::Progress;
 use crate::render::GridSpace;
+use crate::text::names::{EACH, ERROR, LABELS, OUTPUT, SMOOTH, VIEW};
 use crate::text::{Short, data, shown};
 
 pub use crate::builder::MAX_SMOOTH;
@@ -153,7 +156,7 @@ pub fn export(
         return labels::export_labels(input, output, &model, request, progress);
     }
     if request.smooth.is_some() {
-        return Err(UsageError::OneSurface { path: input.to_path_buf() }.into());
+        return Err(one_surface(input).into());
     }
     let out = AtomicFile::create(output).map_err(unwritable)?;
     let space = GridSpace::new(model.dims(), &model.affine())?;
@@ -242,19 +245,22 @@ fn report(
 /// Refuses the inside of a model that keeps only what can be seen.
 fn refuse_part(model: &Model, input: &Path, request: ExportRequest) -> Result<(), Error> {
     match (request.needs_inside(), model.metadata().seen_from()) {
-        (true, Some(seen_from)) => {
-            let (path, seen_from) = (input.to_path_buf(), seen_from.to_owned());
-            Err(UsageError::KeepsPart { path, seen_from }.into())
-        }
+        (true, Some(seen_from)) => Err(keeps_part(seen_from, input).into()),
         _ => Ok(()),
     }
+}
+
+/// A model without labels, where surfaces of labels are asked for.
+pub(super) fn one_surface(input: &Path) -> Fault {
+    usage!("has a single surface and no labels; leave out {EACH} and {SMOOTH}, or build a map of labels with {LABELS}").at(input)
 }
 
 /// Refuses an output that is the input.
 pub(super) fn refuse_input(input: &Path, output: &Path) -> Result<(), Error> {
     match (input.canonicalize(), output.canonicalize()) {
         (Ok(from), Ok(to)) if from == to => {
-            Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into())
+            let fault = usage!("is the input, and would be replaced; name another file with {OUTPUT}");
+            Err(fault.at(output).into())
         }
         _ => Ok(()),
     }
@@ -293,7 +299,7 @@ pub(super) fn failed(stop: ExportStop, model: &Model, input: &Path, output: &Pat
             changed.and_then(|()| verify_file(input)).err().unwrap_or(Error::Internal)
         }
         ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => UsageError::Export { path: output.to_path_buf(), fault }.into(),
+            Some(fault) => usage!("{fault}").at(output).into(),
             None => Error::Output { path: output.to_path_buf(), cause },
         },
         ExportStop::Stopped => Error::Stopped,
@@ -332,11 +338,20 @@ fn export_page(
     let labels = model.frame().labels.len();
     // Of such models a linked page shows coarse ones.
     if labels > page::MAX_LABELS && !is_linked {
-        return Err(UsageError::PageLabels { path: input.to_path_buf(), labels }.into());
+        let fault = usage!(
+            "has {labels} labels, and a page holds {}; build it of fewer ({LABELS}), or look at it with {VIEW}",
+            page::MAX_LABELS
+        );
+        return Err(fault.at(input).into());
     }
     let bytes = model.header().file_bytes;
     if bytes > page::MAX_BYTES && !is_linked {
-        return Err(UsageError::PageTooLarge { path: input.to_path_buf(), bytes }.into());
+        let fault = usage!(
+            "has {}, more than a page in a browser holds ({}); build it on a coarser grid or within a bound ({ERROR}), or look at it with {VIEW}",
+            Bytes(bytes),
+            Bytes(page::MAX_BYTES)
+        );
+        return Err(fault.at(input).into());
     }
     let (dims, affine) = (model.dims(), model.affine());
     let picture = still(&model, STILL, progress)?;
@@ -378,7 +393,7 @@ fn export_page(
 pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progress) -> Result<Mesh, Error> {
     let name = || PathBuf::from(&model.metadata().source.kind);
     if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(UsageError::KeepsPart { path: name(), seen_from: seen_from.to_owned() }.into());
+        return Err(keeps_part(seen_from, &name()).into());
     }
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let exporter = Exporter {
@@ -395,7 +410,7 @@ pub fn triangles<D: AsRef<[u8]> + Sync>(model: &Model<D>, progress: &dyn Progres
         // Checking all of it says what is wrong.
         ExportStop::Damaged => verify(model).err().map_or(Error::Internal, |fault| fault.at(&name()).into()),
         ExportStop::Output(cause) => match fault_of(&cause) {
-            Some(fault) => UsageError::Export { path: name(), fault }.into(),
+            Some(fault) => usage!("{fault}").at(name()).into(),
             None => Error::Internal,
         },
         ExportStop::Stopped => Error::Stopped,

@@ -1,6 +1,6 @@
 //! `oct intersect`: do two models touch, and where; how far they overlap, or are apart.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::time::Instant;
 
 use serde::Serialize;
@@ -8,7 +8,8 @@ use serde::Serialize;
 use super::opened::open_model;
 use super::verify::verify_file;
 use crate::budget::peak_rss_bytes;
-use crate::error::{Error, UsageError};
+use crate::error::Error;
+use crate::fault::usage;
 use crate::geom::Affine;
 use crate::intersect::{Placed, intersection};
 use crate::measure::nearest::{Gap, Surface};
@@ -56,7 +57,10 @@ pub struct IntersectReport {
 pub fn intersect(inputs: [&Path; 2], placement: &Affine, needs_gap: bool) -> Result<IntersectReport, Error> {
     let start = Instant::now();
     if placement.inverse().is_none() {
-        return Err(UsageError::FlatPlacement { path: PathBuf::from(inputs[1]) }.into());
+        let fault = usage!(
+            "the placement makes it flat; give three rows that are not parallel, as in 1,0,0,0,0,1,0,0,0,0,1,0"
+        );
+        return Err(fault.at(inputs[1]).into());
     }
     for input in inputs {
         verify_file(input)?;

@@ -14,7 +14,7 @@ use std::path::Path;
 
 use serde_json::Value;
 
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::export::part_name;
 use crate::fault::{bad, usage};
 use crate::format::{Label, LabelName};
@@ -40,7 +40,13 @@ const MAX_NAME_BYTES: usize = 1000;
 /// # Errors
 /// The file cannot be read, is not one of these tables, or names a label twice.
 pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Error> {
-    let wrong = |line: usize| UsageError::LabelNames { path: path.to_path_buf(), line };
+    let wrong = |line: usize| {
+        let what = match line {
+            0 => "is not a table of labels".to_owned(),
+            _ => format!("line {line} is not a row of a table of labels"),
+        };
+        usage!("{what}; give a TSV or CSV with a header, ITK-SNAP label descriptions, a .ctbl, or the JSON of DICOM SEG tools").at(path)
+    };
     if let Some((_, table)) = TABLES.iter().find(|(name, _)| path == Path::new(name)) {
         return Ok(of_rows(table, false).map_err(wrong)?);
     }
@@ -71,7 +77,7 @@ pub fn read_label_names(path: &Path, typed: bool) -> Result<Vec<LabelName>, Erro
     names.sort_by_key(|label| label.number);
     match names.windows(2).find(|pair| pair[0].number == pair[1].number) {
         Some([twice, _]) => {
-            Err(UsageError::LabelTwice { path: path.to_path_buf(), number: twice.number }.into())
+            Err(usage!("names the label {} twice; name it once", twice.number).at(path).into())
         }
         _ => Ok(names),
     }

@@ -12,7 +12,8 @@ use super::render::{Bodies, RenderReport, RenderRequest, paint_parts, paint_whol
 use super::scene::OpenScene;
 use super::shots::{self, FrameNames, Shots};
 use crate::budget::{mapped_rss_bytes, peak_rss_bytes};
-use crate::error::{Error, UsageError};
+use crate::error::Error;
+use crate::fault::usage;
 #[cfg(feature = "python")]
 use crate::load::Model;
 use crate::progress::Progress;
@@ -311,10 +312,12 @@ pub(super) fn refuse_clash(model: &Path, outputs: &[&Path]) -> Result<(), Error>
     };
     for (at, output) in outputs.iter().enumerate() {
         if same(output, model) {
-            return Err(UsageError::ReplacesModel { path: output.to_path_buf() }.into());
+            let fault = usage!("is the model and would be replaced by a picture; name another file");
+            return Err(fault.at(*output).into());
         }
         if outputs[..at].iter().any(|other| same(output, other)) {
-            return Err(UsageError::NamedTwice { path: output.to_path_buf() }.into());
+            let fault = usage!("two pictures would be written to it; name another file for one of them");
+            return Err(fault.at(*output).into());
         }
     }
     Ok(())

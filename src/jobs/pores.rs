@@ -19,7 +19,7 @@ use super::verify::verify_unless_packed;
 use super::within::Within;
 use crate::atomic::AtomicFile;
 use crate::budget::peak_rss_bytes;
-use crate::error::{Error, UsageError};
+use crate::error::{Error, keeps_part};
 use crate::export::{ExportForm, LayerCell, RegionFrame, RegionSlice};
 use crate::fault::usage;
 use crate::geom::Affine;
@@ -27,6 +27,7 @@ use crate::load::{Model, ModelView, NodeView};
 use crate::measure::nearest::Surface;
 use crate::progress::Progress;
 use crate::render::GridSpace;
+use crate::text::names::SURFACE;
 use crate::text::{Short, data, shown};
 
 use components::{Component, Components, Side, Sought};
@@ -256,12 +257,12 @@ fn with_gaps(mut rows: &File, out: &File, gap: impl Fn(u64) -> Option<f64>) -> i
 /// Refuses a model that does not say what is inside.
 fn refuse(model: &Model, input: &Path) -> Result<(), Error> {
     if let Some(seen_from) = model.metadata().seen_from() {
-        return Err(
-            UsageError::KeepsPart { path: input.to_path_buf(), seen_from: seen_from.to_owned() }.into()
-        );
+        return Err(keeps_part(seen_from, input).into());
     }
     if model.view().cells().is_none() {
-        return Err(UsageError::TooCoarse { path: input.to_path_buf() }.into());
+        let fault =
+            usage!("is a skin of voxels, which is too coarse to measure; build it with {SURFACE} cells");
+        return Err(fault.at(input).into());
     }
     Ok(())
 }

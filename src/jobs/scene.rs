@@ -1,5 +1,6 @@
 //! Models on disk in their places: a scene of several, or one by itself.
 
+use std::fmt::Display;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
@@ -8,8 +9,8 @@ use super::opened::open_model;
 use super::relief::Relief;
 use super::render::{Bodies, RenderReport, RenderRequest, paint_whole};
 use crate::budget::mapped_rss_bytes;
-use crate::error::{Error, UsageError};
-use crate::fault::{bad, usage};
+use crate::error::Error;
+use crate::fault::{Fault, bad, usage};
 use crate::format::Label;
 use crate::load::{LoadError, LoadFault, Model, ModelView};
 use crate::platform::PositionalFile;
@@ -23,7 +24,8 @@ use crate::scene::{
     self, Coloring, Colors, Key, MAX_BYTES, Opacity, Part, Scene, SceneError, SceneModel, Seen, Table,
 };
 pub(crate) use crate::scene::{LabelRule, Section};
-use crate::text::shown;
+use crate::text::names::{INFO, LABELS, LEGEND, SECTION};
+use crate::text::{Short, shown};
 
 /// True if a file's name says that it is the text of a scene, not a model.
 pub fn is_scene(path: &Path) -> bool {
@@ -102,7 +104,7 @@ impl Files {
 }
 
 /// A plane that meets nothing is refused.
-fn check_section(path: &Path, section: Section, bodies: &Bodies<'_>) -> Result<(), UsageError> {
+fn check_section(path: &Path, section: Section, bodies: &Bodies<'_>) -> Result<(), Fault> {
     let mut normal = [0.0; 3];
     normal[section.axis] = 1.0;
     let (from_mm, to_mm) = (-bodies.support(normal.map(|c: f64| -c)), bodies.support(normal));
@@ -110,7 +112,9 @@ fn check_section(path: &Path, section: Section, bodies: &Bodies<'_>) -> Result<(
         return Ok(());
     }
     let axis = ['x', 'y', 'z'][section.axis];
-    Err(UsageError::Section { path: path.to_path_buf(), axis, from_mm, to_mm })
+    let (from_mm, to_mm) = (Short(from_mm), Short(to_mm));
+    Err(usage!("the plane does not intersect it; choose {SECTION} with {axis} from {from_mm} to {to_mm} mm")
+        .at(path))
 }
 
 /// Lines for the labels of all models, and for models without labels.
@@ -118,7 +122,7 @@ fn legend<D: AsRef<[u8]>>(
     path: &Path,
     models: &[Placed<'_, D>],
     request: &RenderRequest,
-) -> Result<Vec<(Seen, Entry)>, UsageError> {
+) -> Result<Vec<(Seen, Entry)>, Fault> {
     let mut entries = Vec::new();
     let shader = Shader::new();
     for (number, (placed, model, _, file)) in models.iter().enumerate() {
@@ -136,7 +140,9 @@ fn legend<D: AsRef<[u8]>>(
             let plain = format!("model {}", number + 1);
             entries.push(((number, 0), Entry { color, name, plain }));
         } else {
-            return Err(UsageError::NoLegend { path: file.to_path_buf() });
+            let fault =
+                usage!("has no labels to list; leave out {LEGEND}, or build a map of labels with {LABELS}");
+            return Err(fault.at(file));
         }
     }
     Ok(entries)
@@ -162,11 +168,10 @@ fn parts<'a, D: AsRef<[u8]>>(
     let is_idle = |rule: &&LabelRule| !tables().flatten().any(|label| rule.labels.contains(label));
     match request.labels.iter().find(is_idle) {
         Some(_) if tables().next().is_none() => {
-            return Err(UsageError::Unlabelled { path: path.to_path_buf() }.into());
+            return Err(unlabelled(path).into());
         }
         Some(rule) => {
-            let label = rule.labels.to_string();
-            return Err(UsageError::NoLabel { path: path.to_path_buf(), label }.into());
+            return Err(no_label(&rule.labels, path).into());
         }
         None => {}
     }
@@ -398,21 +403,29 @@ impl OpenScene {
     }
 }
 
+fn unlabelled(path: &Path) -> Fault {
+    usage!("has no labels that could be hidden; build a map of labels with {LABELS}").at(path)
+}
+
+fn no_label(label: &dyn Display, path: &Path) -> Fault {
+    usage!("has no label {label}; {INFO} lists those of a model").at(path)
+}
+
 /// The light that the labels of a model stop; `None` for one without labels.
 fn opacity<'a, D: AsRef<[u8]>>(
     model: &'a Model<D>,
     path: &Path,
     placed: &SceneModel,
     request: &RenderRequest,
-) -> Result<Option<Opacity<'a>>, UsageError> {
+) -> Result<Option<Opacity<'a>>, Fault> {
     match model.view().labels() {
         None if placed.labels.is_empty() => Ok(None),
-        None => Err(UsageError::Unlabelled { path: path.to_path_buf() }),
+        None => Err(unlabelled(path)),
         Some(labels) => {
             let table = &model.frame().labels;
             Opacity::of(&rules_of(placed, request, table), labels, table)
                 .map(Some)
-                .map_err(|label| UsageError::NoLabel { path: path.to_path_buf(), label: label.to_string() })
+                .map_err(|label| no_label(&label, path))
         }
     }
 }

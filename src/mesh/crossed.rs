@@ -9,13 +9,11 @@
     reason = "coordinates are below 2^17 voxels, and places are known within 2^-16 voxel"
 )]
 
-use std::path::Path;
-
 use super::lattice::{HALF, STEPS, Triangle, first_centre, last_centre, span};
 use super::solid::{MeshSolid, MeshWorker};
 use crate::builder::{
-    BuildError, CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid,
-    SolidWorker, Tile, VoxelBox,
+    CellEdges, Cover, EdgeCrossing, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker,
+    Tile, VoxelBox,
 };
 use crate::format::{Channel, Metadata, SurfaceKind};
 use crate::geom::Dims;
@@ -37,28 +35,16 @@ impl Solid for MeshCells {
         self.dims
     }
 
+    fn inner(&self) -> Option<&dyn Solid> {
+        Some(&self.mesh)
+    }
+
     fn surface(&self) -> SurfaceKind {
         SurfaceKind::Cells
     }
 
     fn metadata(&self, found: &ScanSummary) -> Metadata {
         Metadata { gradient: ESTIMATOR.into(), ..self.mesh.metadata(found) }
-    }
-
-    fn name(&self) -> String {
-        self.mesh.name()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.mesh.for_each_file(each);
-    }
-
-    fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.mesh.check_unchanged()
-    }
-
-    fn nothing_inside(&self) -> BuildError {
-        self.mesh.nothing_inside()
     }
 
     fn form(&self, channel: Channel, _: &ScanSummary) -> Option<ItemForm> {

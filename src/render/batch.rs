@@ -69,7 +69,7 @@ impl Batch {
         Self { form, slots: [Slot::EMPTY; FLIGHT], known: Bricks::new() }
     }
 
-    /// First hits of rays: those of [`super::traverse::first_hit_sealed`], for every form.
+    /// First hits of rays: those of [`super::single::trace`], for every form.
     ///
     /// The rays must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells count as
     /// surface. Any view is safe, right or wrong. Rays through larger leaves go one after the other.

@@ -192,72 +192,8 @@ pub(crate) fn compare(
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::{Form, Kernel, Portable};
+    use crate::cpu::Portable;
     use crate::render::selfcheck::Random;
-
-    /// A brick and its rays, made up.
-    struct Made {
-        codes: [[u8; 2]; CELLS],
-        offsets: [u8; CELLS],
-        stored: u64,
-        flip: u32,
-        cells: u8,
-        direction: [[f32; CELLS]; 3],
-        beside: [[f32; CELLS]; 3],
-        rays: [u8; SINGLES],
-    }
-
-    impl Kernel for &Made {
-        type Output = (Planes, [u8; LISTED], Compared);
-
-        #[inline(always)]
-        fn run(self, l: impl Lanes) -> Self::Output {
-            let mut planes = planes(l, &self.codes, &self.offsets, self.stored, self.flip);
-            planes.cells = self.cells;
-            let mut places = [0; LISTED];
-            list(l, self.stored, &mut places);
-            let lines = Lines { direction: &self.direction, beside: &self.beside, slack: SLACKS / 4096.0 };
-            let compared = compare(l, &planes, &lines, &places, &self.rays);
-            (planes, places, compared)
-        }
-    }
-
-    #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]
-    fn every_form_lists_decodes_and_compares_alike() {
-        let mut random = Random::new(3);
-        let (mut past, mut within, mut unsure) = (0, 0, 0);
-        for round in 0..3000 {
-            let mut single = |low, high| random.range(low, high) as f32;
-            let direction = std::array::from_fn(|_| std::array::from_fn(|_| single(0.0, 1.0)));
-            let beside = std::array::from_fn(|_| std::array::from_fn(|_| single(-2.0, 2.0)));
-            let mut made = Made {
-                codes: std::array::from_fn(|_| (random.bits() as u16).to_le_bytes()),
-                offsets: std::array::from_fn(|_| random.bits() as u8),
-                stored: random.bits(),
-                flip: if round % 8 == 0 { random.bits() as u32 & 7 } else { (random.bits() as u32 & 7) * 9 },
-                cells: if round % 4 == 0 { random.bits() as u8 % 64 } else { ALL_CELLS },
-                direction,
-                beside,
-                rays: std::array::from_fn(|_| random.bits() as u8 % 64),
-            };
-            if round % 3 == 0 {
-                made.stored &= random.bits() & random.bits();
-            }
-            let (planes, places, compared) = Form::Portable.run(&made);
-            for form in Form::available() {
-                let got = form.run(&made);
-                assert_eq!((&got.0, got.2), (&planes, compared), "{form:?}");
-                let listed = (made.stored.count_ones() as usize).min(LISTED);
-                assert_eq!(got.1[..listed], places[..listed], "{form:?}");
-            }
-            assert_eq!(compared.past & compared.within, 0);
-            past += compared.past.count_ones();
-            within += compared.within.count_ones();
-            unsure += 16 - (compared.past | compared.within).count_ones();
-        }
-        assert!(past > 5000 && within > 200 && unsure > 5000, "{past} {within} {unsure}");
-    }
 
     #[test]
     #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]

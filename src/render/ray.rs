@@ -175,7 +175,7 @@ impl Ray {
 
     /// Parameter t, along the ray that was given, of the quantised origin.
     #[inline]
-    pub(crate) fn t_start(&self) -> f64 {
+    pub fn t_start(&self) -> f64 {
         self.t_start
     }
 

@@ -10,7 +10,7 @@ use super::reference::{self, BitVolume};
 use super::sight::Sight;
 use super::surface::{Skin, Surface};
 use super::tile::{RAYS, TILE, Tile, Tracer};
-use super::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
+use super::traverse::{Hit, step_limit};
 use super::{Camera, GridSpace, Projection, ViewPoint, single};
 use crate::cpu::Form;
 
@@ -35,8 +35,6 @@ pub struct Mismatches {
     pub false_misses: u64,
     /// Hits whose number is not that of their voxel, or whose depth is off its face by over 2^-16 cell.
     pub inconsistent: u64,
-    /// Hits that differ from the sealed reference walk.
-    pub sealed: u64,
     /// Rays that hit the inside of a cell or larger leaf, of a model that has them.
     pub cell_hits: u64,
     /// Rays that hit another cell or larger leaf than the reference, or only one of both hits.
@@ -57,14 +55,14 @@ impl Mismatches {
     /// All disagreements together.
     pub fn total(&self) -> u64 {
         let hits = self.voxel + self.face + self.false_hits + self.false_misses;
-        hits + self.inconsistent + self.sealed + self.cells + self.forms + self.over_limit
+        hits + self.inconsistent + self.cells + self.forms + self.over_limit
     }
 
     /// Counts of both.
     #[must_use]
     pub fn plus(mut self, other: Self) -> Self {
         add_counts!(self, other: rays, hits, voxel, face, false_hits, false_misses, inconsistent);
-        add_counts!(self, other: sealed, cell_hits, cells, forms, tile_rays, over_limit, steps);
+        add_counts!(self, other: cell_hits, cells, forms, tile_rays, over_limit, steps);
         self.max_steps = self.max_steps.max(other.max_steps);
         self
     }
@@ -91,18 +89,14 @@ impl Mismatches {
     }
 
     fn compare_boxes(&mut self, view: &ModelView<'_>, volume: &BitVolume, ray: &Ray) {
-        let trace = first_hit(view, ray, 0);
-        let want = reference::walk(volume, ray, false, |_| {});
+        let trace = single::trace(Form::Portable, view, &Skin, ray, 0);
+        let want = reference::walk(volume, ray, true, |_| {});
         self.hits += u64::from(want.is_some());
         self.steps += u64::from(trace.steps);
         self.max_steps = self.max_steps.max(trace.steps);
-        let sealed = first_hit_sealed(view, ray, 0);
-        let want_sealed = reference::walk(volume, ray, true, |_| {});
-        self.sealed += u64::from(sealed.hit.map(|h| h.cell) != want_sealed.map(|h| h.cell));
         for form in Form::available() {
-            self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != sealed.hit);
+            self.forms += u64::from(single::trace(form, view, &Skin, ray, 0).hit != trace.hit);
         }
-        self.over_limit += u64::from(sealed.steps > step_limit(ray.depth()));
         self.over_limit += u64::from(trace.steps > step_limit(ray.depth()));
         match (trace.hit, want) {
             (None, None) => {}
@@ -120,12 +114,10 @@ impl Mismatches {
     /// Compares a batch of rays, in every form, with the same rays alone.
     pub fn compare_batch(&mut self, view: &ModelView<'_>, rays: &[Ray], lod_edge_log2: u32) {
         if !view.has_leaves() {
-            let sealed = rays.iter().map(|ray| first_hit_sealed(view, ray, lod_edge_log2).hit).collect();
-            self.compare_batch_of(view, &Skin, rays, lod_edge_log2, sealed);
+            self.compare_batch_of(view, &Skin, rays, lod_edge_log2);
         }
         if let Some(cells) = view.cells().map(Cells::new) {
-            let alone = |ray| single::trace(Form::Portable, view, &cells, ray, lod_edge_log2).hit;
-            self.compare_batch_of(view, &cells, rays, lod_edge_log2, rays.iter().map(alone).collect());
+            self.compare_batch_of(view, &cells, rays, lod_edge_log2);
         }
     }
 
@@ -135,8 +127,9 @@ impl Mismatches {
         surface: &S,
         rays: &[Ray],
         lod_edge_log2: u32,
-        want: Vec<Option<Hit>>,
     ) {
+        let alone = |ray| single::trace(Form::Portable, view, surface, ray, lod_edge_log2).hit;
+        let want: Vec<_> = rays.iter().map(alone).collect();
         let (mut hits, mut met) = (Vec::new(), Vec::new());
         for form in Form::available() {
             let mut batch = Batch::new(form);
@@ -148,18 +141,16 @@ impl Mismatches {
         }
     }
 
-    /// Compares a tile of a picture, in every form, with the sealed traversal of its rays.
+    /// Compares a tile of a picture, in every form, with its rays alone.
     pub fn compare_tile(&mut self, view: &ModelView<'_>, sight: &Sight<'_>, tile: Tile) {
-        let lod = tile.lod_edge_log2;
         if !view.has_leaves() {
-            self.compare_tile_of(view, &Skin, sight, tile, |ray| first_hit_sealed(view, ray, lod).hit);
+            self.compare_tile_of(view, &Skin, sight, tile);
         }
         if let Some(cells) = view.cells().map(Cells::new) {
-            let alone = |ray: &Ray| single::trace(Form::Portable, view, &cells, ray, lod).hit;
-            self.compare_tile_of(view, &cells, sight, tile, alone);
+            self.compare_tile_of(view, &cells, sight, tile);
         }
         let rays: Vec<Ray> = (0..RAYS).filter_map(|number| ray_of(sight, tile, number)).collect();
-        self.compare_batch(view, &rays, lod);
+        self.compare_batch(view, &rays, tile.lod_edge_log2);
         self.tile_rays += RAYS as u64;
     }
 
@@ -169,8 +160,8 @@ impl Mismatches {
         surface: &S,
         sight: &Sight<'_>,
         tile: Tile,
-        alone: impl Fn(&Ray) -> Option<Hit>,
     ) {
+        let alone = |ray: &Ray| single::trace(Form::Portable, view, surface, ray, tile.lod_edge_log2).hit;
         let want: [Option<_>; RAYS] = std::array::from_fn(|number| {
             let is_live = tile.live() >> number & 1 == 1;
             ray_of(sight, tile, number).filter(|_| is_live).and_then(|ray| alone(&ray))
@@ -224,7 +215,7 @@ fn random_picture(random: &mut Random, depth: u32) -> Option<(GridSpace, Camera,
     Some((space, camera, size))
 }
 
-/// Compares tiles of random pictures in every form with the sealed traversal: about `rays` rays, each 1 to
+/// Compares tiles of random pictures in every form with the same rays alone: about `rays` rays, each 1 to
 /// 64 tiles of a picture; the same seed gives the same tiles. Levels of detail are among them.
 pub fn tile_mismatches(view: &ModelView<'_>, rays: u64, seed: u64) -> Mismatches {
     let mut random = Random::new(seed ^ 0x7469_6c65);
@@ -255,7 +246,7 @@ fn number_of(view: &ModelView<'_>, cell: [u32; 3]) -> Option<BoxIndex> {
 }
 
 /// Is the hit's t the time at which the quantised ray is at the entered face, to 2^-16 cell?
-fn lies_on_face(ray: &Ray, hit: &super::traverse::Hit) -> bool {
+fn lies_on_face(ray: &Ray, hit: &Hit) -> bool {
     let per_t = ray.t_after(1, 1) - ray.t_start();
     let units = (hit.t - ray.t_start()) / per_t;
     if units == 0.0 {

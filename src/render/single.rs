@@ -77,7 +77,7 @@ impl OpenBrick {
     }
 }
 
-/// First hit of a ray: that of [`super::traverse::first_hit_sealed`], for every form.
+/// First hit of a ray, sealed (see [`super::traverse`]), the same for every form.
 ///
 /// The ray must have been made for the depth of this view; boxes with an edge of `2^lod_edge_log2` cells
 /// count as surface. Any view is safe, right or wrong. [`Trace::steps`] counts the nodes looked at.

@@ -1,11 +1,7 @@
 //! Descriptions become volumes, and samples agree with the true surface given with them.
 
-use std::path::Path;
-
 use super::*;
-use crate::exit::ExitKind;
-use crate::fault::{Fault, usage};
-use crate::volume::{ScalarType, SourceFault};
+use crate::volume::ScalarType;
 
 fn densities(volume: &AnalyticVolume) -> Vec<f64> {
     let info = volume.info();
@@ -25,13 +21,6 @@ fn densities(volume: &AnalyticVolume) -> Vec<f64> {
         }));
     }
     all
-}
-
-fn fault(text: &str) -> Fault {
-    match open(Path::new(text)).unwrap_err().fault() {
-        SourceFault::Said(fault) => Fault::new(fault.kind, fault.text.clone()),
-        other => panic!("{text}: {other:?}"),
-    }
 }
 
 #[test]
@@ -138,59 +127,4 @@ fn rays_enter_bodies_where_their_distance_vanishes() {
     let t = sphere.body().cast([32.17, 31.69, -10.0], [0.0, 0.0, 2.0], 100.0).unwrap();
     assert!((t - (32.43 - 20.0 + 10.0)).abs() < 1e-8, "{t}");
     assert_eq!(sphere.body().cast([0.0, 0.0, -10.0], [0.0, 0.0, 1.0], 100.0), None);
-}
-
-#[test]
-fn the_head_is_there_and_has_no_parameters() {
-    let head = open(Path::new("synthetic:head@16")).unwrap();
-    assert_eq!(head.info().dims.to_array(), [16; 3]);
-    let expected = usage!("the head has no parameters, so 'noise' has no meaning there");
-    assert_eq!(fault("synthetic:head@16?noise=1"), expected);
-    assert!(analytic("synthetic:head@16").is_err());
-}
-
-#[test]
-fn what_cannot_be_is_refused_with_what_can() {
-    let kind = |text: &str| open(Path::new(text)).err().map(|e| e.kind());
-    for text in [
-        "synthetic:",
-        "synthetic:spere@64",
-        "synthetic:sphere",
-        "synthetic:sphere@",
-        "synthetic:sphere@0",
-        "synthetic:sphere@65537",
-        "synthetic:sphere@4x4",
-        "synthetic:sphere@4x4x0",
-        "synthetic:sphere@-4",
-        "synthetic:head@1e3",
-        "synthetic:sphere@8?",
-        "synthetic:sphere@8?radius",
-        "synthetic:sphere@8?radius=0",
-        "synthetic:sphere@8?radius=nan",
-        "synthetic:sphere@8?radius=3,radius=4",
-        "synthetic:sphere@8?tube=3",
-        "synthetic:sphere@8?spacing=1x1",
-        "synthetic:sphere@8?spacing=1x1x0",
-        "synthetic:sphere@8?bits=20",
-        "synthetic:sphere@8?bits=3",
-        "synthetic:sphere@8?sample=grey",
-        "synthetic:sphere@8?sample=binary,noise=0.1",
-        "synthetic:marschner-lobb@8?psf=1",
-        "synthetic:salt@8?share=2",
-        "synthetic:menger@8?levels=0",
-    ] {
-        assert_eq!(kind(text), Some(ExitKind::Usage), "{text}");
-    }
-    assert_eq!(fault("synthetic:spere@64").text.matches(", ").count(), 12);
-    assert_eq!(
-        fault("synthetic:torus@9?sample=binary,psf=1"),
-        usage!("'psf' is about grey levels, which sample=binary does not have; leave one of the two out")
-    );
-    assert_eq!(
-        fault("synthetic:torus@9?psf=9"),
-        usage!("'9' is not a value of the parameter 'psf'; give a number from 0 to 8")
-    );
-    assert!(!is_synthetic(Path::new("./synthetic:sphere@8")) && !is_synthetic(Path::new("a.nrrd")));
-    let volume = analytic("synthetic:sphere@8?noise=0.1&seed=3").unwrap();
-    assert_eq!((volume.sampling().noise, volume.sampling().seed), (0.1, 3));
 }

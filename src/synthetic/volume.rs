@@ -87,12 +87,6 @@ impl AnalyticVolume {
         &self.body
     }
 
-    /// How it is sampled.
-    #[cfg(test)]
-    pub(crate) fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
     /// Size in voxels.
     pub fn dims(&self) -> Dims {
         self.info.dims

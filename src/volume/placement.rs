@@ -201,56 +201,6 @@ mod tests {
     }
 
     #[test]
-    fn what_was_assumed_is_replaced_in_silence() {
-        let notes = [
-            Note::no_spacing("PNG"),
-            Note::no_directions("PNG"),
-            Note::new(format!("samples of {} bits are scaled to 0..255", 4)),
-        ];
-        let source = with(Affine::from_spacing([1.0; 3]), &notes);
-        let placed = place(source, spacing([0.5, 0.25, 2.0]), WHO).unwrap();
-        let info = placed.info();
-        assert_eq!(
-            (info.spacing_mm, info.affine),
-            ([0.5, 0.25, 2.0], Affine::from_spacing([0.5, 0.25, 2.0]))
-        );
-        assert_eq!(info.notes, notes[1..]);
-        let asked = Placement { spacing_mm: None, orientation: Orientation::parse("LPI") };
-        let placed = place(placed, asked, WHO).unwrap();
-        assert_eq!(placed.info().affine.orientation_letters(), "LPI");
-        assert_eq!(placed.info().notes, notes[2..]);
-        assert_eq!(placed.info().description.name, "a.raw");
-    }
-
-    #[test]
-    fn what_was_stated_is_replaced_with_a_warning_and_oblique_axes_stay() {
-        let rows = [[0.6, 0.1, 0.0, -20.0], [0.0, 0.8, -0.9, 30.0], [0.1, 0.0, 2.9, 7.0]];
-        let old = Affine { rows };
-        let placed = place(with(old, &[]), spacing([1.0, 2.0, 3.0]), WHO).unwrap();
-        let info = placed.info();
-        assert_eq!((info.spacing_mm, info.affine.origin()), ([1.0, 2.0, 3.0], old.origin()));
-        for (axis, want) in [1.0, 2.0, 3.0].into_iter().enumerate() {
-            let (a, b) = (old.column(axis), info.affine.column(axis));
-            assert!((info.affine.spacing_mm()[axis] - want).abs() < 1e-12);
-            for (from, to) in a.iter().zip(b) {
-                assert!((from / old.spacing_mm()[axis] - to / want).abs() < 1e-12, "directions stay");
-            }
-        }
-        let [note] = info.notes.as_slice() else { panic!("{:?}", info.notes) };
-        let text = note.to_string();
-        assert!(text.contains("1 x 2 x 3 mm") && text.contains("states 0.608"), "{text}");
-        assert_eq!(info.description.treatments, [Treatment::SpacingReplaced]);
-        // The letters that the file states already change nothing, others lay the axes along the patient's.
-        let asked = |letters: &str| Placement { spacing_mm: None, orientation: Orientation::parse(letters) };
-        assert_eq!(place(with(old, &[]), asked("lps"), WHO).unwrap().info().affine, old);
-        let placed = place(with(old, &[]), asked("RAS"), WHO).unwrap();
-        let info = placed.info();
-        assert_eq!((info.affine.orientation_letters(), info.affine.origin()), ("RAS".into(), old.origin()));
-        let given = Orientation::parse("RAS").unwrap();
-        assert_eq!(info.notes, [directions_replaced(WHO, given, "LPS")]);
-    }
-
-    #[test]
     fn axes_that_run_backwards_are_not_told_of_where_others_were_asked_for() {
         let old = Affine { rows: [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 5.0], [0.0, 0.0, 1.0, 0.0]] };
         let notes = [Note::no_directions("TIFF"), Note::backwards(1)];

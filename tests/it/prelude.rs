@@ -26,7 +26,9 @@ pub(crate) use crate::common::random::Random;
 pub(crate) use crate::common::scenes::{
     Garbage, Scene, Symmetry, in_ball, in_gyroid, in_torus, noise, plane,
 };
+pub(crate) use crate::common::slabs::{nearest_by_slabs, nearest_ideal};
 pub(crate) use crate::common::system::{ExitStatusExt, FileExt, OsStrExt, latin1, symlink};
+pub(crate) use crate::common::traverse::{first_hit, first_hit_sealed};
 pub(crate) use crate::common::vectors::{cross, dot, unit};
 pub(crate) use crate::common::volume::{MemoryVolume, write_raw};
 pub(crate) use crate::common::{
@@ -56,7 +58,7 @@ pub(crate) use infobyte::render::selfcheck::{Mismatches, random_ray};
 pub(crate) use infobyte::render::sight::Sight;
 pub(crate) use infobyte::render::surface::Skin;
 pub(crate) use infobyte::render::tile::{RAYS, TILE, Tile, Tracer};
-pub(crate) use infobyte::render::traverse::{Hit, first_hit, first_hit_sealed, step_limit};
+pub(crate) use infobyte::render::traverse::{Hit, step_limit};
 pub(crate) use infobyte::render::{Camera, GridSpace, RenderError, reference, single};
 pub(crate) use infobyte::source::dicom::{Access, DicomHeader, FrameSink, ScanError, scan, unroll, visit};
 pub(crate) use infobyte::source::{Finding, GapPolicy, RawOptions, RawVolume};

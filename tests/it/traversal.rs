@@ -170,7 +170,7 @@ fn walk_and_slabs_are_of_one_opinion() {
         for _ in 0..20_000 {
             let Some(ray) = random_ray(&mut random, scene.tree.depth()) else { continue };
             let walked = reference::walk(&scene.bits, &ray, false, |_| {});
-            let slabs = reference::nearest_by_slabs(scene.cells.iter().copied(), &ray);
+            let slabs = nearest_by_slabs(scene.cells.iter().copied(), &ray);
             assert_eq!(walked, slabs, "{} {ray:?}", scene.name);
             rays += 1;
             hits += u32::from(slabs.is_some());
@@ -193,7 +193,7 @@ fn quantising_a_ray_rarely_changes_its_hit_and_never_by_far() {
         let direction: [f64; 3] = std::array::from_fn(|a| ((goal[a] - origin[a]) * fine).round() / fine);
         #[expect(clippy::cast_possible_truncation, reason = "whole numbers")]
         let whole = |v: [f64; 3], unit: f64| v.map(|v| (v * unit) as i128);
-        let ideal = reference::nearest_ideal(
+        let ideal = nearest_ideal(
             scene.cells.iter().copied(),
             whole(origin, unit),
             whole(direction, fine),
@@ -379,7 +379,7 @@ fn the_deepest_grid_is_walked_exactly() {
         let Some(ray) = Ray::new(16, origin, direction, 0.0).unwrap() else { continue };
         let trace = first_hit(&tree, &ray, 0);
         sealed_hit(&tree, &ray, 0);
-        let want = reference::nearest_by_slabs(cells.iter().copied(), &ray);
+        let want = nearest_by_slabs(cells.iter().copied(), &ray);
         assert_eq!(trace.hit.map(|h| (h.cell, h.face)), want.map(|h| (h.cell, h.face)), "{ray:?}");
         hits += u32::from(want.is_some());
     }

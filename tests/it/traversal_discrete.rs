@@ -5,13 +5,13 @@
 use crate::common::scenes as support;
 use crate::prelude::*;
 
+use crate::common::traverse::first_hit as exact_hit;
 use infobyte::render::discrete::frame::ParallelFrame;
-use infobyte::render::discrete::{Line, Order, first_hit, line::POINT_BITS};
+use infobyte::render::discrete::{Line, first_hit, line::POINT_BITS};
 use infobyte::render::selfcheck::Random;
-use infobyte::render::traverse::first_hit as exact_hit;
 
-fn discrete(tree: &MemoryTree, ray: &Ray, order: Order) -> Option<Hit> {
-    first_hit(tree, &Line::new(ray), 0, order, || Some(*ray)).hit
+fn discrete(tree: &MemoryTree, ray: &Ray) -> Option<Hit> {
+    first_hit(tree, &Line::new(ray), 0, || Some(*ray)).hit
 }
 
 /// The voxels of a discrete ray, storey after storey, without a tree: in each the one of the floor, those that only one
@@ -91,10 +91,8 @@ fn the_first_hit_is_the_first_skin_voxel_that_the_points_name() {
     for scene in scenes() {
         rays(&mut random, scene.dims.depth(), |ray| {
             let want = voxels(ray, |cell| scene.bits.get(cell));
-            for order in [Order::Bits, Order::Table] {
-                let got = discrete(&scene.tree, ray, order);
-                assert_eq!(got.map(|h| h.cell), want, "{} {order:?} {ray:?}", scene.name);
-            }
+            let got = discrete(&scene.tree, ray);
+            assert_eq!(got.map(|h| h.cell), want, "{} {ray:?}", scene.name);
             compared += 1;
             hits += u32::from(want.is_some());
         });
@@ -159,7 +157,7 @@ fn no_ray_passes_through_a_closed_skin() {
             if ray.entry().is_none() {
                 continue; // it may begin within the body
             }
-            let hit = discrete(&scene.tree, &ray, Order::Bits).unwrap_or_else(|| panic!("{ray:?}"));
+            let hit = discrete(&scene.tree, &ray).unwrap_or_else(|| panic!("{ray:?}"));
             assert!(hit.t <= 64.0 + 1.0, "{}: past its aim, {ray:?}", scene.name);
         }
     }
@@ -177,7 +175,7 @@ fn no_ray_passes_through_a_closed_skin() {
             let (from, to) = (side(&mut random, 1.0), side(&mut random, -1.0));
             let direction = std::array::from_fn(|i| to[i] - from[i]);
             let ray = Ray::new(scene.dims.depth(), from, direction, 0.0).unwrap().unwrap();
-            let hit = discrete(&scene.tree, &ray, Order::Bits);
+            let hit = discrete(&scene.tree, &ray);
             assert!(hit.is_some_and(|h| h.t < 1.0), "{}: {ray:?}", scene.name);
         }
     }
@@ -205,7 +203,7 @@ fn a_skin_of_edges_alone_is_a_tunnel_without_widening_only() {
                     let direction = std::array::from_fn(|i| f64::from(to[i]) - f64::from(from[i]));
                     let origin = std::array::from_fn(|i| f64::from(from[i]) + 0.5 - 0.25 * direction[i]);
                     let ray = Ray::new(1, origin, direction, 0.0).unwrap().unwrap();
-                    assert!(discrete(&scene.tree, &ray, Order::Table).is_some(), "{from:?} to {to:?}");
+                    assert!(discrete(&scene.tree, &ray).is_some(), "{from:?} to {to:?}");
                     passages += 1;
                 }
             }
@@ -220,7 +218,7 @@ fn it_differs_from_the_exact_ray_by_voxels_that_the_line_passes_by() {
     let (mut hits, mut other, mut more) = (0, 0, 0);
     for scene in scenes() {
         rays(&mut random, scene.dims.depth(), |ray| {
-            let (exact, seed) = (exact_hit(&scene.tree, ray, 0).hit, discrete(&scene.tree, ray, Order::Bits));
+            let (exact, seed) = (exact_hit(&scene.tree, ray, 0).hit, discrete(&scene.tree, ray));
             match (exact, seed) {
                 (Some(exact), Some(seed)) => {
                     hits += 1;
@@ -263,7 +261,7 @@ fn symmetries_of_the_cube_permute_its_hits() {
             else {
                 continue;
             };
-            let (a, b) = (discrete(&scene.tree, &a, Order::Bits), discrete(&turned.tree, &b, Order::Bits));
+            let (a, b) = (discrete(&scene.tree, &a), discrete(&turned.tree, &b));
             assert_eq!(a.is_some(), b.is_some());
             if let (Some(a), Some(b)) = (a, b) {
                 compared += 1;
@@ -301,8 +299,8 @@ fn rows_by_increments_are_the_rays_of_their_pixels() {
         for y in 0..height {
             for (x, line) in (0..width).zip(frame.row(0, y)) {
                 let ray = sight.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let alone = ray.and_then(|ray| discrete(&scene.tree, &ray, Order::Bits));
-                let row = first_hit(&scene.tree, &line, 0, Order::Bits, || ray).hit;
+                let alone = ray.and_then(|ray| discrete(&scene.tree, &ray));
+                let row = first_hit(&scene.tree, &line, 0, || ray).hit;
                 pixels += u32::from(alone.is_some());
                 other += u32::from(alone.map(|h| h.cell) != row.map(|h| h.cell));
                 // No drift: at the end of the row the points are those of a row that begins there.

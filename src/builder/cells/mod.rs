@@ -34,14 +34,11 @@ mod stretch;
 mod window;
 
 use std::ops::Range;
-use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use super::error::BuildError;
 use super::item::ItemForm;
 use super::lanes::RingSample;
 use super::noise::{self, NoiseCounts};
-use super::report::BuildNote;
 use super::ring::RingForm;
 use super::slices::{Reach, RingShape, Slices};
 use super::solid::{
@@ -120,6 +117,10 @@ impl Solid for CellSolid<'_> {
         self.dims
     }
 
+    fn inner(&self) -> Option<&dyn Solid> {
+        Some(&self.volume)
+    }
+
     fn surface(&self) -> SurfaceKind {
         SurfaceKind::Cells
     }
@@ -133,18 +134,6 @@ impl Solid for CellSolid<'_> {
         Metadata { gradient: ESTIMATOR.into(), noise, ..self.volume.metadata(found) }
     }
 
-    fn name(&self) -> String {
-        self.volume.name()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.volume.for_each_file(each);
-    }
-
-    fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.volume.check_unchanged()
-    }
-
     fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {
         volume_cell_form(channel, found)
     }
@@ -152,10 +141,6 @@ impl Solid for CellSolid<'_> {
     fn worker_bytes(&self, tile: &Tile) -> u64 {
         RingShape::of(self.volume.source.info(), &self.volume.form, AROUND_CELL).bytes(tile)
             + worker_bytes(tile.channels)
-    }
-
-    fn input_bytes(&self) -> u64 {
-        self.volume.input_bytes()
     }
 
     fn worker(&self, tile: &Tile) -> Box<dyn SolidWorker + '_> {
@@ -172,14 +157,6 @@ impl Solid for CellSolid<'_> {
             noise: is_uncertain.then(|| Counting { counts: NoiseCounts::new(), all: &self.noise }),
             extent: ScanSummary::default().extent,
         }))
-    }
-
-    fn note(&self) -> Option<BuildNote> {
-        self.volume.note()
-    }
-
-    fn nothing_inside(&self) -> BuildError {
-        self.volume.nothing_inside()
     }
 }
 

@@ -7,12 +7,14 @@ use serde::Serialize;
 
 use super::{BuildJob, BuildSummary, convert};
 use crate::atomic::{sweep, temporary_name};
-use crate::error::{Error, UsageError};
+use crate::error::Error;
+use crate::fault::usage;
 use crate::jobs::batch::NewFolders;
 use crate::jobs::names::file_names;
 use crate::jobs::pack::split;
 use crate::source::{OpenOptions, SubjectKind};
 use crate::text::data;
+use crate::text::names::FORCE;
 
 /// Where the models of labels go.
 #[derive(Clone, Copy, Debug)]
@@ -93,7 +95,8 @@ fn write(
     let path_of = |name: String| each.folder.join(format!("{name}.oct"));
     let outputs: Vec<PathBuf> = file_names(labels).into_iter().map(path_of).collect();
     if let Some(there) = outputs.iter().find(|path| !each.replace && path.exists()) {
-        return Err(UsageError::Exists { path: there.clone() }.into());
+        let fault = usage!("already exists; {FORCE} replaces it, and the models of the other labels");
+        return Err(fault.at(there).into());
     }
     job.give_back();
     let scratch = job.options.scratch_folder(&each.folder.join("x"));

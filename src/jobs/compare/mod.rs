@@ -126,8 +126,7 @@ pub fn compare(
     let other = Input::open(nominal, Some(finest / 2.0), request, folder, progress)?;
     refuse_larger_leaves(&one.model, actual, "deviations are")?;
     if let Some(seen_from) = other.model.metadata().seen_from() {
-        let (path, seen_from) = (nominal.to_path_buf(), seen_from.to_owned());
-        return Err(crate::error::UsageError::KeepsPart { path, seen_from }.into());
+        return Err(crate::error::keeps_part(seen_from, nominal).into());
     }
     let (one_view, other_view) = (one.model.view(), other.model.view());
     let job = Job {

@@ -8,12 +8,13 @@ use std::time::Instant;
 use serde::Serialize;
 
 use super::{
-    ExportReport, ExportRequest, MAX_SMOOTH, commit, exporter_of, failed, folder_of, refuse_input,
-    refuse_part, report,
+    ExportReport, ExportRequest, MAX_SMOOTH, commit, exporter_of, failed, folder_of, one_surface,
+    refuse_input, refuse_part, report,
 };
 use crate::atomic::AtomicFile;
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::export::{Exported, LabelMesh};
+use crate::fault::{Fault, usage};
 use crate::format::Label;
 use crate::jobs::names::file_names;
 use crate::jobs::opened::open_model;
@@ -22,6 +23,7 @@ use crate::load::Model;
 use crate::progress::Progress;
 use crate::render::GridSpace;
 use crate::text::data;
+use crate::text::names::{RANGE, SMOOTH};
 
 /// The surface of one label, as it was written.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -59,7 +61,7 @@ pub fn export_each(
     verify_unless_packed(input)?;
     let model = open_model(input)?;
     if model.frame().labels.is_empty() {
-        return Err(UsageError::OneSurface { path: input.to_path_buf() }.into());
+        return Err(one_surface(input).into());
     }
     refuse_part(&model, input, request)?;
     let unwritable = |path: &Path, cause| Error::Output { path: path.to_path_buf(), cause };
@@ -125,6 +127,12 @@ fn map(
     Ok(made)
 }
 
+/// A model of labels, which something cannot be done to.
+pub(in crate::jobs) fn with_labels(doing: &str, input: &Path) -> Fault {
+    usage!("has labels, and cannot be {doing} yet with them; build one of its labels by its range of values ({RANGE})")
+        .at(input)
+}
+
 /// The surfaces of all labels, made and checked.
 fn mesh(
     input: &Path,
@@ -135,8 +143,7 @@ fn mesh(
     progress: &dyn Progress,
 ) -> Result<LabelMesh, Error> {
     if request.error.is_some() || request.triangles.is_some() {
-        let (path, doing) = (input.to_path_buf(), "simplified");
-        return Err(UsageError::Labels { path, doing }.into());
+        return Err(with_labels("simplified", input).into());
     }
     let space = GridSpace::new(model.dims(), &model.affine())?;
     let view = model.view();
@@ -144,7 +151,8 @@ fn mesh(
     let exporter = exporter_of(model, &view, &space, request, &give_back);
     let smooth = request.smooth.unwrap_or(MAX_SMOOTH);
     if !(0.0..=MAX_SMOOTH).contains(&smooth) {
-        return Err(UsageError::SmoothRange { path: input.to_path_buf() }.into());
+        let fault = usage!("walls are moved by 0 to half a voxel; choose {SMOOTH} in between");
+        return Err(fault.at(input).into());
     }
     let mesh = exporter
         .label_mesh(&model.frame().labels, smooth, scratch, progress)

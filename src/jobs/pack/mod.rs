@@ -21,10 +21,11 @@ use std::time::Instant;
 
 use serde::Serialize;
 
+use super::export::refuse_input;
 use super::info::ratio;
 use crate::atomic::AtomicFile;
 use crate::budget::{Bytes, peak_rss_bytes};
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::format::SurfaceKind;
 use crate::load::{Fault, FileIdentity, Frame, LoadError, LoadFault, ReadAt};
 use crate::platform::{PositionalFile, give_back};
@@ -140,11 +141,7 @@ fn convert(
     let unreadable = |cause| LoadError::from(LoadFault::Unreadable { path: input.to_path_buf(), cause });
     let unwritable = |cause| Error::Output { path: output.to_path_buf(), cause };
     let source = PositionalFile::open(input).map_err(unreadable)?;
-    if let (Ok(from), Ok(to)) = (input.canonicalize(), output.canonicalize())
-        && from == to
-    {
-        return Err(UsageError::ReplacesInput { path: output.to_path_buf(), folder: false }.into());
-    }
+    refuse_input(input, output)?;
     let then = FileIdentity::of(&source).map_err(unreadable)?;
     // The input's frame first: a foreign file is refused before anything is said about the output.
     Frame::read(&source).map_err(|fault| fault.at(input))?;
@@ -183,7 +180,7 @@ fn convert(
 mod tests {
     use super::*;
     use crate::assembled::{AssembledVoxel, OptionalSections, assemble, plain_metadata};
-    use crate::format::{Encoding, normal};
+    use crate::format::normal;
 
     /// A bumpy sheet through a box: every kind of neighbourhood, several subtrees.
     fn sheet(dims: [u32; 3], channels: OptionalSections) -> Vec<u8> {
@@ -197,36 +194,6 @@ mod tests {
             }
         }
         assemble(&plain_metadata(dims, channels), &voxels, channels)
-    }
-
-    fn bytes(file: &File) -> Vec<u8> {
-        let mut all = vec![0; usize::try_from(file.byte_len().unwrap()).unwrap()];
-        file.read_at(&mut all, 0).unwrap();
-        all
-    }
-
-    #[test]
-    fn both_directions_are_lossless_for_every_shape_and_channel() {
-        for dims in [[1, 1, 1], [2, 1, 2], [3, 5, 4], [64, 64, 64], [65, 3, 9], [150, 140, 40]] {
-            for channels in [
-                OptionalSections { normal: true, value_bytes: 0, lod: true },
-                OptionalSections { normal: true, value_bytes: 2, lod: true },
-                OptionalSections { normal: false, value_bytes: 1, lod: false },
-                OptionalSections { normal: false, value_bytes: 0, lod: true },
-            ] {
-                let mapped = sheet(dims, channels);
-                let out = tempfile::tempfile().unwrap();
-                let frame = encode::pack_file(mapped.as_slice(), &out).unwrap();
-                assert_eq!(frame.header.encoding, Encoding::Packed);
-                let packed = bytes(&out);
-                let out = tempfile::tempfile().unwrap();
-                decode::unpack_file(packed.as_slice(), &out).unwrap();
-                assert_eq!(bytes(&out), mapped, "{dims:?} {channels:?}");
-                let out = tempfile::tempfile().unwrap();
-                encode::pack_file(mapped.as_slice(), &out).unwrap();
-                assert_eq!(bytes(&out), packed, "packing is deterministic");
-            }
-        }
     }
 
     /// Of what is read, a part may be of one model and a part of another, whatever the checksums say.

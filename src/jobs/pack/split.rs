@@ -17,13 +17,14 @@ use super::strip::complete;
 use crate::atomic::AtomicFile;
 use crate::budget::{Budget, MemoryCap};
 use crate::builder::{BuildError, BuildFault};
-use crate::error::{Error, UsageError};
+use crate::error::Error;
 use crate::format::cell::{CornerRankBuilder, HAS_CORNERS, corner_blocks};
 use crate::format::{
     Channel, Encoding, FormatError, LABEL_ENTRY, LABEL_GROUP, Label, LabelForm, SectionEntry, SectionKind,
     WALL_BYTES, WallCode, WallItem, label_directory_bytes, labels_to_bytes,
 };
 use crate::geom::Level;
+use crate::jobs::export::with_labels;
 use crate::load::{Cursor, Frame};
 use crate::platform::{FileExt, PositionalFile};
 use crate::progress::Progress;
@@ -66,7 +67,7 @@ pub(crate) fn split(
     let source = PositionalFile::open(input).map_err(|cause| at(Stop::Input(cause.into()), input))?;
     let frame = Frame::read(&source).map_err(|fault| at(fault.into(), input))?;
     if frame.labels.is_empty() || frame.header.encoding != Encoding::Mapped {
-        return Err(UsageError::Labels { path: input.to_path_buf(), doing: "split" }.into());
+        return Err(with_labels("split", input).into());
     }
     let layout = Layout::of(&frame);
     let labels = frame.labels.len();

@@ -12,11 +12,13 @@ use super::encode::finish_frame;
 use super::stop::Stop;
 use super::stream::Writer;
 use super::{PackReport, convert, decode};
-use crate::error::{Error, StripFault, UsageError};
+use crate::error::Error;
+use crate::fault::{self, usage};
 use crate::format::{Channel, Channels, Encoding, FormatError, SectionEntry, SectionKind, SurfaceKind};
 use crate::geom::{Dims, Level};
 use crate::load::{Cursor, Fault, Frame, ReadAt, verify, walk, walked_channels};
 use crate::progress::Silent;
+use crate::text::names::{CHANNELS, INFO, LEVELS, LOD};
 
 /// Bytes of a cursor's buffer.
 const BUFFER_BYTES: usize = 64 << 10;
@@ -44,7 +46,7 @@ pub fn strip(input: &Path, output: &Path, request: &StripRequest) -> Result<Pack
 /// Why stripping stopped.
 pub(super) enum StripStop {
     Stop(Stop),
-    Request(StripFault),
+    Request(fault::Fault),
 }
 
 impl<T: Into<Stop>> From<T> for StripStop {
@@ -53,8 +55,8 @@ impl<T: Into<Stop>> From<T> for StripStop {
     }
 }
 
-impl From<StripFault> for StripStop {
-    fn from(fault: StripFault) -> Self {
+impl From<fault::Fault> for StripStop {
+    fn from(fault: fault::Fault) -> Self {
         Self::Request(fault)
     }
 }
@@ -63,7 +65,7 @@ impl StripStop {
     pub(super) fn at(self, input: &Path, other: impl FnOnce(Stop) -> Error) -> Error {
         match self {
             Self::Stop(stop) => other(stop),
-            Self::Request(fault) => UsageError::Strip { path: input.to_path_buf(), fault }.into(),
+            Self::Request(fault) => fault.at(input).into(),
         }
     }
 }
@@ -117,22 +119,27 @@ pub(super) fn complete(left: &mut Frame, out: &File) -> Result<(), Stop> {
 }
 
 /// The channels that stay, if the request fits the model.
-fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, StripFault> {
+fn kept_channels(frame: &Frame, request: &StripRequest) -> Result<Channels, fault::Fault> {
     let there: Channels = frame.channels().map(|(channel, _)| channel).collect();
     let kept = request.channels.unwrap_or(there);
     if let Some(channel) = kept.iter().find(|c| !there.contains(*c)) {
-        return Err(StripFault::NoChannel { channel });
+        return Err(usage!("does not have the channel '{channel}'; {INFO} names those that it has"));
     }
     if frame.surface() == SurfaceKind::Cells && (kept != there || request.levels > 0) {
-        return Err(StripFault::Cells);
+        return Err(usage!(
+            "a model of cells stores its surface in its channels and finest boxes, so both must stay; only {LOD} off removes something"
+        ));
     }
     let depth = frame.dims().depth();
     if request.levels > 0 && request.levels >= depth {
-        return Err(StripFault::Levels { asked: request.levels, most: depth.saturating_sub(1) });
+        let (asked, most) = (request.levels, depth.saturating_sub(1));
+        return Err(usage!("does not have {asked} levels to leave out; choose {LEVELS} 0 to {most}"));
     }
     let mean = |channel: &Channel| channel.row().means.is_some();
     match kept.iter().find(|channel| request.levels > 0 && !mean(channel)) {
-        Some(channel) => Err(StripFault::NoMeans { channel }),
+        Some(channel) => {
+            Err(usage!("coarse boxes have no mean of the channel '{channel}'; leave it out with {CHANNELS}"))
+        }
         None => Ok(kept),
     }
 }
@@ -241,7 +248,7 @@ mod tests {
         places.map(voxel).collect()
     }
 
-    fn stripped(file: &[u8], request: StripRequest) -> Result<Vec<u8>, StripFault> {
+    fn stripped(file: &[u8], request: StripRequest) -> Result<Vec<u8>, fault::Fault> {
         let out = tempfile::tempfile().unwrap();
         match strip_file(file, &out, &request) {
             Ok(_) => {}
@@ -298,8 +305,8 @@ mod tests {
             assert_eq!(corner(&coarse), corner(&whole));
         }
         let too_many = StripRequest { channels: None, levels: 8, lod: true };
-        assert_eq!(stripped(&file, too_many), Err(StripFault::Levels { asked: 8, most: 7 }));
+        assert!(stripped(&file, too_many).unwrap_err().text.contains("not have 8 levels"));
         let absent = StripRequest { channels: Some(Channels::from([Channel::Color])), levels: 0, lod: true };
-        assert_eq!(stripped(&file, absent), Err(StripFault::NoChannel { channel: Channel::Color }));
+        assert!(stripped(&file, absent).unwrap_err().text.contains("not have the channel 'color'"));
     }
 }

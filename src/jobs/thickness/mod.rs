@@ -132,8 +132,7 @@ pub fn thickness(
     let model = open_model(path)?;
     refuse_larger_leaves(&model, path, "thickness is")?;
     if let Some(seen_from) = model.metadata().seen_from() {
-        let (path, seen_from) = (path.to_path_buf(), seen_from.to_owned());
-        return Err(crate::error::UsageError::KeepsPart { path, seen_from }.into());
+        return Err(crate::error::keeps_part(seen_from, path).into());
     }
     let view = model.view();
     let surface = Surface::open(&view, &model.affine(), model.dims()).map_err(|fault| fault.at(path))?;

@@ -12,7 +12,8 @@ use sha2::{Digest, Sha256};
 
 use super::Subject;
 use crate::budget::Bytes;
-use crate::error::{Error, UsageError};
+use crate::error::Error;
+use crate::fault::usage;
 use crate::jobs::batch::earlier::items;
 use crate::jobs::batch::page::{SCRIPT, home_line};
 use crate::load::{LoadError, LoadFault};
@@ -73,7 +74,7 @@ pub(super) fn entries(folder: &Path) -> Result<Vec<Entry>, Error> {
     walk(folder, Path::new(""), MAX_DEPTH, &mut found)
         .map_err(|cause| LoadError::from(LoadFault::Unreadable { path: folder.to_path_buf(), cause }))?;
     if found.is_empty() {
-        return Err(UsageError::NoModels { path: folder.to_path_buf() }.into());
+        return Err(usage!("has no models; give a folder that holds files named .oct").at(folder).into());
     }
     found.sort_by(|a, b| a.name.cmp(&b.name));
     Ok(found)

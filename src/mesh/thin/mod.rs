@@ -16,14 +16,12 @@
 mod half;
 mod planes;
 
-use std::path::Path;
-
 use super::bins::{BinTriangle, BlockBuffers, held};
 use super::raster::{Crossings, cross_slice};
 use super::resident::{Resident, slices as slices_of};
 use super::solid::{MeshSolid, row_words};
 use crate::builder::{
-    BuildError, Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
+    Cover, ItemForm, OccupancyRows, ScanSummary, SkinSlice, Solid, SolidWorker, Tile, VoxelBox,
 };
 use crate::format::{Channel, Metadata, normal};
 use crate::geom::Dims;
@@ -66,24 +64,12 @@ impl Solid for ThinSolid {
         self.mesh.dims()
     }
 
+    fn inner(&self) -> Option<&dyn Solid> {
+        Some(&self.mesh)
+    }
+
     fn metadata(&self, found: &ScanSummary) -> Metadata {
         self.mesh.metadata(found)
-    }
-
-    fn name(&self) -> String {
-        self.mesh.name()
-    }
-
-    fn for_each_file(&self, each: &mut dyn FnMut(&Path)) {
-        self.mesh.for_each_file(each);
-    }
-
-    fn check_unchanged(&self) -> Result<(), SourceError> {
-        self.mesh.check_unchanged()
-    }
-
-    fn nothing_inside(&self) -> BuildError {
-        self.mesh.nothing_inside()
     }
 
     fn form(&self, channel: Channel, found: &ScanSummary) -> Option<ItemForm> {

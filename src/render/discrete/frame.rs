@@ -7,7 +7,7 @@ use crate::render::tile::{TILE, Tile};
 use crate::render::traverse::Trace;
 
 use super::line::{Line, POINT_BITS, Point};
-use super::walk::{Order, first_hit};
+use super::walk::first_hit;
 
 /// The discrete rays of a picture: by increments where that can be, else each by itself.
 #[derive(Clone, Copy, Debug)]
@@ -45,7 +45,7 @@ impl<'a> DiscreteRays<'a> {
                 let ray = || self.sight.ray(x, y);
                 let lod = tile.lod_edge_log2;
                 let trace = match line {
-                    Some(line) => first_hit(view, &line, lod, Order::default(), ray),
+                    Some(line) => first_hit(view, &line, lod, ray),
                     None => self.trace(view, x, y, lod),
                 };
                 each(row * TILE + column, trace);
@@ -56,7 +56,7 @@ impl<'a> DiscreteRays<'a> {
     /// First hit of the ray through a point of the picture.
     pub(crate) fn trace<V: NodeView>(&self, view: &V, x: f64, y: f64, lod_edge_log2: u32) -> Trace {
         let Some(ray) = self.sight.ray(x, y) else { return Trace { hit: None, steps: 0 } };
-        first_hit(view, &Line::new(&ray), lod_edge_log2, Order::default(), || Some(ray))
+        first_hit(view, &Line::new(&ray), lod_edge_log2, || Some(ray))
     }
 }
 

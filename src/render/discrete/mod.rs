@@ -9,11 +9,11 @@
 //! | file | what it owns |
 //! |---|---|
 //! | [`line`](mod@line) | main axis, and the three points of a box |
-//! | [`path`] | path byte, order of visits, the 14-bit look-up table |
+//! | [`path`] | path byte and order of visits |
 //! | [`walk`] | the first hit |
 //! | [`frame`] | rays of a parallel projection by increments |
 //!
-//! The exact mode ([`crate::render::traverse`]) is what pictures use. This one visits every voxel that the line
+//! The exact mode ([`crate::render::single`]) is what pictures use. This one visits every voxel that the line
 //! intersects and some that it only passes by, so a silhouette may gain a voxel; how many pixels differ is reported by
 //! `oct report`.
 //!
@@ -23,7 +23,7 @@
 //! |---|---|---|
 //! | E1 | main axis by the greatest component | by the greatest absolute value; of equal ones the first of x, y, z |
 //! | E2 | the middle point always lies in the box | it need not; quadrants are numbers -1, 0, 1, 2, of which 0 and 1 are in the box |
-//! | E3 | one bit per coordinate addresses the table | the bits are taken after what lies outside of the box was dropped, so no child is visited that the path does not touch |
+//! | E3 | one bit per coordinate addresses a table of 14 bits | no table, which gained nothing: the path byte leaves out what lies outside of the box, so no child is visited that the path does not touch |
 //! | E4 | the worked example is printed with a digit missing, and visits are "left to right" | axes are mirrored so that the ray runs upwards; then front to back is the lowest bit first |
 //! | E5 | of two boxes that widening adds, lower levels choose | at the last level nothing is left to choose by: both count as visited, the first in Morton order of the walk's frame first |
 //! | E6 | skins of 26 or of 6 connections | either: the widened ray is 6-connected, so it finds no tunnel in a 26-connected skin |
@@ -36,4 +36,4 @@ pub mod walk;
 
 pub(crate) use frame::DiscreteRays;
 pub use line::{Line, MainAxis};
-pub use walk::{Order, first_hit};
+pub use walk::first_hit;

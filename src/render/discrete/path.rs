@@ -1,4 +1,4 @@
-//! The path of a ray through the children of a box: path byte, order of visits, look-up table (the paper, 3.2, 3.3).
+//! The path of a ray through the children of a box: path byte and order of visits (the paper, 3.2, 3.3).
 //!
 //! Children are numbered u + 2 v + 4 w in the walk's frame, so that bit i of a byte is child 2^i of the paper. The ray
 //! runs upwards along all three axes there: the lowest bit first is front to back.
@@ -91,89 +91,6 @@ static IN_FRAME: [[u8; 256]; FRAMES] = {
     table
 };
 
-/// Children in the order of visits: three bits each, the first in the lowest, and their number above.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Visits(u32);
-
-impl Visits {
-    const COUNT_SHIFT: u32 = 24;
-
-    /// Those of a byte of children, the lowest bit first.
-    pub const fn of(mut children: u8) -> Self {
-        let count = children.count_ones();
-        let mut list = count << Self::COUNT_SHIFT;
-        let mut shift = 0;
-        while children != 0 {
-            list |= children.trailing_zeros() << shift;
-            children &= children - 1;
-            shift += 3;
-        }
-        Self(list)
-    }
-
-    /// How many.
-    #[inline]
-    pub const fn count(self) -> u32 {
-        self.0 >> Self::COUNT_SHIFT
-    }
-
-    /// The first, and what follows; `None` when all are visited.
-    #[inline]
-    pub(crate) const fn pop(self) -> Option<(u32, Self)> {
-        if self.count() == 0 {
-            return None;
-        }
-        let rest = (self.0 & 0x00ff_ffff) >> 3 | (self.count() - 1) << Self::COUNT_SHIFT;
-        Some((self.0 & 7, Self(rest)))
-    }
-}
-
-/// The look-up table of the paper (3.2): 14 bits in, eight of them the infobyte and six the quadrants of floor,
-/// middle and ceiling; out comes the list of children to visit. 64 KiB.
-///
-/// The walk hands in the infobyte after the box's sides have been looked at (`path_byte`), so that quadrants
-/// outside of the box, which six bits cannot tell, add nothing.
-pub struct Table(Box<[u32]>);
-
-impl Table {
-    /// Entries.
-    pub(crate) const ENTRIES: usize = 1 << 14;
-
-    /// The table of this process, made when it is first asked for.
-    pub(crate) fn shared() -> &'static Self {
-        static SHARED: std::sync::OnceLock<Table> = std::sync::OnceLock::new();
-        SHARED.get_or_init(Self::default)
-    }
-
-    /// Number of the entry for these halves and an infobyte in the walk's frame.
-    #[inline]
-    pub fn index(infobyte: u8, u: Halves, v: Halves) -> usize {
-        let bits = |h: Halves| (h[0] & 1) | (h[1] & 1) << 1 | (h[2] & 1) << 2;
-        usize::from(infobyte) << 6 | usize::from((bits(u) | bits(v) << 3).cast_unsigned())
-    }
-
-    /// The children to visit.
-    #[inline]
-    pub(crate) fn visits(&self, index: usize) -> Visits {
-        Visits(self.0[index % Self::ENTRIES])
-    }
-}
-
-impl Default for Table {
-    /// Computes the table.
-    fn default() -> Self {
-        #[expect(clippy::cast_possible_truncation, reason = "the eight bits of an infobyte")]
-        let entry = |index: usize| Visits::of((index >> 6) as u8 & path_of_bits(index & 63)).0;
-        Self((0..Self::ENTRIES).map(entry).collect())
-    }
-}
-
-/// Path byte for quadrants known by their lowest bits alone: u of floor, middle, ceiling, then v.
-fn path_of_bits(bits: usize) -> u8 {
-    let half = |k: usize| i8::from(bits >> k & 1 == 1);
-    path_byte([half(0), half(1), half(2)], [half(3), half(4), half(5)])
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -187,34 +104,6 @@ mod tests {
         let path = path_byte(u, v);
         assert_eq!(path, 0b1010_0011, "1 / 2 / 32 / 128");
         assert_eq!(path & 0b0011_0101, 0b0010_0001, "1 and 32; the paper prints a digit less");
-        let visits = Table::shared().visits(Table::index(0b0011_0101, u, v));
-        assert_eq!(visits, Visits::of(0b0010_0001));
-        let (first, rest) = visits.pop().unwrap();
-        let (second, rest) = rest.pop().unwrap();
-        assert_eq!((1 << first, 1 << second, rest.pop()), (1, 32, None), "front to back");
-    }
-
-    #[test]
-    fn the_table_is_the_direct_evaluation_in_all_entries() {
-        let table = Table::default();
-        let mut seen = 0;
-        for infobyte in 0..=255_u8 {
-            for bits in 0..64 {
-                let half = |k: usize| i8::from(bits >> k & 1 == 1);
-                let (u, v) = ([half(0), half(1), half(2)], [half(3), half(4), half(5)]);
-                let visits = table.visits(Table::index(infobyte, u, v));
-                assert_eq!(visits, Visits::of(infobyte & path_byte(u, v)));
-                // Count and order.
-                let (mut list, mut last, mut rest) = (0_u8, None, visits);
-                while let Some((child, after)) = rest.pop() {
-                    assert!(last < Some(child), "front to back");
-                    (list, last, rest) = (list | 1 << child, Some(child), after);
-                }
-                assert_eq!((list, visits.count()), (infobyte & path_byte(u, v), list.count_ones()));
-                seen += 1;
-            }
-        }
-        assert_eq!(seen, Table::ENTRIES);
     }
 
     #[test]

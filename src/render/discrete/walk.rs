@@ -6,17 +6,7 @@ use crate::render::ray::{FRACTION_BITS, Face, MAX_DEPTH, Ray};
 use crate::render::traverse::{Hit, Trace, step_limit};
 
 use super::line::{Line, POINT_BITS, Point};
-use super::path::{Halves, Table, Visits, infobyte_in_frame, octant_in_grid, path_byte};
-
-/// How the children of a box are put in order; the answer is the same.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Order {
-    /// By the lowest bits of path byte AND infobyte.
-    #[default]
-    Bits,
-    /// By the look-up table of the paper.
-    Table,
-}
+use super::path::{Halves, infobyte_in_frame, octant_in_grid, path_byte};
 
 /// Boxes on the way from the root, by the logarithm of their edge; a power of two, so that an index is masked.
 const LEVELS: usize = 32;
@@ -28,8 +18,8 @@ const _: () = assert!((MAX_DEPTH as usize) < LEVELS);
 struct OpenBox {
     node: NodeIndex,
     infobyte: u8,
-    /// Children still to be visited.
-    pending: Visits,
+    /// Children still to be visited, the lowest bit first.
+    pending: u8,
     low: [u32; 3],
     floor: Point,
     middle: Point,
@@ -48,25 +38,7 @@ pub fn first_hit<V: NodeView>(
     view: &V,
     line: &Line,
     lod_edge_log2: u32,
-    order: Order,
     ray: impl FnOnce() -> Option<Ray>,
-) -> Trace {
-    match order {
-        Order::Bits => walk(view, line, lod_edge_log2, ray, |children, _, _| Visits::of(children)),
-        Order::Table => {
-            let table = Table::shared();
-            walk(view, line, lod_edge_log2, ray, |children, u, v| table.visits(Table::index(children, u, v)))
-        }
-    }
-}
-
-#[inline(always)]
-fn walk<V: NodeView>(
-    view: &V,
-    line: &Line,
-    lod_edge_log2: u32,
-    ray: impl FnOnce() -> Option<Ray>,
-    visits: impl Fn(u8, Halves, Halves) -> Visits,
 ) -> Trace {
     let depth = line.depth.min(MAX_DEPTH);
     let nothing = |steps| Trace { hit: None, steps };
@@ -96,8 +68,7 @@ fn walk<V: NodeView>(
                 }
             })
         };
-        let (u, v) = (halves(0), halves(1));
-        let mut path = path_byte(u, v);
+        let mut path = path_byte(halves(0), halves(1));
         // Storeys that end before the ray starts.
         let half = 1_u32.wrapping_shl(half_log2);
         if low[2] < line.first_storey {
@@ -105,7 +76,7 @@ fn walk<V: NodeView>(
             path &= if low[2] + half + half <= line.first_storey { 0x0f } else { 0xff };
         }
         let infobyte = view.infobyte(node);
-        let pending = visits(path & infobyte_in_frame(infobyte, line.axis), u, v);
+        let pending = path & infobyte_in_frame(infobyte, line.axis);
         OpenBox { node, infobyte, pending, low, floor, middle, ceiling }
     };
     let mut level = depth - 1;
@@ -115,14 +86,15 @@ fn walk<V: NodeView>(
     while steps <= limit {
         // `level` is that of the open box's children.
         let at = &mut path[level as usize % LEVELS];
-        let Some((child, rest)) = at.pending.pop() else {
+        if at.pending == 0 {
             level += 1;
             if level >= depth {
                 return nothing(steps);
             }
             continue;
-        };
-        at.pending = rest;
+        }
+        let child = at.pending.trailing_zeros();
+        at.pending &= at.pending - 1;
         let here = *at;
         let octant = Octant::low_bits(octant_in_grid(child, line.axis));
         let number = view.first_child(here.node).after(octant.rank_in(here.infobyte));

@@ -278,7 +278,7 @@ impl Tracer {
         self.form
     }
 
-    /// First hits of a tile's rays: those of [`super::traverse::first_hit_sealed`], for every form.
+    /// First hits of a tile's rays: those of [`super::single::trace`], for every form.
     ///
     /// The view must be as deep as the sight's grid. Any view is safe, right or wrong.
     #[inline]

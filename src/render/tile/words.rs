@@ -333,28 +333,8 @@ impl<S: Surface, R: Source> Walk<'_, S, R> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::cpu::{Form, Kernel, Portable};
-    use crate::format::cell::HAS_CORNERS;
     use crate::format::normal;
     use crate::render::occupancy::place;
-    use crate::render::pairs::{self, CELLS, Lines};
-    use crate::render::selfcheck::Random;
-
-    struct Made {
-        lines: Affines,
-        planes: [u32; SINGLES],
-        pairs: [u32; SINGLES],
-        any_larger: bool,
-    }
-
-    impl Kernel for &Made {
-        type Output = [u32; 2];
-
-        #[inline(always)]
-        fn run(self, l: impl Lanes) -> [u32; 2] {
-            compare(l, &self.lines, &self.planes, &self.pairs, self.any_larger)
-        }
-    }
 
     #[test]
     fn words_hold_planes_and_places() {
@@ -370,60 +350,5 @@ mod tests {
                 assert_eq!(plane_word(code.to_le_bytes(), 0x81, flip), word.cast_unsigned());
             }
         }
-    }
-
-    /// All forms give the same bits; and what those of gathered rays call past or within, this does, but for ties.
-    #[test]
-    #[expect(clippy::cast_possible_truncation, reason = "numbers made up")]
-    fn every_form_compares_alike_and_as_gathered_rays_are() {
-        let mut random = Random::new(11);
-        let (mut past, mut within, mut differ) = (0, 0, 0);
-        for round in 0..4000 {
-            let any_larger = round % 3 == 0;
-            let mut affine =
-                |low, high| [random.range(low, high), random.range(-0.01, 0.01), random.range(-0.01, 0.01)];
-            let direction = [affine(0.1, 0.9), affine(0.1, 0.9), affine(0.1, 0.9)];
-            let beside = [affine(-2.0, 2.0), affine(-2.0, 2.0), affine(-2.0, 2.0)];
-            let by_pixel: [[f64; 3]; 3] = std::array::from_fn(|i| std::array::from_fn(|a| direction[a][i]));
-            let mut made = Made {
-                lines: Affines::new(&by_pixel, &beside, 1.0 / 4096.0),
-                planes: [0; SINGLES],
-                pairs: [0; SINGLES],
-                any_larger,
-            };
-            let (mut codes, mut offsets) = ([[0; 2]; CELLS], [0; CELLS]);
-            let (mut places, mut rays) = ([0; SINGLES], [0; SINGLES]);
-            for i in 0..SINGLES {
-                // Pair i has the cell of place i, or its octant if those are larger leaves.
-                places[i] =
-                    if any_larger { (i as u8 % 8) << 3 } else { random.bits() as u8 % 4 * 16 + i as u8 };
-                rays[i] = random.bits() as u8 % 64;
-                let v = usize::from(places[i]);
-                codes[v] = if codes[v] == [0; 2] { (random.bits() as u16).to_le_bytes() } else { codes[v] };
-                offsets[v] = if round % 5 == 0 { HAS_CORNERS.cast_unsigned() } else { random.bits() as u8 };
-            }
-            for i in 0..SINGLES {
-                let v = usize::from(places[i]);
-                made.planes[i] = plane_word(codes[v], offsets[v], 0);
-                made.pairs[i] = PLACES[v] | u32::from(rays[i]) | if any_larger { LARGER } else { 0 };
-            }
-            let got = Form::Portable.run(&made);
-            Form::available().for_each(|form| assert_eq!(form.run(&made), got, "{form:?}"));
-            let at = |of: &[[f64; 3]; 3]| -> [[f32; CELLS]; 3] {
-                of.map(|[at, x, y]| {
-                    std::array::from_fn(|r| (at + (r % 8) as f64 * x + (r / 8) as f64 * y) as f32)
-                })
-            };
-            let (direction, beside) = (at(&direction), at(&beside));
-            let lines = Lines { direction: &direction, beside: &beside, slack: SLACKS / 4096.0 };
-            let mut planes = pairs::planes(Portable, &codes, &offsets, u64::MAX, 0);
-            planes.cells = if any_larger { 0 } else { pairs::ALL_CELLS };
-            let compared = pairs::compare(Portable, &planes, &lines, &places, &rays);
-            past += got[0].count_ones();
-            within += got[1].count_ones();
-            differ += (got[0] ^ compared.past).count_ones() + (got[1] ^ compared.within).count_ones();
-            assert_eq!(got[0] & compared.within | got[1] & compared.past | got[0] & got[1], 0);
-        }
-        assert!(past > 5000 && within > 200 && differ < 20, "{past} {within} {differ}");
     }
 }

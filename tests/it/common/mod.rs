@@ -18,8 +18,10 @@ pub(crate) mod oracle;
 pub(crate) mod random;
 pub(crate) mod scenes;
 pub(crate) mod schema;
+pub(crate) mod slabs;
 #[allow(unused_imports, reason = "each program uses its own part")]
 pub(crate) mod system;
+pub(crate) mod traverse;
 pub(crate) mod vectors;
 pub(crate) mod volume;
 

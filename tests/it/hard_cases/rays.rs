@@ -288,8 +288,8 @@ fn hard_cases_hit_the_expected_voxel_under_all_symmetries() {
                     assert!(trace.steps <= step_limit(4), "{label}");
                     let got = trace.hit.map(|h| (h.cell, h.face));
                     let walked = reference::walk(&turned.bits, &ray, false, |_| {}).map(|h| (h.cell, h.face));
-                    let slabs = reference::nearest_by_slabs(turned.cells.iter().copied(), &ray)
-                        .map(|h| (h.cell, h.face));
+                    let slabs =
+                        nearest_by_slabs(turned.cells.iter().copied(), &ray).map(|h| (h.cell, h.face));
                     assert_eq!(got, walked, "{label}");
                     assert_eq!(got, slabs, "{label}");
                     let sealed = sealed_hit(&turned.tree, &ray, 0).map(|h| h.cell);
