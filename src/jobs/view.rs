@@ -380,7 +380,8 @@ impl Server<'_> {
 
     /// The model of an entry, open: as it was opened before, unless its file was changed since.
     fn opened(&self, entry: &Entry) -> Result<Arc<Subject>, Refused> {
-        let subject = entry.open().map_err(|error| Refused::because(500, error))?;
+        let failed = |error| Refused::because(if entry.was_opened() { 410 } else { 500 }, error);
+        let subject = entry.open().map_err(failed)?;
         let mut open = self.open.lock().unwrap_or_else(PoisonError::into_inner);
         open.retain(|other| !Arc::ptr_eq(other, &subject));
         if let Err(changed) = subject.check_unchanged() {

@@ -63,6 +63,12 @@ impl Entry {
         *opened = Arc::downgrade(&subject);
         Ok(subject)
     }
+
+    /// True once the model has been open.
+    pub(super) fn was_opened(&self) -> bool {
+        let opened = self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        !opened.ptr_eq(&Weak::new())
+    }
 }
 
 /// The models below a folder, by name. Links to folders are not followed.
