@@ -342,6 +342,38 @@ fn instances_of_gltf_are_built_where_they_are() {
 }
 
 #[test]
+fn transforms_of_gltf_are_read_as_they_are_meant_or_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let small = Body::octahedron([15.0, 16.5, 14.25], 3.5);
+    let build = |node: Value| {
+        let mut described = description(&small);
+        for (name, value) in node.as_object().unwrap() {
+            described["nodes"][0][name] = value.clone();
+        }
+        build_on(folder.path(), "a.glb", &glb(&described, &buffer(&small)), exact_grid([40; 3]))
+    };
+    let same = [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1];
+    let mut projective = same;
+    projective[3] = 1;
+    let unmoved = build(json!({})).unwrap().0;
+    assert!(build(json!({"matrix": same})).unwrap().0 == unmoved);
+    // A turn by half a circle around y, with a length that quantisation explains, and one that is far off.
+    let turned = build(json!({"rotation": [0, 1, 0, 0], "translation": [20, 0, 20]})).map(|built| built.0);
+    let quantised =
+        build(json!({"rotation": [0, 1.02, 0, 0], "translation": [20, 0, 20]})).map(|built| built.0);
+    assert!(turned == quantised);
+    for (node, sentence) in [
+        (json!({"rotation": [0, 0, 0, 0]}), "quaternion of length 0.000"),
+        (json!({"rotation": [0, 0, 1, 1]}), "quaternion of length 1.414"),
+        (json!({"matrix": projective}), "last row is not 0, 0, 0, 1"),
+        (json!({"matrix": same, "scale": [1, 1, 1]}), "by a matrix and by translation, rotation or scale"),
+    ] {
+        let said = build(node).unwrap_err();
+        assert!(said.contains(sentence), "{said}");
+    }
+}
+
+#[test]
 fn a_skin_of_gltf_bends_its_mesh_as_it_rests() {
     let folder = tempfile::tempdir().unwrap();
     let grid = exact_grid([40; 3]);

@@ -26,7 +26,7 @@ use super::text::Fan;
 use super::vertex_looks::single;
 use super::vertices::{FEW_PAGES, Number, PAGES, Pages};
 use super::{Limits, Summary};
-use crate::fault::bad;
+use crate::fault::{Fault, bad};
 use crate::geom::Affine;
 use crate::mesh::read::stop::{
     bad_transform, buffer_lies, gltf_version, recursion, too_many_triangles, unread_extension,
@@ -259,7 +259,7 @@ impl Gltf {
         let mut stack: Vec<(u32, Affine)> = roots.into_iter().rev().map(|at| (at, UPRIGHT)).collect();
         while let Some((at, parent)) = stack.pop() {
             let node = item(&root.nodes, at, "a node")?;
-            let own = parent.after(&own_place(node));
+            let own = parent.after(&own_place(node)?);
             if !own.rows.iter().flatten().all(|v| v.is_finite()) {
                 return Err(bad_transform().into());
             }
@@ -355,28 +355,55 @@ impl Gltf {
     }
 }
 
-/// How a node places what is below it.
-fn own_place(node: &Node) -> Affine {
-    if let Some(m) = &node.matrix {
-        return Affine { rows: std::array::from_fn(|r| std::array::from_fn(|c| m[4 * c + r])) };
+/// Transform of a node into its parent's space (glTF 2.0, section 3.5.3).
+///
+/// # Errors
+/// A matrix and parts of one, a matrix that is not affine, or a rotation that is no unit quaternion.
+fn own_place(node: &Node) -> Result<Affine, Fault> {
+    let Some(m) = &node.matrix else { return turned_place(node.translation, node.rotation, node.scale) };
+    if node.translation.is_some() || node.rotation.is_some() || node.scale.is_some() {
+        return Err(bad!(
+            "places a part by a matrix and by translation, rotation or scale; keep one of them"
+        ));
     }
-    turned_place(node.translation, node.rotation, node.scale)
+    if [m[3], m[7], m[11], m[15]] != [0.0, 0.0, 0.0, 1.0] {
+        return Err(bad!("places a part by a matrix whose last row is not 0, 0, 0, 1; repair the file"));
+    }
+    Ok(Affine { rows: std::array::from_fn(|r| std::array::from_fn(|c| m[4 * c + r])) })
 }
 
-/// A place by its parts, the rotation as a quaternion.
-fn turned_place(t: Option<[f64; 3]>, rotation: Option<[f64; 4]>, s: Option<[f64; 3]>) -> Affine {
-    let [x, y, z, w] = rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+/// Transform from translation, rotation as a quaternion, and scale.
+///
+/// # Errors
+/// The quaternion's length is off by more than quantisation to 8 bits explains.
+fn turned_place(
+    t: Option<[f64; 3]>,
+    rotation: Option<[f64; 4]>,
+    s: Option<[f64; 3]>,
+) -> Result<Affine, Fault> {
+    let mut q = rotation.unwrap_or([0.0, 0.0, 0.0, 1.0]);
+    let length = q.iter().map(|v| v * v).sum::<f64>().sqrt();
+    if !((length - 1.0).abs() <= 0.05) {
+        return Err(bad!(
+            "turns a part by a quaternion of length {length:.3}, which must be 1; repair the file"
+        ));
+    }
+    // Rounding to single precision is left as it is.
+    if (length - 1.0).abs() > 1e-6 {
+        q = q.map(|v| v / length);
+    }
+    let [x, y, z, w] = q;
     let (s, t) = (s.unwrap_or([1.0; 3]), t.unwrap_or([0.0; 3]));
     let turned = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - z * w), 2.0 * (x * z + y * w)],
         [2.0 * (x * y + z * w), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - x * w)],
         [2.0 * (x * z - y * w), 2.0 * (y * z + x * w), 1.0 - 2.0 * (x * x + y * y)],
     ];
-    Affine {
+    Ok(Affine {
         rows: std::array::from_fn(|r| {
             std::array::from_fn(|c| if c < 3 { turned[r][c] * s[c] } else { t[r] })
         }),
-    }
+    })
 }
 
 /// The whole numbers of corners, one after the other.

@@ -65,7 +65,7 @@ impl Copies {
             translation.map(|[x, y, z, _]| [x, y, z]),
             rotation,
             scale.map(|[x, y, z, _]| [x, y, z]),
-        );
+        )?;
         if place.rows.iter().flatten().all(|v| v.is_finite()) {
             Ok(place)
         } else {
